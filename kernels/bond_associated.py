@@ -1,0 +1,332 @@
+"""Bond-associated correspondence: one deformation gradient and one stress a bond.
+
+For bond (i,j), D_ij is the part of the family H_i that lies within the horizon of j too, j included.
+With c_k = w_ik a_k over k in D_ij:
+
+    K_ij = sum c_k X_ik (x) X_ik,      F_ij = I + [sum c_k U_ik (x) X_ik] K_ij^-1,   U_ik = u_k - u_i.
+
+Variational form (the default): E = h sum_ij W_ij Psi(F_ij), and the family of i pulls its member k with
+    a_k t_ik = c_k [ sum over j with k in D_ij of W_ij h P_ij K_ij^-1 ] X_ik.
+Published form (BA, eqs. 38 and 43): the force of a bond comes from its own stress alone,
+    a_i a_k T_ik = a_i c_k (|D_ik|/|H_i|) (|H_i| + |H_k|)/(2 |H_i|) h P_ik K_ik^-1 X_ik.
+
+Either way `bond_force[k, i]` is what the family of i does to the pair: + on i, - on the member. The force
+on a point is then gathered from both ends of its bonds, so momentum is conserved to round-off.
+
+An intersection whose points are (nearly) collinear, det K < DEGENERATE (tr K / 2)^2, determines no
+deformation gradient. It carries no energy of its own; its bond still works through the other
+intersections it belongs to.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .families import WORD, family_functions
+from .numeric import numeric
+
+DEGENERATE = 0.02
+
+
+@dataclass(frozen=True)
+class BondAssociatedKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        family_force: Fills bond_force [members, points], N.
+        gather: Sums bond_force to the internal force [points], N.
+        strain_energy: Energy of each family [points], J.
+        family_energy: The Warp function behind it, for the energy that breaking bonds release.
+    """
+
+    family_force: Any
+    gather: Any
+    strain_energy: Any
+    family_energy: Any
+
+
+@functools.cache
+def bond_associated(layout, bits, material, breakable, form, module):
+    """Kernels of the bond-associated law.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        material: Factory of (stress, energy), called with `bits`.
+        breakable: None, or what becomes of the weights of a family that lost bonds: "redistribute" (the
+            remaining bonds stand for the whole area of the point) or "drop" (each stands for its own).
+        form: "variational" or "published".
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec2, vec3, mat22, mat32 = types.real, types.vec2, types.vec3, types.mat22, types.mat32
+    parameters = types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    stress, energy = material(bits)
+    damaged = breakable is not None
+    redistribute = breakable == "redistribute"
+    published = form == "published"
+    word_size = WORD
+    degenerate = DEGENERATE
+
+    @wp.func(module=module)
+    def present(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, word: int):
+        """Bits of the members whose bonds stand."""
+        if wp.static(damaged):
+            return alive[word, i]
+        else:
+            return f.whole(family, i, word)
+
+    @wp.func(module=module)
+    def is_whole(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
+        """Whether the tables of the undamaged sheet hold for the family of i."""
+        answer = bool(True)
+        if wp.static(damaged):
+            for word in range(family.words):
+                if alive[word, i] != f.whole(family, i, word):
+                    answer = False
+        return answer
+
+    @wp.func(module=module)
+    def inverse_shape(shape: vec3):
+        """Inverse of the symmetric tensor (11, 12, 22), or zero where it is degenerate."""
+        determinant = shape[0] * shape[2] - shape[1] * shape[1]
+        half_trace = real(0.5) * (shape[0] + shape[2])
+        if determinant > real(degenerate) * half_trace * half_trace:
+            return vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
+        else:
+            return vec3(real(0.0), real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def intersection(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        i: int,
+        j: int,
+        whole: bool,
+    ):
+        """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|."""
+        ui = displacement[i]
+        first = vec3(real(0.0), real(0.0), real(0.0))
+        second = vec3(real(0.0), real(0.0), real(0.0))
+        shape = vec3(real(0.0), real(0.0), real(0.0))
+        size = real(0.0)
+        for word in range(family.words):
+            members = f.common(family, i, j, word) & present(family, alive, i, word)
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    m = f.neighbour(family, i, k)
+                    a = f.area(family, m)
+                    xi = f.bond(family, i, k)
+                    cxi = f.influence(family, i, k) * a * xi
+                    stretch = displacement[m] - ui
+                    first += cxi[0] * stretch
+                    second += cxi[1] * stretch
+                    if not whole:
+                        shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                        size += a
+                members = members >> wp.uint32(1)
+                k += 1
+        inverse = vec3(real(0.0), real(0.0), real(0.0))
+        if whole:
+            inverse = f.shape(family, i, j)
+        else:
+            inverse = inverse_shape(shape)
+        return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
+
+    @wp.func(module=module)
+    def green(H1: vec3, H2: vec3):
+        """C - I of the gradient with columns H1, H2, without adding and taking away one."""
+        shear = H1[1] + H2[0] + wp.dot(H1, H2)
+        return mat22(
+            real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2)
+        )
+
+    @wp.func(module=module)
+    def area_weight(family: Family, i: int, j: int, whole: bool, size: real):
+        """W_ij over the reference area; for a damaged family up to the factor `family_scale`."""
+        if wp.static(redistribute or published):
+            if whole:
+                return f.weight(family, i, j)
+            else:
+                return size
+        else:
+            return f.weight(family, i, j)
+
+    @wp.func(module=module)
+    def has(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, k: int):
+        word = k // word_size
+        return ((present(family, alive, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
+
+    @wp.func(module=module)
+    def family_scale(family: Family, i: int, whole: bool, total: real):
+        """Factor that makes the weights of a damaged family sum to the area of its point."""
+        scale = real(1.0)
+        if wp.static(redistribute or published):
+            if wp.static(published) or not whole:
+                scale = real(0.0)
+                if total > real(0.0):
+                    scale = f.area(family, i) / total
+        return scale
+
+    @wp.func(module=module)
+    def family_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        i: int,
+    ):
+        """Energy of the family of i over (thickness x reference area) [J/m^3]."""
+        whole = is_whole(family, alive, i)
+        stored = real(0.0)
+        total = real(0.0)
+        for j in range(family.members):
+            if has(family, alive, i, j):
+                G1, G2, inverse, size = intersection(family, alive, displacement, i, j, whole)
+                if inverse[0] > real(0.0):
+                    H1 = inverse_horizon * G1
+                    H2 = inverse_horizon * G2
+                    weight = area_weight(family, i, j, whole, size)
+                    stored += weight * energy(green(H1, H2), constants)
+                    total += weight
+        return stored * family_scale(family, i, whole, total)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def strain_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        density = family_energy(family, alive, displacement, constants, inverse_horizon, i)
+        out[i] = wp.float64(unit_volume * density)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def variational_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        for k in range(family.members):
+            bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
+        whole = is_whole(family, alive, i)
+        total = real(0.0)
+        for j in range(family.members):
+            if has(family, alive, i, j):
+                G1, G2, inverse, size = intersection(family, alive, displacement, i, j, whole)
+                if inverse[0] > real(0.0):
+                    H1 = inverse_horizon * G1
+                    H2 = inverse_horizon * G2
+                    S = stress(green(H1, H2), constants)
+                    weight = area_weight(family, i, j, whole, size)
+                    total += weight
+                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
+                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+                    P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
+                    P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
+                    A1 = P1 * inverse[0] + P2 * inverse[1]
+                    A2 = P1 * inverse[1] + P2 * inverse[2]
+                    for word in range(family.words):
+                        members = f.common(family, i, j, word) & present(family, alive, i, word)
+                        k = word * word_size
+                        while members != wp.uint32(0):
+                            if (members & wp.uint32(1)) != wp.uint32(0):
+                                xi = f.bond(family, i, k)
+                                bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
+                            members = members >> wp.uint32(1)
+                            k += 1
+        scale = unit_force * family_scale(family, i, whole, total)
+        for k in range(family.members):
+            if has(family, alive, i, k):
+                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+                bond_force[k, i] = scale * c * bond_force[k, i]
+
+    @wp.func(module=module)
+    def present_area(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
+        """|H_i| of the bonds that stand, over the reference area."""
+        if is_whole(family, alive, i):
+            return f.family_area(family, i)
+        size = real(0.0)
+        for k in range(family.members):
+            if has(family, alive, i, k):
+                size += f.area(family, f.neighbour(family, i, k))
+        return size
+
+    @wp.kernel(module=module, enable_backward=False)
+    def published_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        whole = is_whole(family, alive, i)
+        own_area = present_area(family, alive, i)
+        for j in range(family.members):
+            force = vec3(real(0.0), real(0.0), real(0.0))
+            if has(family, alive, i, j):
+                G1, G2, inverse, size = intersection(family, alive, displacement, i, j, whole)
+                if inverse[0] > real(0.0):
+                    H1 = inverse_horizon * G1
+                    H2 = inverse_horizon * G2
+                    S = stress(green(H1, H2), constants)
+                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
+                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+                    P1 = S[0, 0] * F1 + S[1, 0] * F2
+                    P2 = S[0, 1] * F1 + S[1, 1] * F2
+                    A1 = P1 * inverse[0] + P2 * inverse[1]
+                    A2 = P1 * inverse[1] + P2 * inverse[2]
+                    xi = f.bond(family, i, j)
+                    m = f.neighbour(family, i, j)
+                    if whole:
+                        size = f.weight(family, i, j)
+                    share = size / own_area
+                    pair = (own_area + present_area(family, alive, m)) / (real(2.0) * own_area)
+                    c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
+                    force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
+            bond_force[j, i] = force
+
+    @wp.kernel(module=module, enable_backward=False)
+    def gather(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        bond_force: wp.array2d(dtype=vec3),
+        first: int,
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(family.members):
+            if has(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                pull += bond_force[k, i] - bond_force[f.mate(family, i, k), m]
+        force[i] = pull
+
+    return BondAssociatedKernels(
+        family_force=published_force if published else variational_force,
+        gather=gather,
+        strain_energy=strain_energy,
+        family_energy=family_energy,
+    )

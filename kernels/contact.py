@@ -1,0 +1,97 @@
+"""Contact with a rigid ball, frictionless, by projection.
+
+After the drift, a point inside the ball is put on the nearest point of its surface, and its velocity at the
+half step takes the displacement along (the position constraint of RATTLE). After the second half kick, a
+touching point that still moves into the ball loses its normal velocity relative to it. Both are impulses
+along the normal: their sum, with the sign turned, is what the ball feels.
+"""
+
+import functools
+
+import warp as wp
+
+from .numeric import numeric
+
+
+@functools.cache
+def ball_contact(bits, held, tracked, module):
+    """Kernels `project` (positions) and `separate` (velocities)."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.func(module=module)
+    def strike(
+        i: int,
+        change: vec3,
+        mass: wp.array(dtype=real),
+        velocity: wp.array(dtype=vec3),
+        impulse: wp.array(dtype=vec3),
+        work: wp.array(dtype=wp.float64),
+    ):
+        before = velocity[i]
+        momentum = mass[i] * change
+        velocity[i] = before + change
+        impulse[i] = impulse[i] + momentum
+        if wp.static(tracked):
+            work[i] = work[i] + wp.float64(wp.dot(momentum, before + real(0.5) * change))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def project(
+        reference: wp.array(dtype=types.vec2),
+        mass: wp.array(dtype=real),
+        held_mask: wp.array(dtype=wp.uint8),
+        centre: wp.array(dtype=vec3),
+        schedule: int,
+        radius: real,
+        step: wp.array(dtype=real),
+        first: int,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        impulse: wp.array(dtype=vec3),
+        work: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        free = bool(True)
+        if wp.static(held):
+            free = held_mask[i] == wp.uint8(0)
+        X = reference[i]
+        c = centre[schedule]
+        # Reference minus centre first: both are small where contact can be.
+        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + displacement[i]
+        distance = wp.length(arm)
+        if free and distance < radius and distance > real(0.0):
+            shift = ((radius - distance) / distance) * arm
+            displacement[i] = displacement[i] + shift
+            strike(i, shift / step[0], mass, velocity, impulse, work)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def separate(
+        reference: wp.array(dtype=types.vec2),
+        mass: wp.array(dtype=real),
+        held_mask: wp.array(dtype=wp.uint8),
+        centre: wp.array(dtype=vec3),
+        ball_velocity: vec3,
+        schedule: int,
+        radius: real,
+        displacement: wp.array(dtype=vec3),
+        first: int,
+        velocity: wp.array(dtype=vec3),
+        impulse: wp.array(dtype=vec3),
+        work: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        free = bool(True)
+        if wp.static(held):
+            free = held_mask[i] == wp.uint8(0)
+        X = reference[i]
+        c = centre[schedule]
+        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + displacement[i]
+        distance = wp.length(arm)
+        touching = real(1.0) + real(wp.static(1e-5 if bits == 32 else 1e-10))
+        if free and distance < radius * touching and distance > real(0.0):
+            normal = arm / distance
+            approach = wp.dot(velocity[i] - ball_velocity, normal)
+            if approach < real(0.0):
+                strike(i, -approach * normal, mass, velocity, impulse, work)
+
+    return project, separate

@@ -1,0 +1,106 @@
+"""Rupture by critical stretch, and the damage of a point.
+
+A bond whose stretch |Y|/|X| passes the critical one breaks for good. Both ends compute the same number from
+the same words, so their bits agree without being compared.
+"""
+
+import functools
+
+import warp as wp
+
+from .families import WORD, family_functions
+from .numeric import numeric
+
+
+@functools.cache
+def critical_stretch(layout, bits, tracked, family_energy, module):
+    """Kernels `break_bonds` and `damage`.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        tracked: Whether the energy that breaking releases is summed up, per point.
+        family_energy: Warp function of the force law (None if not tracked).
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    word_size = WORD
+
+    @wp.func(module=module)
+    def surviving(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        horizon: real,
+        critical_squared: real,
+        i: int,
+        word: int,
+        standing: wp.uint32,
+    ):
+        """The bits of `standing` whose bonds are not over-stretched."""
+        survivors = standing
+        members = standing
+        k = word * word_size
+        bit = wp.uint32(1)
+        while members != wp.uint32(0):
+            if (members & wp.uint32(1)) != wp.uint32(0):
+                X = horizon * f.bond(family, i, k)
+                U = displacement[f.neighbour(family, i, k)] - displacement[i]
+                Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+                if wp.dot(Y, Y) > critical_squared * wp.dot(X, X):
+                    survivors = survivors & ~bit
+            members = members >> wp.uint32(1)
+            bit = bit << wp.uint32(1)
+            k += 1
+        return survivors
+
+    @wp.kernel(module=module, enable_backward=False)
+    def break_bonds(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        horizon: real,
+        critical_squared: real,
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        first: int,
+        alive: wp.array2d(dtype=wp.uint32),
+        released: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        breaks = bool(False)
+        for word in range(family.words):
+            standing = alive[word, i]
+            if surviving(family, displacement, horizon, critical_squared, i, word, standing) != standing:
+                breaks = True
+        if breaks:
+            before = real(0.0)
+            if wp.static(tracked):
+                before = family_energy(family, alive, displacement, constants, inverse_horizon, i)
+            for word in range(family.words):
+                alive[word, i] = surviving(
+                    family, displacement, horizon, critical_squared, i, word, alive[word, i]
+                )
+            if wp.static(tracked):
+                after = family_energy(family, alive, displacement, constants, inverse_horizon, i)
+                released[i] = released[i] + wp.float64(unit_volume * (before - after))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def damage(family: Family, alive: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
+        """1 - (area of the members still bonded) / (area of the initial family)."""
+        i = wp.tid() + first
+        standing = real(0.0)
+        for word in range(family.words):
+            members = alive[word, i]
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    standing += f.area(family, f.neighbour(family, i, k))
+                members = members >> wp.uint32(1)
+                k += 1
+        lost = real(1.0) - standing / f.family_area(family, i)
+        out[i] = wp.float32(wp.max(lost, real(0.0)))
+
+    return break_bonds, damage

@@ -1,0 +1,106 @@
+"""External forces on points: dead loads and follower pressure."""
+
+import functools
+
+import warp as wp
+
+from .families import family_functions
+from .numeric import numeric
+
+
+@functools.cache
+def constant_loads(bits, present, module):
+    """Kernel that starts the external force from the loads that never change, or from zero."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.kernel(module=module, enable_backward=False)
+    def begin_loads(constant: wp.array(dtype=vec3), first: int, external: wp.array(dtype=vec3)):
+        i = wp.tid() + first
+        if wp.static(present):
+            external[i] = constant[i]
+        else:
+            external[i] = vec3(real(0.0), real(0.0), real(0.0))
+
+    return begin_loads
+
+
+@functools.cache
+def dead_load(bits, module):
+    """Kernel that adds a force on some points, times a schedule."""
+    types = numeric(bits)
+    vec3 = types.vec3
+
+    @wp.kernel(module=module, enable_backward=False)
+    def add_dead_load(
+        points: wp.array(dtype=wp.int32),
+        force: wp.array(dtype=vec3),
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        external: wp.array(dtype=vec3),
+    ):
+        p = wp.tid() + first
+        i = points[p]
+        external[i] = external[i] + factors[schedule][0] * force[p]
+
+    return add_dead_load
+
+
+@functools.cache
+def follower_pressure(layout, bits, breakable, scheduled, module):
+    """Kernel that adds p a_i (F e1 x F e2), with F of the whole family of the point.
+
+    F e1 x F e2 is the surface normal times the area ratio (Nanson). A point whose remaining family
+    determines no F takes no pressure.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+
+    @wp.kernel(module=module, enable_backward=False)
+    def add_follower_pressure(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        unit_pressure: real,
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        external: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        ui = displacement[i]
+        G1 = vec3(real(0.0), real(0.0), real(0.0))
+        G2 = vec3(real(0.0), real(0.0), real(0.0))
+        shape = vec3(real(0.0), real(0.0), real(0.0))
+        for word in range(family.words):
+            members = f.whole(family, i, word)
+            if wp.static(breakable):
+                members = alive[word, i]
+            k = word * 32
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    m = f.neighbour(family, i, k)
+                    xi = f.bond(family, i, k)
+                    cxi = f.influence(family, i, k) * f.area(family, m) * xi
+                    stretch = displacement[m] - ui
+                    G1 += cxi[0] * stretch
+                    G2 += cxi[1] * stretch
+                    shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                members = members >> wp.uint32(1)
+                k += 1
+        determinant = shape[0] * shape[2] - shape[1] * shape[1]
+        half_trace = real(0.5) * (shape[0] + shape[2])
+        if determinant > real(0.02) * half_trace * half_trace:
+            scale = inverse_horizon / determinant
+            F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
+            F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
+            p = unit_pressure * f.area(family, i)
+            if wp.static(scheduled):
+                p = p * factors[schedule][0]
+            external[i] = external[i] + p * wp.cross(F1, F2)
+
+    return add_follower_pressure

@@ -1,0 +1,51 @@
+"""The scalar, vector and matrix types of one precision."""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+
+@dataclass(frozen=True)
+class Numeric:
+    """Warp types of one floating-point precision.
+
+    Attributes:
+        bits: 32 or 64.
+        real: The scalar type.
+        vec2: Vector on the reference sheet.
+        vec3: Vector in space.
+        mat22: Tensor on the reference sheet.
+        mat32: Two-point tensor: columns are images of the sheet's two directions.
+        parameters: Material constants, at most four.
+    """
+
+    bits: int
+    real: Any
+    vec2: Any
+    vec3: Any
+    mat22: Any
+    mat32: Any
+    parameters: Any
+
+
+@functools.cache
+def numeric(bits):
+    """Types for `bits` = 32 or 64.
+
+    Raises:
+        ValueError: for any other precision.
+    """
+    if bits not in (32, 64):
+        raise ValueError(f"precision = {bits!r}: allowed are 32 and 64")
+    real = wp.float32 if bits == 32 else wp.float64
+    return Numeric(
+        bits=bits,
+        real=real,
+        vec2=wp.types.vector(length=2, dtype=real),
+        vec3=wp.types.vector(length=3, dtype=real),
+        mat22=wp.types.matrix(shape=(2, 2), dtype=real),
+        mat32=wp.types.matrix(shape=(3, 2), dtype=real),
+        parameters=wp.types.vector(length=4, dtype=real),
+    )

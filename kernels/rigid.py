@@ -1,0 +1,139 @@
+"""Rigid inclusions: points that move as one body, moved by the sum of the forces on them.
+
+Linear and angular momentum are kicked and drifted like the points of the sheet; the rotation follows
+R <- exp(dt omega x) R. One thread a body, in float64: bodies are few, and their orientation must not drift.
+The points get the velocity that takes them to their place, so that the common drift moves them.
+"""
+
+import functools
+
+import warp as wp
+
+from .numeric import numeric
+
+
+@functools.cache
+def rigid_inclusions(bits, loaded, damped, module):
+    """Kernels `move_bodies` (before the drift) and `kick_bodies` (after the force)."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.func(module=module)
+    def total_force(
+        begin: int,
+        end: int,
+        members: wp.array(dtype=wp.int32),
+        arms: wp.array(dtype=wp.vec3d),
+        rotation: wp.mat33d,
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+    ):
+        """Sum of forces [N] and of torques about the centre of mass [N m]."""
+        push = wp.vec3d()
+        turn = wp.vec3d()
+        for p in range(begin, end):
+            f = force[members[p]]
+            if wp.static(loaded):
+                f += external[members[p]]
+            wide = wp.vec3d(wp.float64(f[0]), wp.float64(f[1]), wp.float64(f[2]))
+            push += wide
+            turn += wp.cross(rotation * arms[p], wide)
+        return push, turn
+
+    @wp.func(module=module)
+    def spin(rotation: wp.mat33d, inverse_inertia: wp.mat33d, angular: wp.vec3d):
+        """Angular velocity [1/s]."""
+        return rotation * (inverse_inertia * (wp.transpose(rotation) * angular))
+
+    @wp.func(module=module)
+    def turned(rotation: wp.mat33d, omega: wp.vec3d, dt: wp.float64):
+        """exp(dt omega x) applied to the rotation, by Rodrigues' formula."""
+        angle = dt * wp.length(omega)
+        a = wp.float64(1.0)
+        b = wp.float64(0.5)
+        if angle > wp.float64(1e-8):
+            a = wp.sin(angle) / angle
+            b = (wp.float64(1.0) - wp.cos(angle)) / (angle * angle)
+        w = wp.skew(dt * omega)
+        return rotation + a * (w * rotation) + b * (w * (w * rotation))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def move_bodies(
+        begins: wp.array(dtype=wp.int32),
+        members: wp.array(dtype=wp.int32),
+        arms: wp.array(dtype=wp.vec3d),
+        masses: wp.array(dtype=wp.float64),
+        inverse_inertia: wp.array(dtype=wp.mat33d),
+        step: wp.array(dtype=real),
+        damping: wp.array(dtype=real),
+        stop: wp.array(dtype=wp.int32),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+        displacement: wp.array(dtype=vec3),
+        first: int,
+        place: wp.array(dtype=wp.vec3d),
+        linear: wp.array(dtype=wp.vec3d),
+        angular: wp.array(dtype=wp.vec3d),
+        rotation: wp.array(dtype=wp.mat33d),
+        velocity: wp.array(dtype=vec3),
+    ):
+        b = wp.tid() + first
+        dt = wp.float64(step[0])
+        R = rotation[b]
+        push, turn = total_force(begins[b], begins[b + 1], members, arms, R, force, external)
+        keep = wp.float64(1.0)
+        if wp.static(damped):
+            keep = wp.float64(1.0) - wp.float64(0.5) * dt * wp.float64(damping[0])
+        if stop:
+            if stop[0] != 0:
+                keep = wp.float64(0.0)
+        p = keep * linear[b] + wp.float64(0.5) * dt * push
+        L = keep * angular[b] + wp.float64(0.5) * dt * turn
+        d = place[b] + (dt / masses[b]) * p
+        R = turned(R, spin(R, inverse_inertia[b], L), dt)
+        linear[b] = p
+        angular[b] = L
+        place[b] = d
+        rotation[b] = R
+        for q in range(begins[b], begins[b + 1]):
+            i = members[q]
+            u = displacement[i]
+            shift = d + R * arms[q] - arms[q] - wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
+            v = shift / dt
+            velocity[i] = vec3(real(v[0]), real(v[1]), real(v[2]))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def kick_bodies(
+        begins: wp.array(dtype=wp.int32),
+        members: wp.array(dtype=wp.int32),
+        arms: wp.array(dtype=wp.vec3d),
+        masses: wp.array(dtype=wp.float64),
+        inverse_inertia: wp.array(dtype=wp.mat33d),
+        step: wp.array(dtype=real),
+        damping: wp.array(dtype=real),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+        rotation: wp.array(dtype=wp.mat33d),
+        first: int,
+        linear: wp.array(dtype=wp.vec3d),
+        angular: wp.array(dtype=wp.vec3d),
+        velocity: wp.array(dtype=vec3),
+    ):
+        b = wp.tid() + first
+        dt = wp.float64(step[0])
+        R = rotation[b]
+        push, turn = total_force(begins[b], begins[b + 1], members, arms, R, force, external)
+        p = linear[b] + wp.float64(0.5) * dt * push
+        L = angular[b] + wp.float64(0.5) * dt * turn
+        if wp.static(damped):
+            slower = wp.float64(1.0) + wp.float64(0.5) * dt * wp.float64(damping[0])
+            p = p / slower
+            L = L / slower
+        linear[b] = p
+        angular[b] = L
+        omega = spin(R, inverse_inertia[b], L)
+        for q in range(begins[b], begins[b + 1]):
+            v = p / masses[b] + wp.cross(omega, R * arms[q])
+            velocity[members[q]] = vec3(real(v[0]), real(v[1]), real(v[2]))
+
+    return move_bodies, kick_bodies

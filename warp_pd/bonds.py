@@ -1,0 +1,384 @@
+"""Families of bonds on the host: stencil of a lattice or table of a cloud, masks of their intersections.
+
+Lengths are divided by the horizon and areas by the mean area of a point (the reference area), so that the
+tables hold numbers of order one in any units. For bond (i,j), the intersection D_ij holds the members k of
+H_i with |X_k - X_j| <= horizon, j included. Masks are 32-bit words: bit k % 32 of word k // 32.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .checks import InputError, finite, one_of
+from .launches import Workspace
+from .sheet import Sheet, crosses
+
+WORD = 32
+TOLERANCE = 1e-9
+# det K / (tr K / 2)^2 below which an intersection determines no deformation gradient; see the kernels.
+DEGENERATE = 0.02
+
+InfluenceFunction = Callable[[np.ndarray], np.ndarray]
+INFLUENCE: dict[str, InfluenceFunction] = {
+    "linear": lambda r: 1.0 - r,
+    "inverse": lambda r: 1.0 / r,
+    "inverse_square": lambda r: 1.0 / r**2,
+}
+
+
+def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
+    """The influence function of r = |X| / horizon, by name or as it is.
+
+    Raises:
+        InputError: for an unknown name.
+    """
+    if callable(influence):
+        return influence
+    return INFLUENCE[one_of("influence", influence, INFLUENCE)]
+
+
+@dataclass(eq=False)
+class Families:
+    """Rows of families: one a point on a cloud, one a kind of surroundings on a lattice.
+
+    R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
+
+    Attributes:
+        horizon: [m].
+        reference_area: Mean area of a point [m^2].
+        exists: shape (R, n).
+        bonds: X / horizon, shape (R, n, 2), or (n, 2) where all rows share a stencil.
+        influence: w, shape (R, n) or (n,).
+        common: Masks of the intersections over all members of the stencil or row, uint32, shape
+            (R, n, words) or (n, words).
+        member_areas: Area of each member over the reference area, shape (R, n).
+        areas: Area of the row's point over the reference area, shape (R,).
+        kind: Row of each point, shape (N,), on a lattice; None on a cloud, where point i has row i.
+        neighbours: Index of each member, -1 if it does not exist, shape (N, n), on a cloud.
+        mates: Member index under which a member sees the point, shape (N, n), or (n,) on a lattice.
+        shift: Index offset of each member, shape (n,), on a lattice.
+    """
+
+    horizon: float
+    reference_area: float
+    exists: np.ndarray
+    bonds: np.ndarray
+    influence: np.ndarray
+    common: np.ndarray
+    member_areas: np.ndarray
+    areas: np.ndarray
+    mates: np.ndarray
+    kind: np.ndarray | None = None
+    neighbours: np.ndarray | None = None
+    shift: np.ndarray | None = None
+    key: np.ndarray | None = None
+
+    @property
+    def layout(self) -> str:
+        """Layout: "lattice" or "cloud"."""
+        return "cloud" if self.kind is None else "lattice"
+
+    @property
+    def members(self) -> int:
+        """Most members of a family."""
+        return int(self.exists.shape[1])
+
+    @property
+    def words(self) -> int:
+        """32-bit words of a mask."""
+        return -(-self.members // WORD)
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(self.exists) if self.kind is None else len(self.kind)
+
+    @property
+    def bond_count(self) -> int:
+        """Number of bonds, each counted from both ends."""
+        sizes = self.exists.sum(axis=1)
+        return int(sizes.sum() if self.kind is None else sizes[self.kind].sum())
+
+    def rows_of_points(self, values: np.ndarray) -> np.ndarray:
+        """Values by row, shape (R, ...), as values by point, shape (N, ...)."""
+        return values if self.kind is None else values[self.kind]
+
+    def inverse_shapes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Inverse shape tensors and sizes of the intersections of every row.
+
+        Returns:
+            K_ij^-1 (components 11, 12, 22; zero where degenerate), shape (R, n, 3), and |D_ij| over the
+            reference area (zero where degenerate or where the bond does not exist), shape (R, n).
+        """
+        rows, n = self.exists.shape
+        inverse, size = np.zeros((rows, n, 3)), np.zeros((rows, n))
+        chunk = max(1, 20_000_000 // (n * n))
+        for begin in range(0, rows, chunk):
+            part = slice(begin, min(begin + chunk, rows))
+            inverse[part], size[part] = self._shapes_of(part)
+        return inverse, size
+
+    def _shapes_of(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
+        shared = self.bonds.ndim == 2
+        bonds = self.bonds[None] if shared else self.bonds[part]
+        c = np.where(self.exists[part], self.influence if shared else self.influence[part], 0.0)
+        c = c * self.member_areas[part]
+        mask = unpack(self.common if shared else self.common[part], self.members).astype(np.float64)
+        products = c[..., None] * np.stack(
+            [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
+        )
+        where = "jk,rkc->rjc" if shared else "rjk,rkc->rjc"
+        shape = np.einsum(where, mask, products, optimize=True)
+        size = np.einsum(where[:-1].replace("c", ""), mask, np.where(self.exists[part], self.member_areas[part], 0.0))
+        determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
+        usable = self.exists[part] & (determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2)
+        safe = np.where(usable, determinant, 1.0)
+        inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1) / safe[..., None]
+        return np.where(usable[..., None], inverse, 0.0), np.where(usable, size, 0.0)
+
+
+def pack(mask: np.ndarray) -> np.ndarray:
+    """Booleans, shape (..., n), as words of 32 bits, uint32, shape (..., words)."""
+    n = mask.shape[-1]
+    words = -(-n // WORD)
+    padded = np.zeros((*mask.shape[:-1], words * WORD), bool)
+    padded[..., :n] = mask
+    packed = np.packbits(padded, axis=-1, bitorder="little")
+    return np.ascontiguousarray(packed).view("<u4").astype(np.uint32)
+
+
+def unpack(words: np.ndarray, members: int) -> np.ndarray:
+    """The inverse of `pack`."""
+    as_bytes = np.ascontiguousarray(words.astype("<u4")).view(np.uint8)
+    return np.unpackbits(as_bytes, axis=-1, bitorder="little")[..., :members].astype(bool)
+
+
+def build_families(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0) -> Families:
+    """Families of every point.
+
+    Args:
+        sheet: The sheet; a lattice shares one stencil.
+        horizon: Horizon over the spacing of the sheet [-].
+        influence: Name of an influence function, or a function of r = |X| / horizon.
+        depth: On a lattice, points up to this many spacings from an edge keep rows of their own, more than
+            the families alone would need (corrected weights differ that far inside).
+
+    Raises:
+        InputError: for a horizon too small for any intersection to hold two directions, or a point without
+            neighbours.
+    """
+    ratio = finite("horizon", horizon)
+    if ratio < 1.0:
+        raise InputError(f"horizon = {horizon!r}: allowed is 1 spacing or more, and 1.42 on a lattice")
+    function = influence_function(influence)
+    if sheet.lattice is not None:
+        if ratio * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
+            raise InputError(
+                f"horizon = {horizon!r}: allowed on a lattice is 1.42 or more, "
+                f"so that families hold their diagonal neighbours"
+            )
+        return _lattice_families(sheet, ratio * sheet.spacing, function, depth)
+    return _cloud_families(sheet, ratio * sheet.spacing, function)
+
+
+def _lattice_families(sheet: Sheet, horizon: float, function: InfluenceFunction, depth: int) -> Families:
+    lattice = sheet.lattice
+    assert lattice is not None
+    reach_x, reach_y = int(horizon / lattice.dx + 1e-6), int(horizon / lattice.dy + 1e-6)
+    oy, ox = np.mgrid[-reach_y : reach_y + 1, -reach_x : reach_x + 1]
+    length = np.hypot(ox * lattice.dx, oy * lattice.dy)
+    inside = (length > 0.0) & (length <= horizon * (1.0 + TOLERANCE))
+    ox, oy, r = ox[inside], oy[inside], np.minimum(length[inside] / horizon, 1.0)
+    offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
+    apart = np.linalg.norm(offsets[:, None] - offsets[None], axis=-1)
+    mates = np.array([int(np.flatnonzero((ox == -a) & (oy == -b))[0]) for a, b in zip(ox, oy, strict=True)])
+
+    # Points whose surroundings are the same up to `reach` share a row.
+    reach = max(reach_x, reach_y, depth) + 1
+    ix, iy = np.arange(lattice.columns), np.arange(lattice.rows)
+    near_x = _edge_code(lattice.columns, reach)
+    near_y = _edge_code(lattice.rows, reach)
+    code = near_y[:, None].astype(np.int64) * (near_x.max() + 1) + near_x[None, :]
+    column, row = np.meshgrid(ix, iy)
+    column, row, code = column.ravel(), row.ravel(), code.ravel()
+    severed = _severed(sheet, column, row, ox, oy)
+    if severed is not None:
+        touched, lost = severed
+        patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
+        code = code * (len(patterns) + 1)
+        code[touched] += 1 + which.ravel()
+    _, first, kind = np.unique(code, return_index=True, return_inverse=True)
+
+    to_x, to_y = column[first, None] + ox, row[first, None] + oy
+    exists = (to_x >= 0) & (to_x < lattice.columns) & (to_y >= 0) & (to_y < lattice.rows)
+    if severed is not None:
+        touched, lost = severed
+        position = np.full(sheet.size, -1)
+        position[touched] = np.arange(len(touched))
+        here = position[first]
+        exists[here >= 0] &= ~lost[here[here >= 0]]
+    reference_area = float(sheet.areas.mean())
+    member = np.where(exists, to_y * lattice.columns + to_x, 0)
+    return Families(
+        horizon=horizon,
+        reference_area=reference_area,
+        exists=exists,
+        bonds=offsets / horizon,
+        influence=function(r),
+        common=pack(apart <= horizon * (1.0 + TOLERANCE)),
+        member_areas=np.where(exists, sheet.areas[member], 0.0) / reference_area,
+        areas=sheet.areas[first] / reference_area,
+        mates=mates,
+        kind=kind.ravel().astype(np.int32),
+        shift=(oy * lattice.columns + ox).astype(np.int32),
+        key=first,
+    )
+
+
+def _edge_code(length: int, reach: int) -> np.ndarray:
+    """0 .. reach - 1 from one end, reach inside, reach + 1 .. from the other end; all distinct if short."""
+    index = np.arange(length)
+    if length <= 2 * reach + 1:
+        return index
+    return np.where(index < reach, index, np.where(index >= length - reach, index - length + 2 * reach + 1, reach))
+
+
+def _severed(
+    sheet: Sheet, column: np.ndarray, row: np.ndarray, ox: np.ndarray, oy: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Points near a cut and which of their members lie across it; None without cuts."""
+    if not sheet.cuts or sheet.lattice is None:
+        return None
+    offsets = np.column_stack([ox * sheet.lattice.dx, oy * sheet.lattice.dy])
+    reach = float(np.linalg.norm(offsets, axis=1).max())
+    touched = np.flatnonzero(_near_cuts(sheet, reach))
+    tail = np.repeat(sheet.points[touched][:, None], len(offsets), axis=1)
+    lost = np.zeros((len(touched), len(offsets)), bool)
+    for segment in sheet.cuts:
+        lost |= crosses(tail, tail + offsets, segment)
+    return touched, lost
+
+
+def _near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
+    """Which points lie within `reach` of a cut, shape (N,)."""
+    near = np.zeros(sheet.size, bool)
+    for start, end in sheet.cuts:
+        a, b = np.array(start), np.array(end)
+        share = np.clip((sheet.points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        near |= np.linalg.norm(sheet.points - a - share[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
+    return near
+
+
+def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction) -> Families:
+    pairs = cKDTree(sheet.points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    for segment in sheet.cuts:
+        pairs = pairs[~crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)]
+    tail = np.concatenate([pairs[:, 0], pairs[:, 1]])
+    head = np.concatenate([pairs[:, 1], pairs[:, 0]])
+    order = np.lexsort((head, tail))
+    tail, head = tail[order], head[order]
+    sizes = np.bincount(tail, minlength=sheet.size)
+    if (sizes == 0).any():
+        lone = int(np.flatnonzero(sizes == 0)[0])
+        raise InputError(
+            f"points[{lone}] at {sheet.points[lone].tolist()} has no neighbour within the horizon "
+            f"{horizon:.6g} m: allowed are points with at least one; raise the horizon or remove the point"
+        )
+    n = int(sizes.max())
+    begin = np.concatenate([[0], np.cumsum(sizes)])
+    slot = np.arange(len(tail)) - begin[tail]
+    neighbours = np.full((sheet.size, n), -1, np.int32)
+    neighbours[tail, slot] = head
+    exists = neighbours >= 0
+    # Bond (i, j) is entry e; sorted by (head, tail) instead, entry e of that order is its mate.
+    back = np.lexsort((tail, head))
+    mates = np.zeros((sheet.size, n), np.int32)
+    mates[tail[back], slot[back]] = slot
+    member = np.where(exists, neighbours, 0)
+    bonds = np.where(exists[..., None], sheet.points[member] - sheet.points[:, None], 0.0) / horizon
+    r = np.minimum(np.linalg.norm(bonds, axis=-1), 1.0)
+    reference_area = float(sheet.areas.mean())
+    return Families(
+        horizon=horizon,
+        reference_area=reference_area,
+        exists=exists,
+        bonds=bonds,
+        influence=np.where(exists, function(np.where(exists, r, 1.0)), 0.0),
+        common=_cloud_common(bonds, exists),
+        member_areas=np.where(exists, sheet.areas[member], 0.0) / reference_area,
+        areas=sheet.areas / reference_area,
+        mates=mates,
+        neighbours=neighbours,
+    )
+
+
+def _cloud_common(bonds: np.ndarray, exists: np.ndarray) -> np.ndarray:
+    points, n = exists.shape
+    common = np.zeros((points, n, -(-n // WORD)), np.uint32)
+    chunk = max(1, 10_000_000 // (n * n))
+    limit = (1.0 + TOLERANCE) ** 2
+    for begin in range(0, points, chunk):
+        part = slice(begin, min(begin + chunk, points))
+        apart = ((bonds[part, :, None] - bonds[part, None]) ** 2).sum(axis=-1)
+        common[part] = pack((apart <= limit) & exists[part, :, None] & exists[part, None])
+    return common
+
+
+def family_struct(
+    families: Families,
+    functions: Any,
+    types: Any,
+    workspace: Workspace,
+    owner: str,
+    inverse: np.ndarray,
+    weights: np.ndarray,
+) -> Any:
+    """The tables on the device, as the struct of `kernels.families`.
+
+    Args:
+        families: The rows.
+        functions: FamilyFunctions of the layout.
+        types: Numeric types.
+        workspace: Takes the arrays.
+        owner: Who asked.
+        inverse: K^-1 by row, shape (R, n, 3).
+        weights: W over the reference area by row, shape (R, n).
+    """
+    import warp as wp
+
+    s = functions.struct()
+    s.members, s.words = families.members, families.words
+    family_areas = (families.member_areas * families.exists).sum(axis=1)
+
+    def put(name: str, values: np.ndarray, dtype: Any) -> Any:
+        return workspace.array(name, owner, dtype, values)
+
+    if families.layout == "lattice":
+        s.stencil_shift = put("stencil_shift", families.shift, wp.int32)  # type: ignore[arg-type]
+        s.stencil_mate = put("stencil_mate", families.mates, wp.int32)
+        s.stencil_bond = put("stencil_bond", families.bonds, types.vec2)
+        s.stencil_influence = put("stencil_influence", families.influence, types.real)
+        s.stencil_common = put("stencil_common", families.common, wp.uint32)
+        s.kind = put("kind", families.kind, wp.int32)  # type: ignore[arg-type]
+        s.kind_whole = put("kind_whole", pack(families.exists), wp.uint32)
+        s.kind_shape = put("kind_shape", inverse, types.vec3)
+        s.kind_weight = put("kind_weight", weights, types.real)
+        s.kind_area = put("kind_area", families.areas, types.real)
+        s.kind_family_area = put("kind_family_area", family_areas, types.real)
+        return s
+    s.neighbours = put("neighbours", families.neighbours.T, wp.int32)  # type: ignore[union-attr]
+    s.mates = put("mates", families.mates.T, wp.int32)
+    s.bonds = put("bonds", families.bonds.transpose(1, 0, 2), types.vec2)
+    s.influences = put("influences", families.influence.T, types.real)
+    s.commons = put("commons", families.common.transpose(1, 2, 0), wp.uint32)
+    s.wholes = put("wholes", pack(families.exists).T, wp.uint32)
+    s.shapes = put("shapes", inverse.transpose(1, 0, 2), types.vec3)
+    s.weights = put("weights", weights.T, types.real)
+    s.areas = put("areas", families.areas, types.real)
+    s.family_areas = put("family_areas", family_areas, types.real)
+    return s

@@ -1,0 +1,106 @@
+"""Checks of what a user passes in: each raises one line that names the argument, its value, what is allowed."""
+
+import difflib
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+
+class InputError(ValueError):
+    """Wrong input: the message names the argument, its value and what is allowed."""
+
+
+def finite(name: str, value: Any) -> float:
+    """`value` as a float.
+
+    Raises:
+        InputError: unless it is one finite number.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r}: allowed is a number") from None
+    if not math.isfinite(number):
+        raise InputError(f"{name} = {value!r}: allowed is a finite number")
+    return number
+
+
+def positive(name: str, value: Any) -> float:
+    """`value` as a float above zero.
+
+    Raises:
+        InputError: otherwise.
+    """
+    number = finite(name, value)
+    if number <= 0.0:
+        raise InputError(f"{name} = {value!r}: allowed is a number above 0")
+    return number
+
+
+def not_negative(name: str, value: Any) -> float:
+    """`value` as a float of zero or more.
+
+    Raises:
+        InputError: otherwise.
+    """
+    number = finite(name, value)
+    if number < 0.0:
+        raise InputError(f"{name} = {value!r}: allowed is 0 or a number above it")
+    return number
+
+
+def count(name: str, value: Any, least: int) -> int:
+    """`value` as an int of `least` or more.
+
+    Raises:
+        InputError: otherwise.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise InputError(f"{name} = {value!r}: allowed is a whole number of {least} or more")
+    return int(value)
+
+
+def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
+    """`value` itself.
+
+    Raises:
+        InputError: if it is not allowed; the message says which is nearest.
+    """
+    choices = list(allowed)
+    if value in choices:
+        return value
+    nearest = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.4)
+    hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
+    raise InputError(f"{name} = {value!r}: allowed are {', '.join(repr(c) for c in choices)}{hint}")
+
+
+def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
+    """`value` as a tuple of finite floats.
+
+    Raises:
+        InputError: unless it has `length` finite components.
+    """
+    try:
+        numbers = tuple(float(v) for v in value)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != length or not all(math.isfinite(n) for n in numbers):
+        raise InputError(f"{name} = {value!r}: allowed are {length} finite numbers")
+    return numbers
+
+
+def point_indices(name: str, value: Any, points: int) -> np.ndarray:
+    """`value` as sorted unique point indices, int32.
+
+    Raises:
+        InputError: if it is empty or an index does not exist.
+    """
+    indices = np.unique(np.asarray(value, dtype=np.int64))
+    if indices.size == 0:
+        raise InputError(f"{name} = {value!r}: allowed is at least one point")
+    if indices[0] < 0 or indices[-1] >= points:
+        bad = int(indices[0]) if indices[0] < 0 else int(indices[-1])
+        raise InputError(f"{name} holds point {bad}: allowed are 0 to {points - 1}")
+    return indices.astype(np.int32)

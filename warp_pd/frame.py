@@ -1,0 +1,135 @@
+"""What a writer of result files sees of a simulation: the sheet's surface, and one frame after another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What stays the same through a whole animation.
+
+    Attributes:
+        points: Reference positions [m], shape (N, 3).
+        faces: Triangles of the reference sheet, three point numbers each, counter-clockwise seen from +z,
+            shape (F, 3).
+        ball_diameter: Diameter of the rigid ball [m]; None where the scene has no ball.
+        title: One line for people: which scene this is.
+        metadata: What to keep beside the results: configuration, version, units.
+    """
+
+    points: NDArray[np.floating]
+    faces: NDArray[np.integer]
+    ball_diameter: float | None = None
+    title: str = ""
+    metadata: Mapping[str, str | float | int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse shapes and point numbers that no writer could draw."""
+        if np.ndim(self.points) != 2 or self.points.shape[1] != 3 or len(self.points) == 0:
+            raise ValueError(f"points has shape {np.shape(self.points)}; allowed: (N, 3) with N > 0")
+        if not np.all(np.isfinite(self.points)):
+            raise ValueError(f"points holds {_first_bad(self.points)}; allowed: finite positions [m]")
+        if np.ndim(self.faces) != 2 or self.faces.shape[1] != 3:
+            raise ValueError(f"faces has shape {np.shape(self.faces)}; allowed: (F, 3), one triangle a row")
+        if not np.issubdtype(np.asarray(self.faces).dtype, np.integer):
+            raise ValueError(f"faces has type {self.faces.dtype}; allowed: integers")
+        if self.faces.size and not (0 <= self.faces.min() and self.faces.max() < len(self.points)):
+            raise ValueError(
+                f"faces holds point numbers {self.faces.min()} to {self.faces.max()}; "
+                f"allowed: 0 to {len(self.points) - 1}"
+            )
+        if self.ball_diameter is not None and not self.ball_diameter > 0.0:
+            raise ValueError(f"ball_diameter is {self.ball_diameter}; allowed: > 0 m, or None for no ball")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The sheet at one time.
+
+    Attributes:
+        index: Number of the frame; the first is 0.
+        time: Simulated time [s].
+        displacement: Displacement from the reference positions [m], shape (N, 3).
+        velocity: Velocity [m/s], shape (N, 3).
+        intact_faces: Which faces no crack has cut, shape (F,); None where nothing can break.
+        damage: Broken share of each point's bonds, 0 to 1, shape (N,); None where nothing can break.
+        ball_center: Centre of the rigid ball [m], shape (3,); None where the scene has no ball.
+        point_data: Further fields by name, each of shape (N,) or (N, 3).
+    """
+
+    index: int
+    time: float
+    displacement: NDArray[np.floating]
+    velocity: NDArray[np.floating]
+    intact_faces: NDArray[np.bool_] | None = None
+    damage: NDArray[np.floating] | None = None
+    ball_center: NDArray[np.floating] | None = None
+    point_data: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    def positions(self, surface: Surface) -> NDArray[np.float64]:
+        """Deformed positions [m], shape (N, 3)."""
+        return np.asarray(surface.points, np.float64) + self.displacement
+
+    def faces(self, surface: Surface) -> NDArray[np.int32]:
+        """Triangles that no crack has cut, shape (number of intact faces, 3)."""
+        faces = np.asarray(surface.faces, np.int32)
+        return faces if self.intact_faces is None else faces[self.intact_faces]
+
+    def require_fits(self, surface: Surface) -> None:
+        """Raise a ValueError of one line unless every array belongs to this surface.
+
+        Displacement, velocity, damage and the ball must be finite: a run that stopped being finite has no
+        frame to show. Further fields may hold NaN, the usual mark for "has no value here".
+        """
+        points, faces = len(surface.points), len(surface.faces)
+        self._require_array("displacement", self.displacement, (points, 3))
+        self._require_array("velocity", self.velocity, (points, 3))
+        if self.intact_faces is not None:
+            self._require_array("intact_faces", self.intact_faces, (faces,))
+            if np.asarray(self.intact_faces).dtype != np.bool_:
+                raise ValueError(
+                    f"intact_faces of frame {self.index} has type {self.intact_faces.dtype}; allowed: bool"
+                )
+        if self.damage is not None:
+            self._require_array("damage", self.damage, (points,))
+            if self.damage.min() < 0.0 or self.damage.max() > 1.0:
+                raise ValueError(
+                    f"damage of frame {self.index} spans {self.damage.min():g} to {self.damage.max():g}; "
+                    "allowed: 0 to 1"
+                )
+        self._require_ball(surface)
+        for name, values in self.point_data.items():
+            if np.shape(values) not in ((points,), (points, 3)):
+                raise ValueError(
+                    f"point_data['{name}'] of frame {self.index} has shape {np.shape(values)}; "
+                    f"allowed: ({points},) or ({points}, 3)"
+                )
+
+    def _require_array(self, name: str, values: NDArray[Any], shape: tuple[int, ...]) -> None:
+        if np.shape(values) != shape:
+            raise ValueError(f"{name} of frame {self.index} has shape {np.shape(values)}; allowed: {shape}")
+        if not np.all(np.isfinite(values)):
+            raise ValueError(
+                f"{name} of frame {self.index} holds {_first_bad(values)}; allowed: finite numbers"
+            )
+
+    def _require_ball(self, surface: Surface) -> None:
+        if (self.ball_center is None) != (surface.ball_diameter is None):
+            raise ValueError(
+                f"ball_center of frame {self.index} is {self.ball_center} and ball_diameter of the surface "
+                f"is {surface.ball_diameter}; allowed: both given, or both None"
+            )
+        if self.ball_center is not None:
+            self._require_array("ball_center", self.ball_center, (3,))
+
+
+def _first_bad(values: NDArray[Any]) -> str:
+    """Say which entry is the first that is not finite, for example "nan at point 7"."""
+    place = np.argwhere(~np.isfinite(values))[0]
+    return f"{np.asarray(values)[tuple(place)]} at entry {place[0]}"

@@ -1,0 +1,202 @@
+"""Arrays and launches: what a simulation keeps on its device and what it runs there, in order."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+# Below this many threads a launch is not worth splitting over the cores of a CPU.
+SPLIT_FROM = 4096
+
+
+@dataclass(frozen=True)
+class ArrayUse:
+    """One array on the device.
+
+    Attributes:
+        name: What it holds.
+        owner: The part that asked for it.
+        array: The Warp array.
+    """
+
+    name: str
+    owner: str
+    array: Any
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes."""
+        return int(self.array.size) * wp.types.type_size_in_bytes(self.array.dtype)
+
+
+@dataclass(eq=False)
+class Launch:
+    """One kernel launch with its arguments.
+
+    Attributes:
+        name: The kernel's name.
+        owner: The part that asked for it.
+        kernel: The Warp kernel; one of its arguments is called `first`.
+        threads: Number of threads.
+        arguments: Value of every argument but `first`, by name.
+    """
+
+    name: str
+    owner: str
+    kernel: Any
+    threads: int
+    arguments: dict[str, Any]
+
+    def values(self, first: int) -> list[Any]:
+        """Arguments in the kernel's order, for threads that begin with `first`."""
+        return [first if a.label == "first" else self.arguments[a.label] for a in self.kernel.adj.args]
+
+    def check(self) -> None:
+        """Compare the argument names with the kernel's.
+
+        Raises:
+            TypeError: if one is missing or unknown.
+        """
+        wanted = {a.label for a in self.kernel.adj.args} - {"first"}
+        if wanted != set(self.arguments):
+            raise TypeError(
+                f"launch of {self.name}: missing {sorted(wanted - set(self.arguments))}, "
+                f"unknown {sorted(set(self.arguments) - wanted)}"
+            )
+
+
+@dataclass(eq=False)
+class Workspace:
+    """Where the parts of a simulation put their arrays and launches.
+
+    Attributes:
+        device: The Warp device.
+        bits: Precision, 32 or 64.
+        module: Name of the Warp module that holds every kernel of this configuration.
+        arrays: All arrays, in the order they were asked for.
+        stages: Launches by stage, in order: "setup" once, "step" every step, "frame" at frames, "estimate"
+            for one iteration of the stable step.
+    """
+
+    device: Any
+    bits: int
+    module: str
+    arrays: list[ArrayUse] = field(default_factory=list)
+    stages: dict[str, list[Launch]] = field(default_factory=dict)
+
+    def array(self, name: str, owner: str, dtype: Any, values: np.ndarray | None = None, shape: Any = None) -> Any:
+        """Allocate an array, filled with `values` or zero, and put it on the list."""
+        if values is None:
+            array = wp.zeros(shape, dtype=dtype, device=self.device)
+        else:
+            array = wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+        self.arrays.append(ArrayUse(name, owner, array))
+        return array
+
+    def launch(self, stage: str, owner: str, kernel: Any, threads: int, **arguments: Any) -> Launch:
+        """Add a launch to a stage."""
+        launch = Launch(kernel.key, owner, kernel, threads, arguments)
+        launch.check()
+        self.stages.setdefault(stage, []).append(launch)
+        return launch
+
+    def array_bytes(self) -> int:
+        """Bytes of all arrays."""
+        return sum(use.nbytes for use in self.arrays)
+
+    def compile(self) -> float:
+        """Build or load every kernel now; returns the seconds it took."""
+        begin = time.perf_counter()
+        modules = {launch.kernel.module for stage in self.stages.values() for launch in stage}
+        for module in modules:
+            module.load(self.device)
+        return time.perf_counter() - begin
+
+    def sequence(self, stage: str, repeat: int = 1) -> LaunchSequence:
+        """The launches of a stage, ready to run."""
+        return LaunchSequence(self.device, self.stages.get(stage, []), repeat)
+
+
+class LaunchSequence:
+    """A list of launches that runs again and again with the least work on the host.
+
+    On CUDA the list, repeated, is one captured graph. On a CPU every launch is recorded once; a large one is
+    cut into slices that run on all cores (a launch releases the interpreter lock).
+    """
+
+    def __init__(self, device: Any, launches: Iterable[Launch], repeat: int = 1) -> None:
+        self.device = device
+        self.launches = list(launches)
+        self.repeat = repeat
+        self._graph: Any = None
+        self._commands: list[list[Callable[[], None]]] = []
+        if not device.is_cuda:
+            self._commands = [_record(launch, device) for launch in self.launches]
+
+    def run(self) -> None:
+        """Run the list `repeat` times, in order."""
+        if not self.launches:
+            return
+        if self.device.is_cuda:
+            self._run_graph()
+            return
+        for _ in range(self.repeat):
+            for commands in self._commands:
+                if len(commands) == 1:
+                    commands[0]()
+                else:
+                    list(_cores().map(_call, commands))
+
+    def _run_graph(self) -> None:
+        if self._graph is None:
+            with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
+                for _ in range(self.repeat):
+                    for launch in self.launches:
+                        wp.launch(launch.kernel, dim=launch.threads, inputs=launch.values(0), device=self.device)
+            self._graph = capture.graph
+        wp.capture_launch(self._graph)
+
+
+def available_cores() -> int:
+    """Number of CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+_pool: ThreadPoolExecutor | None = None
+
+
+def _cores() -> ThreadPoolExecutor:
+    global _pool  # noqa: PLW0603 - one pool a process
+    if _pool is None:
+        _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")
+    return _pool
+
+
+def _call(command: Callable[[], None]) -> None:
+    command()
+
+
+def _record(launch: Launch, device: Any) -> list[Callable[[], None]]:
+    """The launch as recorded commands, one a slice."""
+    parts = available_cores() if launch.threads >= SPLIT_FROM else 1
+    bounds = np.linspace(0, launch.threads, parts + 1).astype(int)
+    commands = []
+    for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+        command = wp.launch(
+            launch.kernel, dim=int(end - begin), inputs=launch.values(int(begin)), device=device, record_cmd=True
+        )
+        commands.append(command.launch)
+    return commands
+
+
+def run_once(device: Any, launches: Iterable[Launch]) -> None:
+    """Run launches now, one by one."""
+    for launch in launches:
+        wp.launch(launch.kernel, dim=launch.threads, inputs=launch.values(0), device=device)

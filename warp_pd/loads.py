@@ -1,0 +1,235 @@
+"""Loads and supports: fixed points, prescribed motion, pressure, body and point forces.
+
+Everything that changes in time is a schedule: a piecewise linear function that the device evaluates itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .checks import InputError, finite, one_of, point_indices, vector
+from .sheet import Sheet
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """A piecewise linear function of time; before its first knot and after its last one it is constant.
+
+    Attributes:
+        times: Knots [s], rising, shape (K,).
+        values: shape (K, 3).
+    """
+
+    times: np.ndarray
+    values: np.ndarray
+
+
+def schedule(name: str, times: Sequence[float], values: np.ndarray) -> Schedule:
+    """A checked schedule.
+
+    Raises:
+        InputError: unless the times rise and are finite, and there is one finite row a time.
+    """
+    knots = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    if knots.ndim != 1 or not np.isfinite(knots).all() or (np.diff(knots) <= 0.0).any():
+        raise InputError(f"{name} times = {np.asarray(times).tolist()}: allowed are rising finite times")
+    if values.shape != (len(knots), 3) or not np.isfinite(values).all():
+        raise InputError(f"{name} has {len(values)} values for {len(knots)} times: allowed is one finite value a time")
+    return Schedule(knots, values)
+
+
+def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Schedule | None:
+    """Schedule of a factor from pairs (time, factor); None stays None: the load is constant."""
+    if ramp is None:
+        return None
+    try:
+        pairs = np.array([vector(f"{name} ramp", pair, 2) for pair in ramp])
+    except TypeError:
+        raise InputError(f"{name} ramp = {ramp!r}: allowed are pairs (time, factor)") from None
+    if len(pairs) == 0:
+        raise InputError(f"{name} ramp = {ramp!r}: allowed is at least one pair (time, factor)")
+    return schedule(f"{name} ramp", pairs[:, 0].tolist(), np.repeat(pairs[:, 1:], 3, axis=1))
+
+
+def _components(name: str, value: str) -> int:
+    if not value or any(c not in "xyz" for c in value):
+        raise InputError(f"{name} = {value!r}: allowed are letters out of 'xyz'")
+    return sum(1 << "xyz".index(c) for c in set(value))
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """Points that keep their place.
+
+    Attributes:
+        points: Point indices.
+        components: Which components are held, letters out of "xyz".
+    """
+
+    points: Any
+    components: str = "xyz"
+
+    def mask(self) -> int:
+        """Bits of the held components.
+
+        Raises:
+            InputError: for other letters.
+        """
+        return _components("Fixed.components", self.components)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Points that move together as prescribed, component by component.
+
+    Each of x, y, z is None (free), a number (held at that displacement [m]) or one displacement a time.
+
+    Attributes:
+        points: Point indices.
+        times: Knots of the piecewise linear motion [s].
+        x: Displacement along x [m].
+        y: Displacement along y [m].
+        z: Displacement along z [m].
+    """
+
+    points: Any
+    times: Sequence[float]
+    x: float | Sequence[float] | None = None
+    y: float | Sequence[float] | None = None
+    z: float | Sequence[float] | None = None
+
+    def mask(self) -> int:
+        """Bits of the prescribed components.
+
+        Raises:
+            InputError: if there is none.
+        """
+        bits = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None)
+        if bits == 0:
+            raise InputError("Motion x = y = z = None: allowed is at least one prescribed component")
+        return bits
+
+    def schedule(self) -> Schedule:
+        """The motion as a schedule; free components are zero."""
+        knots = len(np.atleast_1d(np.asarray(self.times)))
+        columns = []
+        for name, value in (("x", self.x), ("y", self.y), ("z", self.z)):
+            column = np.atleast_1d(np.asarray(0.0 if value is None else value, dtype=np.float64))
+            if column.shape == (1,):
+                column = np.repeat(column, knots)
+            if column.shape != (knots,):
+                raise InputError(f"Motion.{name} has {len(column)} values: allowed are 1 or {knots}, one a time")
+            columns.append(column)
+        return schedule("Motion", self.times, np.column_stack(columns))
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """Pressure on one side of the sheet, positive towards the side of +z.
+
+    Attributes:
+        value: [Pa].
+        follower: Whether it turns and grows with the surface (F e1 x F e2), or stays vertical on the
+            reference area (dead).
+        ramp: Pairs (time [s], factor), or None for a constant pressure from the start.
+    """
+
+    value: float
+    follower: bool = True
+    ramp: Sequence[tuple[float, float]] | None = None
+
+    def __post_init__(self) -> None:
+        finite("Pressure.value", self.value)
+        one_of("Pressure.follower", self.follower, (True, False))
+
+    def schedule(self) -> Schedule | None:
+        """Schedule of the factor."""
+        return factor_schedule("Pressure", self.ramp)
+
+    def dead_forces(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+        """Points and their forces [N] if the pressure is dead."""
+        force = np.zeros((sheet.size, 3))
+        force[:, 2] = self.value * sheet.areas
+        return np.arange(sheet.size, dtype=np.int32), force
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """A constant force per reference volume.
+
+    Attributes:
+        value: [N/m^3]; gravity is density times acceleration.
+        ramp: Pairs (time [s], factor), or None.
+    """
+
+    value: tuple[float, float, float]
+    ramp: Sequence[tuple[float, float]] | None = None
+
+    def __post_init__(self) -> None:
+        vector("BodyForce.value", self.value, 3)
+
+    def schedule(self) -> Schedule | None:
+        """Schedule of the factor."""
+        return factor_schedule("BodyForce", self.ramp)
+
+    def dead_forces(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+        """Points and their forces [N]."""
+        force = np.outer(sheet.areas * sheet.thickness, np.array(self.value, dtype=np.float64))
+        return np.arange(sheet.size, dtype=np.int32), force
+
+
+@dataclass(frozen=True, eq=False)
+class PointForce:
+    """A constant force, shared by the given points in proportion to their areas.
+
+    Attributes:
+        points: Point indices.
+        value: Total force [N].
+        ramp: Pairs (time [s], factor), or None.
+    """
+
+    points: Any
+    value: tuple[float, float, float]
+    ramp: Sequence[tuple[float, float]] | None = None
+
+    def __post_init__(self) -> None:
+        vector("PointForce.value", self.value, 3)
+
+    def schedule(self) -> Schedule | None:
+        """Schedule of the factor."""
+        return factor_schedule("PointForce", self.ramp)
+
+    def dead_forces(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+        """Points and their forces [N]."""
+        points = point_indices("PointForce.points", self.points, sheet.size)
+        share = sheet.areas[points] / sheet.areas[points].sum()
+        return points, np.outer(share, np.array(self.value, dtype=np.float64))
+
+
+Load = Fixed | Motion | Pressure | BodyForce | PointForce
+
+
+@dataclass(eq=False)
+class ScheduleTable:
+    """All schedules of a simulation, as the device reads them."""
+
+    schedules: list[Schedule] = field(default_factory=list)
+
+    def add(self, item: Schedule) -> int:
+        """Index of the schedule in the table."""
+        self.schedules.append(item)
+        return len(self.schedules) - 1
+
+    def tables(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """First knot of each schedule and the end, knots, values: shapes (S + 1,), (K,), (K, 3)."""
+        begins = np.concatenate([[0], np.cumsum([len(s.times) for s in self.schedules])]).astype(np.int32)
+        return begins, np.concatenate([s.times for s in self.schedules]), np.vstack([s.values for s in self.schedules])
+
+    def at(self, time: float) -> np.ndarray:
+        """Every schedule at one time, shape (S, 3)."""
+        rows = [[np.interp(time, s.times, s.values[:, c]) for c in range(3)] for s in self.schedules]
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)

@@ -1,0 +1,406 @@
+"""The sheet: material points with areas, a triangulation for pictures and edges, thickness and density."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import Delaunay, cKDTree
+
+from .checks import InputError, count, finite, positive, vector
+
+Segment = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A complete rectangular grid; point (column, row) has the index column + row * columns.
+
+    Attributes:
+        columns: Points along x.
+        rows: Points along y.
+        dx: Spacing along x [m].
+        dy: Spacing along y [m].
+    """
+
+    columns: int
+    rows: int
+    dx: float
+    dy: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A flat reference sheet.
+
+    Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion` and `turned` give changed copies.
+
+    Attributes:
+        points: Reference positions [m], shape (N, 2), float64.
+        areas: Area that each point stands for [m^2], shape (N,).
+        triangles: Triangulation, counter-clockwise, shape (F, 3), int32.
+        thickness: [m].
+        density: Mass per reference volume [kg/m^3].
+        spacing: Distance of neighbouring points [m]; the horizon is a multiple of it.
+        lattice: The grid, if the points form a complete one.
+        cuts: Segments that no bond crosses.
+        inclusions: Point indices of each rigid inclusion.
+    """
+
+    points: np.ndarray
+    areas: np.ndarray
+    triangles: np.ndarray
+    thickness: float
+    density: float
+    spacing: float
+    lattice: Lattice | None = None
+    cuts: tuple[Segment, ...] = ()
+    inclusions: tuple[np.ndarray, ...] = ()
+
+    @staticmethod
+    def rectangle(
+        width: float,
+        height: float,
+        *,
+        thickness: float,
+        density: float,
+        points: int | tuple[int, int] = 101,
+        origin: tuple[float, float] = (0.0, 0.0),
+    ) -> Sheet:
+        """A rectangle on a regular grid whose outer points lie on its edges.
+
+        Args:
+            width: Length along x [m].
+            height: Length along y [m].
+            thickness: [m].
+            density: [kg/m^3].
+            points: Points along x and y, or along x alone: then the spacing along y is as near to that along
+                x as whole points allow.
+            origin: Position of the lower left corner [m].
+
+        Raises:
+            InputError: for a size, thickness or density that is not above zero, or fewer than 3 points.
+        """
+        width, height = positive("width", width), positive("height", height)
+        x0, y0 = vector("origin", origin, 2)
+        if isinstance(points, tuple | list):
+            if len(points) != 2:
+                raise InputError(f"points = {points!r}: allowed is one whole number or two")
+            columns, rows = count("points[0]", points[0], 3), count("points[1]", points[1], 3)
+        else:
+            columns = count("points", points, 3)
+            rows = max(3, round(height / width * (columns - 1)) + 1)
+        dx, dy = width / (columns - 1), height / (rows - 1)
+        x, y = np.meshgrid(x0 + dx * np.arange(columns), y0 + dy * np.arange(rows))
+        share_x, share_y = np.full(columns, dx), np.full(rows, dy)
+        share_x[[0, -1]] *= 0.5
+        share_y[[0, -1]] *= 0.5
+        return Sheet(
+            points=np.column_stack([x.ravel(), y.ravel()]),
+            areas=np.outer(share_y, share_x).ravel(),
+            triangles=_cell_triangles(columns, np.ones((rows - 1, columns - 1), bool)),
+            thickness=positive("thickness", thickness),
+            density=positive("density", density),
+            spacing=float(np.sqrt(dx * dy)),
+            lattice=Lattice(columns, rows, dx, dy),
+        )
+
+    @staticmethod
+    def from_points(
+        points: np.ndarray,
+        *,
+        thickness: float,
+        density: float,
+        triangles: np.ndarray | None = None,
+        areas: np.ndarray | None = None,
+        spacing: float | None = None,
+    ) -> Sheet:
+        """A sheet on any cloud of points.
+
+        Args:
+            points: Positions [m], shape (N, 2).
+            thickness: [m].
+            density: [kg/m^3].
+            triangles: Triangulation, shape (F, 3); by default Delaunay's, without triangles whose
+                circumscribed circle is wider than two and a half spacings (notches and holes).
+            areas: Area of each point [m^2]; by default a third of each adjacent triangle.
+            spacing: Reference spacing [m]; by default the root of the mean area of the points.
+
+        Raises:
+            InputError: for coincident points, coordinates that are not finite, or wrong shapes.
+        """
+        points = np.array(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
+            raise InputError(f"points has shape {points.shape}: allowed is (N, 2) with N of 3 or more")
+        if not np.isfinite(points).all():
+            bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+            raise InputError(f"points[{bad}] = {points[bad].tolist()}: allowed are finite coordinates")
+        _refuse_coincident(points)
+        if triangles is None:
+            triangles = _delaunay(points, spacing)
+        triangles = _counter_clockwise(points, np.asarray(triangles, dtype=np.int32))
+        if areas is None:
+            areas = _point_areas(points, triangles)
+        areas = np.array(areas, dtype=np.float64)
+        if areas.shape != (len(points),) or not (areas > 0.0).all():
+            bad = int(np.flatnonzero(~(areas > 0.0))[0]) if areas.shape == (len(points),) else -1
+            where = f"areas[{bad}] = {areas[bad]}" if bad >= 0 else f"areas has shape {areas.shape}"
+            raise InputError(f"{where}: allowed is one area above 0 for each of the {len(points)} points")
+        return Sheet(
+            points=points,
+            areas=areas,
+            triangles=triangles,
+            thickness=positive("thickness", thickness),
+            density=positive("density", density),
+            spacing=positive("spacing", spacing) if spacing is not None else float(np.sqrt(areas.mean())),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return len(self.points)
+
+    def as_cloud(self) -> Sheet:
+        """The same sheet, its lattice forgotten: bonds are then stored in a table."""
+        return replace(self, lattice=None)
+
+    def edges(self, *names: str) -> np.ndarray:
+        """Indices of the points on the named edges of the bounding box: left, right, bottom, top, or all.
+
+        On a cloud, an edge holds the points within a quarter of a spacing of it.
+
+        Raises:
+            InputError: for another name.
+        """
+        tolerance = self.spacing * (1e-6 if self.lattice else 0.25)
+        low, high = self.points.min(axis=0), self.points.max(axis=0)
+        near = {
+            "left": self.points[:, 0] < low[0] + tolerance,
+            "right": self.points[:, 0] > high[0] - tolerance,
+            "bottom": self.points[:, 1] < low[1] + tolerance,
+            "top": self.points[:, 1] > high[1] - tolerance,
+        }
+        chosen = np.zeros(self.size, bool)
+        for name in names or ("all",):
+            if name == "all":
+                chosen |= np.any(list(near.values()), axis=0)
+            elif name in near:
+                chosen |= near[name]
+            else:
+                raise InputError(f"edge = {name!r}: allowed are 'left', 'right', 'bottom', 'top', 'all'")
+        return np.flatnonzero(chosen).astype(np.int32)
+
+    def nearest(self, x: float, y: float) -> int:
+        """Index of the point nearest to (x, y)."""
+        offset = self.points - (finite("x", x), finite("y", y))
+        return int(np.argmin((offset**2).sum(axis=1)))
+
+    def within(self, centre: tuple[float, float], radius: float) -> np.ndarray:
+        """Indices of the points no further than `radius` [m] from `centre`."""
+        offset = self.points - vector("centre", centre, 2)
+        reach = positive("radius", radius) * (1.0 + 1e-9)
+        return np.flatnonzero(np.hypot(offset[:, 0], offset[:, 1]) <= reach).astype(np.int32)
+
+    def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
+        """A copy in which no bond crosses the segment from `start` to `end` [m].
+
+        The families never hold those bonds, so a cut counts as shape, not as damage. Points on the segment
+        itself belong to its left side. The triangles that it crosses are gone, from pictures too.
+
+        Raises:
+            InputError: for a segment of no length, or one that crosses no triangle of the sheet.
+        """
+        segment: Segment = (tuple(vector("start", start, 2)), tuple(vector("end", end, 2)))  # type: ignore[assignment]
+        if segment[0] == segment[1]:
+            raise InputError(f"cut from {start!r} to {end!r}: allowed is a segment of some length")
+        gone = self._crossed(segment)
+        if not gone.any():
+            low, high = self.points.min(axis=0), self.points.max(axis=0)
+            raise InputError(
+                f"cut from {start!r} to {end!r} crosses no bond: allowed are segments inside the sheet, "
+                f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
+            )
+        return replace(self, triangles=self.triangles[~gone], cuts=(*self.cuts, segment))
+
+    def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
+        """A copy without the points nearer than `radius` [m] to `centre`; its points form a cloud.
+
+        On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
+
+        Raises:
+            InputError: if the hole holds no point or leaves no sheet.
+        """
+        offset = self.points - vector("centre", centre, 2)
+        inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
+        if not inside.any():
+            raise InputError(f"hole at {centre!r} of radius {radius!r} holds no point: allowed is a larger one")
+        kept_triangles = self.triangles[~inside[self.triangles].any(axis=1)]
+        if self.lattice is not None:
+            cell_whole = _whole_cells(self.lattice, inside)
+            kept_triangles = _cell_triangles(self.lattice.columns, cell_whole)
+            areas = _cell_areas(self.lattice, cell_whole)
+        else:
+            areas = _point_areas(self.points, kept_triangles)
+        kept = np.zeros(self.size, bool)
+        kept[kept_triangles] = True
+        if not kept.any():
+            raise InputError(f"hole at {centre!r} of radius {radius!r} leaves no sheet: allowed is a smaller one")
+        renumber = np.cumsum(kept) - 1
+        return replace(
+            self,
+            points=self.points[kept],
+            areas=areas[kept],
+            triangles=renumber[kept_triangles].astype(np.int32),
+            lattice=None,
+            inclusions=tuple(renumber[i[kept[i]]].astype(np.int32) for i in self.inclusions),
+        )
+
+    def inclusion(self, centre: tuple[float, float], radius: float) -> Sheet:
+        """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
+
+        Raises:
+            InputError: if it holds fewer than three points, or points on one line.
+        """
+        members = self.within(centre, radius)
+        offset = self.points[members] - self.points[members].mean(axis=0)
+        if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
+            raise InputError(
+                f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points: "
+                f"allowed are three or more that are not on one line"
+            )
+        return replace(self, inclusions=(*self.inclusions, members))
+
+    def turned(self, degrees: float) -> Sheet:
+        """A copy whose points are turned about the middle of the sheet; it forgets its lattice."""
+        angle = np.deg2rad(finite("degrees", degrees))
+        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        middle = 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
+
+        def turn(p: np.ndarray) -> np.ndarray:
+            return (p - middle) @ rotation.T + middle
+
+        cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
+        return replace(self, points=turn(self.points), lattice=None, cuts=cuts)  # type: ignore[arg-type]
+
+    def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
+        """Indices of the points for which `condition(x, y)` holds; x and y have shape (N,)."""
+        return np.flatnonzero(condition(self.points[:, 0], self.points[:, 1])).astype(np.int32)
+
+    def _crossed(self, segment: Segment) -> np.ndarray:
+        """Which triangles have an edge across the segment, shape (F,)."""
+        gone = np.zeros(len(self.triangles), bool)
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            tail, head = self.points[self.triangles[:, a]], self.points[self.triangles[:, b]]
+            gone |= crosses(tail, head, segment)
+        return gone
+
+
+def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
+    """Which of the bonds from `tail` to `head`, shape (B, 2), cross the segment; shape (B,).
+
+    A point on the line of the segment counts as left of it, so that every bond has one answer.
+    """
+    start, end = np.array(segment[0]), np.array(segment[1])
+    along = end - start
+    length_squared = float(along @ along)
+
+    def height(p: np.ndarray) -> np.ndarray:
+        offset = p - start
+        value = along[0] * offset[..., 1] - along[1] * offset[..., 0]
+        return np.where(np.abs(value) < 1e-12 * length_squared, 0.0, value)
+
+    above, below = height(tail), height(head)
+    differ = (above >= 0.0) != (below >= 0.0)
+    share = above / np.where(differ, above - below, 1.0)
+    meeting = tail + share[..., None] * (head - tail) - start
+    place = (meeting @ along) / length_squared
+    return differ & (place >= -1e-12) & (place <= 1.0 + 1e-12)
+
+
+def edge_vectors(sheet: Sheet) -> np.ndarray:
+    """Traction of a unit stress on each point: half of each adjacent edge, times its outward normal [m].
+
+    Shape (N, 2). Linear edge functions: zero inside the sheet.
+    """
+    edges = np.vstack([sheet.triangles[:, [0, 1]], sheet.triangles[:, [1, 2]], sheet.triangles[:, [2, 0]]])
+    key = np.sort(edges, axis=1)
+    _, index, times = np.unique(key, axis=0, return_index=True, return_counts=True)
+    outer = edges[index[times == 1]]
+    along = sheet.points[outer[:, 1]] - sheet.points[outer[:, 0]]
+    normal = 0.5 * np.column_stack([along[:, 1], -along[:, 0]])
+    vectors = np.zeros_like(sheet.points)
+    np.add.at(vectors, outer[:, 0], normal)
+    np.add.at(vectors, outer[:, 1], normal)
+    return vectors
+
+
+def _cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
+    """Two triangles for each whole cell, the diagonals alternating."""
+    row, column = np.nonzero(whole)
+    a = row * columns + column
+    b, c, d = a + 1, a + 1 + columns, a + columns
+    even = ((row + column) % 2 == 0)[:, None]
+    first = np.where(even, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
+    second = np.where(even, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
+    return np.stack([first, second], axis=1).reshape(-1, 3).astype(np.int32)
+
+
+def _whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
+    kept = ~inside.reshape(lattice.rows, lattice.columns)
+    return kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:]
+
+
+def _cell_areas(lattice: Lattice, whole: np.ndarray) -> np.ndarray:
+    """A quarter of each whole cell around a point [m^2]."""
+    padded = np.pad(whole.astype(np.float64), 1)
+    corners = padded[:-1, :-1] + padded[:-1, 1:] + padded[1:, :-1] + padded[1:, 1:]
+    return 0.25 * lattice.dx * lattice.dy * corners.ravel()
+
+
+def _signed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+def _counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
+        raise InputError(f"triangles has shape {triangles.shape}: allowed is (F, 3) with F of 1 or more")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError(f"triangles names point {int(triangles.max())}: allowed are 0 to {len(points) - 1}")
+    turned = _signed_areas(points, triangles) < 0.0
+    triangles = triangles.copy()
+    triangles[turned] = triangles[turned][:, ::-1]
+    return triangles
+
+
+def _point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    areas = np.zeros(len(points))
+    third = np.abs(_signed_areas(points, triangles)) / 3.0
+    for k in range(3):
+        np.add.at(areas, triangles[:, k], third)
+    return areas
+
+
+def _delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
+    try:
+        triangles = Delaunay(points).simplices
+    except Exception as error:  # scipy raises its own QhullError, not exported under one stable name
+        if type(error).__name__ != "QhullError":
+            raise
+        raise InputError("points lie on one line: allowed are points that span an area") from None
+    signed = np.abs(_signed_areas(points, triangles))
+    sides = [np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))]
+    if spacing is None:
+        spacing = float(np.sqrt(2.0 * np.median(signed)))
+    radius = sides[0] * sides[1] * sides[2] / np.maximum(4.0 * signed, 1e-300)
+    # Slivers along a straight edge have a huge circle and no area.
+    return triangles[radius < 2.5 * spacing]
+
+
+def _refuse_coincident(points: np.ndarray) -> None:
+    extent = float(np.ptp(points, axis=0).max())
+    pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
+    if len(pairs):
+        a, b = sorted(int(p) for p in pairs[0])
+        raise InputError(f"points[{a}] and points[{b}] coincide at {points[a].tolist()}: allowed are distinct points")

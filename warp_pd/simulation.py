@@ -1,0 +1,629 @@
+"""Simulation: gathers the parts, plans the arrays and launches, and runs them.
+
+One step, in the order of its launches (those that no part asks for do not exist):
+
+    tick, prescribe, move_bodies      time, supports and rigid inclusions
+    drift                             half kick, displacement
+    project                           contact with the ball
+    break_bonds                       rupture
+    family_force, gather              internal force
+    begin_loads, add_...              external force
+    kick, kick_bodies, separate       second half kick, contact again
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from .checks import InputError, one_of, point_indices
+from .contact import RigidBall
+from .damage import CriticalStretch
+from .forces.bond_associated import BondAssociated, BondAssociatedForce
+from .frame import Frame, Surface
+from .launches import Workspace
+from .loads import BodyForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
+from .sheet import Sheet
+
+if TYPE_CHECKING:
+    from .run import Result
+    from .solvers import Solver
+
+RIGID = 8
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number that a scene reports.
+
+    Attributes:
+        name: Key in summary.json.
+        unit: SI unit.
+        value: Function of the built simulation and of the newest frame.
+        reference: What it is compared with, in the same unit, or None.
+        source: Where the reference comes from.
+    """
+
+    name: str
+    unit: str
+    value: Callable[[Built, Frame], float]
+    reference: float | None = None
+    source: str = ""
+
+
+@dataclass(eq=False)
+class Simulation:
+    """A sheet and everything that acts on it. Nothing is allocated before `build` or `run`.
+
+    Attributes:
+        sheet: The sheet.
+        force: Force law.
+        solver: Explicit or QuasiStatic.
+        loads: Supports and loads.
+        contact: A rigid ball, or None.
+        damage: Rupture criterion, or None: nothing can break.
+        measures: Numbers to report.
+        initial_displacement: [m], shape (N, 3), or None for zero.
+        initial_velocity: [m/s], shape (N, 3), or None for zero.
+        track_energy: Whether external work and dissipation are summed up for the energy balance.
+        scene: Name of the scene.
+        section: Part of the paper that it rebuilds.
+        pictures: Function (result, folder) that draws the scene's pictures, or None.
+    """
+
+    sheet: Sheet
+    force: BondAssociated
+    solver: Solver
+    loads: Sequence[Load] = ()
+    contact: RigidBall | None = None
+    damage: CriticalStretch | None = None
+    measures: Sequence[Measure] = ()
+    initial_displacement: np.ndarray | None = None
+    initial_velocity: np.ndarray | None = None
+    track_energy: bool = True
+    scene: str = "simulation"
+    section: str = ""
+    pictures: Callable[[Result, Any], None] | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def build(self, device: str | None = None, precision: int | None = None) -> Built:
+        """Allocate arrays and declare kernels and launches; compiles nothing yet.
+
+        Args:
+            device: "cpu", "cuda", "cuda:0", ...; by default CUDA where there is one.
+            precision: 32 or 64; by default the solver's.
+
+        Raises:
+            InputError: for parts that do not fit together, or a device that is not there.
+        """
+        return Built(self, find_device(device), one_of("precision", precision or self.solver.precision, (32, 64)))
+
+    def plan(self, device: str | None = None, precision: int | None = None) -> str:
+        """Table of the arrays and launches of this simulation."""
+        from .plan import describe
+
+        return describe(self.build(device, precision))
+
+    def run(self, **options: Any) -> Result:
+        """Run to the end; see `warp_pd.run.run` for the options."""
+        from .run import run
+
+        return run(self, **options)
+
+
+def find_device(name: str | None) -> Any:
+    """The Warp device of that name.
+
+    Raises:
+        InputError: if it is not there; a CPU never stands in for a GPU that was asked for.
+    """
+    wp.config.log_level = wp.config.log_level if wp.config.log_level > wp.LOG_WARNING else wp.LOG_WARNING
+    wp.init()
+    present = [d.alias for d in wp.get_devices()]
+    if name is None:
+        return wp.get_device("cuda:0" if wp.is_cuda_available() else "cpu")
+    if name == "cuda" and not wp.is_cuda_available():
+        raise InputError(f"device = {name!r}: no CUDA device was found; allowed here are {present}")
+    if name != "cuda" and name not in present:
+        raise InputError(f"device = {name!r}: allowed here are {present}")
+    return wp.get_device(name)
+
+
+@dataclass(eq=False)
+class State:
+    """What changes in time: arrays on the device, [points] unless said.
+
+    Attributes:
+        displacement: u [m], vec3.
+        velocity: [m/s], vec3, at full steps.
+        force: Internal force [N], vec3.
+        external: External force [N], vec3, or None without loads.
+        work: External work [J], float64, or None.
+        dissipated: Energy lost to damping [J], float64, or None.
+        released: Energy lost with broken bonds [J], float64, or None.
+        impulse: What the ball gave each point since the last frame [N s], vec3, or None.
+        time: [s], one float64, or None where nothing depends on time.
+        bodies: Place [m], linear [kg m/s] and angular momentum [kg m^2/s], rotation of each rigid inclusion.
+    """
+
+    displacement: Any
+    velocity: Any
+    force: Any
+    external: Any = None
+    work: Any = None
+    dissipated: Any = None
+    released: Any = None
+    impulse: Any = None
+    time: Any = None
+    bodies: tuple[Any, ...] = ()
+
+
+class Built:
+    """A simulation on a device: its arrays, launches and state.
+
+    Attributes:
+        simulation: What was built.
+        workspace: Arrays and launches.
+        state: What changes in time.
+        force: The force law on the device.
+        step: The time step [s], one real number.
+        held: Bits of held components, uint8 a point, on the host.
+    """
+
+    def __init__(self, simulation: Simulation, device: Any, precision: int) -> None:
+        from .kernels.numeric import numeric
+
+        self.simulation = simulation
+        self.types = numeric(precision)
+        self.held, self._motions = _constraints(simulation)
+        self.schedules = ScheduleTable()
+        self._schedule_ids = self._collect_schedules()
+        self.workspace = Workspace(device, precision, self._module_name(precision))
+        self.force = simulation.force.build(self.workspace, simulation.sheet, simulation.damage is not None)
+        self._allocate()
+        self._add_step()
+        self._add_setup()
+        self._add_frame()
+        simulation.solver.add(self)
+
+    # What is there -------------------------------------------------------------------------------------
+
+    @property
+    def breakable(self) -> bool:
+        """Whether bonds can break."""
+        return self.simulation.damage is not None
+
+    @property
+    def has_held(self) -> bool:
+        """Whether any component of any point is held."""
+        return bool(self.held.any())
+
+    @property
+    def has_loads(self) -> bool:
+        """Whether external forces act."""
+        return any(isinstance(load, Pressure | BodyForce | PointForce) for load in self.simulation.loads)
+
+    @property
+    def damped(self) -> bool:
+        """Whether there is mass damping."""
+        return self.simulation.solver.damping > 0.0
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the solver uses kinetic damping."""
+        return self.simulation.solver.kinetic_damping
+
+    @property
+    def tracked(self) -> bool:
+        """Whether work and dissipation are summed up."""
+        return self.simulation.track_energy and not self.stopping
+
+    def _collect_schedules(self) -> dict[int, int]:
+        """Index in the schedule table of each part that changes in time, by the part's id."""
+        ids = {}
+        for load in self.simulation.loads:
+            found = None if isinstance(load, Fixed) else load.schedule()
+            if found is not None:
+                ids[id(load)] = self.schedules.add(found)
+        if self.simulation.contact is not None:
+            ball = self.simulation.contact
+            ids[id(ball)] = self.schedules.add(ball.schedule(self.simulation.solver.duration))
+        return ids
+
+    def _module_name(self, precision: int) -> str:
+        """One Warp module a configuration, named by everything that decides its kernels."""
+        s = self.simulation
+        kinds = [type(load).__name__ + str(id(load) in self._schedule_ids) for load in s.loads]
+        layout = "lattice" if s.sheet.lattice is not None else "cloud"
+        law = s.force.signature(layout, self.breakable)
+        named = [getattr(part, "__module__", "") + "." + part.__qualname__ if callable(part) else part for part in law]
+        key = (
+            precision, named, self.has_held, self.has_loads, self.damped, self.tracked, self.stopping,
+            sorted(set(kinds)), s.contact is not None, bool(s.sheet.inclusions), bool(self.schedules.schedules),
+        )  # fmt: skip
+        return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
+
+    # Arrays --------------------------------------------------------------------------------------------
+
+    def _allocate(self) -> None:
+        s, w, t = self.simulation, self.workspace, self.types
+        n = s.sheet.size
+        mass = s.sheet.areas * s.sheet.thickness * s.sheet.density
+        self.mass = w.array("mass", "Simulation", t.real, mass)
+        self.step = w.array("step", "Simulation", t.real, shape=1)
+        self.damping = w.array("damping", "solver", t.real, np.array([s.solver.damping])) if self.damped else None
+        self.stop = w.array("stop", "solver", wp.int32, shape=1) if self.stopping else None
+        self.held_mask = w.array("held", "loads", wp.uint8, self.held) if self.has_held else None
+        self.state = State(
+            displacement=w.array("displacement", "Simulation", t.vec3, self._initial("initial_displacement")),
+            velocity=w.array("velocity", "Simulation", t.vec3, self._initial("initial_velocity")),
+            force=w.array("force", "Simulation", t.vec3, shape=n),
+        )
+        if self.has_loads:
+            self.state.external = w.array("external", "loads", t.vec3, self._constant_loads())
+        if self.tracked and (self.has_loads or self.has_held or s.contact is not None):
+            self.state.work = w.array("work", "energy balance", wp.float64, shape=n)
+        if self.tracked and self.damped:
+            self.state.dissipated = w.array("dissipated", "energy balance", wp.float64, shape=n)
+        if self.tracked and self.breakable:
+            self.state.released = w.array("released", "energy balance", wp.float64, shape=n)
+        self.scheduled = self.advance = None
+        if self.schedules.schedules:
+            begins, knots, values = self.schedules.tables()
+            self._begins = w.array("schedule_begins", "schedules", wp.int32, begins)
+            self._knots = w.array("schedule_knots", "schedules", wp.float64, knots)
+            self._values = w.array("schedule_values", "schedules", wp.vec3d, values)
+            self.scheduled = w.array("scheduled", "schedules", t.vec3, self.schedules.at(0.0))
+            self.state.time = w.array("time", "schedules", wp.float64, shape=1)
+            self.advance = w.array("advance", "schedules", wp.float64, np.array([0.0, s.solver.duration]))
+        self.reference = None
+        if s.contact is not None:
+            self.reference = w.array("reference", "RigidBall", t.vec2, s.sheet.points)
+            self.state.impulse = w.array("impulse", "RigidBall", t.vec3, shape=n)
+        if s.sheet.inclusions:
+            self._allocate_bodies(mass)
+
+    def _initial(self, name: str) -> np.ndarray:
+        values = getattr(self.simulation, name)
+        n = self.simulation.sheet.size
+        if values is None:
+            return np.zeros((n, 3))
+        values = np.asarray(values, dtype=np.float64)
+        if values.shape != (n, 3) or not np.isfinite(values).all():
+            raise InputError(f"{name} has shape {values.shape}: allowed are finite numbers of shape ({n}, 3)")
+        return values
+
+    def _constant_loads(self) -> np.ndarray:
+        """Sum of the loads that never change [N], shape (N, 3)."""
+        total = np.zeros((self.simulation.sheet.size, 3))
+        for load in self.simulation.loads:
+            if isinstance(load, Fixed | Motion) or id(load) in self._schedule_ids:
+                continue
+            if isinstance(load, Pressure) and load.follower:
+                continue
+            points, force = load.dead_forces(self.simulation.sheet)
+            total[points] += force
+        return total
+
+    def _allocate_bodies(self, mass: np.ndarray) -> None:
+        s, w = self.simulation, self.workspace
+        groups = s.sheet.inclusions
+        arms, masses, inertia = [], [], []
+        for members in groups:
+            m, X = mass[members], np.column_stack([s.sheet.points[members], np.zeros(len(members))])
+            arm = X - m @ X / m.sum()
+            arms.append(arm)
+            masses.append(m.sum())
+            inertia.append(np.linalg.inv(((arm**2).sum(axis=1) * m).sum() * np.eye(3) - (arm.T * m) @ arm))
+        owner, b = "rigid inclusions", len(groups)
+        begins = np.concatenate([[0], np.cumsum([len(g) for g in groups])])
+        self._bodies = {
+            "begins": w.array("body_begins", owner, wp.int32, begins),
+            "members": w.array("body_members", owner, wp.int32, np.concatenate(groups)),
+            "arms": w.array("body_arms", owner, wp.vec3d, np.vstack(arms)),
+            "masses": w.array("body_masses", owner, wp.float64, np.array(masses)),
+            "inverse_inertia": w.array("body_inverse_inertia", owner, wp.mat33d, np.array(inertia)),
+        }
+        self.state.bodies = (
+            w.array("body_place", owner, wp.vec3d, shape=b),
+            w.array("body_linear", owner, wp.vec3d, shape=b),
+            w.array("body_angular", owner, wp.vec3d, shape=b),
+            w.array("body_rotation", owner, wp.mat33d, np.repeat(np.eye(3)[None], b, axis=0)),
+        )
+
+    # Launches ------------------------------------------------------------------------------------------
+
+    def _add_step(self) -> None:
+        from .kernels.integrate import clock, integration
+
+        s, w, state, bits, module = self.simulation, self.workspace, self.state, self.types.bits, self.workspace.module
+        n = s.sheet.size
+        self.integration = integration(
+            bits, self.has_held, self.has_loads, self.damped, self.tracked, self.stopping, module
+        )
+        if self.schedules.schedules:
+            self._tick, self._prescribe = clock(bits, module)
+            self._add_tick("step")
+            self._add_prescribe()
+        if s.sheet.inclusions:
+            self._add_move_bodies()
+        w.launch(
+            "step", "solver", self.integration.drift, n,
+            mass=self.mass, held_mask=self.held_mask, step=self.step, damping=self.damping, stop=self.stop,
+            force=state.force, external=state.external, displacement=state.displacement,
+            velocity=state.velocity, work=state.work,
+        )  # fmt: skip
+        if s.contact is not None:
+            self._add_project(s.contact)
+        if s.damage is not None:
+            self._add_break(s.damage)
+        self.force.add_force("step", state.displacement, state.force)
+        self.add_loads("step")
+        w.launch(
+            "step", "solver", self.integration.kick, n,
+            mass=self.mass, held_mask=self.held_mask, step=self.step, damping=self.damping, force=state.force,
+            external=state.external, velocity=state.velocity, work=state.work, dissipated=state.dissipated,
+        )  # fmt: skip
+        if s.sheet.inclusions:
+            self._add_kick_bodies()
+        if s.contact is not None:
+            self._add_separate(s.contact)
+
+    def _add_tick(self, stage: str) -> None:
+        self.workspace.launch(
+            stage, "schedules", self._tick, 1,
+            advance=self.advance, begins=self._begins, knots=self._knots, values=self._values,
+            time=self.state.time, scheduled=self.scheduled,
+        )  # fmt: skip
+
+    def _add_prescribe(self) -> None:
+        w = self.workspace
+        if not self._motions:
+            return
+        points, schedules, components = [], [], []
+        for motion, indices in self._motions:
+            points.append(indices)
+            schedules.append(np.full(len(indices), self._schedule_ids[id(motion)], np.int32))
+            components.append(np.full(len(indices), motion.mask(), np.uint8))
+        total = sum(len(p) for p in points)
+        w.launch(
+            "step", "Motion", self._prescribe, total,
+            points=w.array("moved_points", "Motion", wp.int32, np.concatenate(points)),
+            schedules=w.array("moved_schedules", "Motion", wp.int32, np.concatenate(schedules)),
+            components=w.array("moved_components", "Motion", wp.uint8, np.concatenate(components)),
+            scheduled=self.scheduled, step=self.step, displacement=self.state.displacement,
+            velocity=self.state.velocity,
+        )  # fmt: skip
+
+    def _add_move_bodies(self) -> None:
+        from .kernels.rigid import rigid_inclusions
+
+        state = self.state
+        self._move_bodies, self._kick_bodies = rigid_inclusions(
+            self.types.bits, self.has_loads, self.damped, self.workspace.module
+        )
+        place, linear, angular, rotation = state.bodies
+        self.workspace.launch(
+            "step", "rigid inclusions", self._move_bodies, len(self.simulation.sheet.inclusions),
+            **self._bodies, step=self.step, damping=self.damping, stop=self.stop, force=state.force,
+            external=state.external, displacement=state.displacement, place=place, linear=linear,
+            angular=angular, rotation=rotation, velocity=state.velocity,
+        )  # fmt: skip
+
+    def _add_kick_bodies(self) -> None:
+        state = self.state
+        _, linear, angular, rotation = state.bodies
+        self.workspace.launch(
+            "step", "rigid inclusions", self._kick_bodies, len(self.simulation.sheet.inclusions),
+            **self._bodies, step=self.step, damping=self.damping, force=state.force, external=state.external,
+            rotation=rotation, linear=linear, angular=angular, velocity=state.velocity,
+        )  # fmt: skip
+
+    def _add_project(self, ball: RigidBall) -> None:
+        from .kernels.contact import ball_contact
+
+        state = self.state
+        self._project, self._separate = ball_contact(
+            self.types.bits, self.has_held, self.tracked, self.workspace.module
+        )
+        self.workspace.launch(
+            "step", "RigidBall", self._project, self.simulation.sheet.size,
+            reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
+            schedule=self._schedule_ids[id(ball)], radius=0.5 * ball.diameter, step=self.step,
+            displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
+        )  # fmt: skip
+
+    def _add_separate(self, ball: RigidBall) -> None:
+        state = self.state
+        self.workspace.launch(
+            "step", "RigidBall", self._separate, self.simulation.sheet.size,
+            reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
+            ball_velocity=self.types.vec3(*ball.velocity), schedule=self._schedule_ids[id(ball)],
+            radius=0.5 * ball.diameter, displacement=state.displacement, velocity=state.velocity,
+            impulse=state.impulse, work=state.work,
+        )  # fmt: skip
+
+    def _add_break(self, damage: CriticalStretch) -> None:
+        from .kernels.damage import critical_stretch
+
+        force = self.force
+        self._break, self._damage = critical_stretch(
+            force.families.layout, self.types.bits, self.tracked,
+            force.kernels.family_energy if self.tracked else None, self.workspace.module,
+        )  # fmt: skip
+        self.workspace.launch(
+            "step", "CriticalStretch", self._break, self.simulation.sheet.size,
+            family=force.struct, displacement=self.state.displacement, horizon=force.families.horizon,
+            critical_squared=damage.stretch**2, constants=force.constants,
+            inverse_horizon=force.inverse_horizon, unit_volume=force.unit_volume, alive=force.alive,
+            released=self.state.released,
+        )  # fmt: skip
+
+    def add_loads(self, stage: str) -> None:
+        """Add the launches that renew the external force; none if it never changes."""
+        from .kernels.loads import constant_loads, dead_load
+
+        s, w, bits, module = self.simulation, self.workspace, self.types.bits, self.workspace.module
+        follower = [p for p in s.loads if isinstance(p, Pressure) and p.follower]
+        ramped = [
+            p for p in s.loads
+            if isinstance(p, Pressure | BodyForce | PointForce) and p not in follower and id(p) in self._schedule_ids
+        ]  # fmt: skip
+        if not follower and not ramped:
+            return
+        constant = self._constant_loads()
+        if not hasattr(self, "_constant"):
+            present = bool(constant.any())
+            self._constant = w.array("constant_loads", "loads", self.types.vec3, constant) if present else None
+            self._ramped_arrays = {}
+            for load in ramped:
+                points, force = load.dead_forces(s.sheet)
+                self._ramped_arrays[id(load)] = (
+                    w.array("loaded_points", type(load).__name__, wp.int32, points),
+                    w.array("loaded_force", type(load).__name__, self.types.vec3, force),
+                )
+        begin = constant_loads(bits, self._constant is not None, module)
+        w.launch(stage, "loads", begin, s.sheet.size, constant=self._constant, external=self.state.external)
+        for load in ramped:
+            points, force = self._ramped_arrays[id(load)]
+            w.launch(
+                stage, type(load).__name__, dead_load(bits, module), len(points),
+                points=points, force=force, factors=self.scheduled, schedule=self._schedule_ids[id(load)],
+                external=self.state.external,
+            )  # fmt: skip
+        for load in follower:
+            self._add_follower(stage, load)
+
+    def _add_follower(self, stage: str, load: Pressure) -> None:
+        from .kernels.loads import follower_pressure
+
+        force, scheduled = self.force, id(load) in self._schedule_ids
+        kernel = follower_pressure(
+            force.families.layout, self.types.bits, self.breakable, scheduled, self.workspace.module
+        )
+        self.workspace.launch(
+            stage, "Pressure", kernel, self.simulation.sheet.size,
+            family=force.struct, alive=force.alive, displacement=self.state.displacement,
+            inverse_horizon=force.inverse_horizon, unit_pressure=load.value * force.families.reference_area,
+            factors=self.scheduled, schedule=self._schedule_ids.get(id(load), 0), external=self.state.external,
+        )  # fmt: skip
+
+    def _add_setup(self) -> None:
+        """What makes the forces fit the displacement before the first step, or after a restart."""
+        if self.schedules.schedules:
+            self._add_tick("setup")
+        self.force.add_force("setup", self.state.displacement, self.state.force)
+        self.add_loads("setup")
+
+    def _add_frame(self) -> None:
+        from .kernels.checks import finite_check
+
+        w, n, state = self.workspace, self.simulation.sheet.size, self.state
+        self.strain_energy = w.array("strain_energy", "frames", wp.float64, shape=n)
+        self.kinetic_energy = w.array("kinetic_energy", "frames", wp.float64, shape=n)
+        self.bad = w.array("bad", "frames", wp.int32, shape=1)
+        self.damage = w.array("damage", "frames", wp.float32, shape=n) if self.breakable else None
+        self.force.add_energy("frame", state.displacement, self.strain_energy)
+        w.launch(
+            "frame", "frames", self.integration.kinetic_energy, n,
+            mass=self.mass, held_mask=self.held_mask, velocity=state.velocity, out=self.kinetic_energy,
+        )  # fmt: skip
+        w.launch(
+            "frame", "frames", finite_check(self.types.bits, w.module), n,
+            displacement=state.displacement, velocity=state.velocity, bad=self.bad,
+        )  # fmt: skip
+        if self.breakable:
+            w.launch(
+                "frame", "CriticalStretch", self._damage, n,
+                family=self.force.struct, alive=self.force.alive, out=self.damage,
+            )  # fmt: skip
+
+    # For the host --------------------------------------------------------------------------------------
+
+    def surface(self) -> Surface:
+        """The reference surface, as writers need it."""
+        s = self.simulation
+        points = np.column_stack([s.sheet.points, np.zeros(s.sheet.size)])
+        return Surface(
+            points=points,
+            faces=s.sheet.triangles,
+            ball_diameter=s.contact.diameter if s.contact else None,
+            title=s.scene,
+            metadata={"scene": s.scene, "section": s.section, "units": "SI"},
+        )
+
+    def intact_faces(self, alive: np.ndarray) -> np.ndarray:
+        """Which triangles kept the bonds along all their edges, shape (F,).
+
+        Args:
+            alive: Bits of the standing bonds, shape (words, N).
+        """
+        if not hasattr(self, "_edge_members"):
+            self._edge_members = _edge_members(self.simulation.sheet, self.force.families)
+        intact = np.ones(len(self.simulation.sheet.triangles), bool)
+        for tail, member in self._edge_members:
+            known = member >= 0
+            safe = np.maximum(member, 0)
+            word = alive[safe // 32, tail]
+            intact &= ~known | ((word >> (safe % 32).astype(np.uint32)) & 1).astype(bool)
+        return intact
+
+    def to_numpy(self, array: Any) -> np.ndarray:
+        """A copy on the host, as float64 if it holds real numbers."""
+        values = array.numpy()
+        return values.astype(np.float64) if values.dtype.kind == "f" else values.copy()
+
+
+def _edge_members(sheet: Sheet, families: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+    """For each of the three edges of every triangle: its first point, and the member index of its second.
+
+    The member is -1 where the edge is longer than the horizon: no bond lies along it.
+    """
+    result = []
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        tail, head = sheet.triangles[:, a], sheet.triangles[:, b]
+        if families.neighbours is None:
+            order = np.argsort(families.shift)
+            place = np.searchsorted(families.shift[order], head - tail)
+            found = order[np.minimum(place, len(order) - 1)]
+            member = np.where(families.shift[found] == head - tail, found, -1)
+        else:
+            matches = families.neighbours[tail] == head[:, None]
+            member = np.where(matches.any(axis=1), matches.argmax(axis=1), -1)
+        result.append((tail, member))
+    return result
+
+
+def _constraints(simulation: Simulation) -> tuple[np.ndarray, list[tuple[Motion, np.ndarray]]]:
+    """Bits of held components of every point, and the motions with their checked points.
+
+    Raises:
+        InputError: if two parts hold the same component of a point.
+    """
+    sheet = simulation.sheet
+    held = np.zeros(sheet.size, np.uint8)
+    motions = []
+    for members in sheet.inclusions:
+        if held[members].any():
+            raise InputError("two rigid inclusions share a point: allowed are inclusions apart from each other")
+        held[members] |= RIGID
+    for load in simulation.loads:
+        if not isinstance(load, Fixed | Motion):
+            continue
+        name = type(load).__name__
+        points = point_indices(f"{name}.points", load.points, sheet.size)
+        clash = held[points] & (load.mask() | RIGID)
+        if isinstance(load, Fixed):
+            clash &= RIGID
+        if clash.any():
+            bad = int(points[np.flatnonzero(clash)[0]])
+            raise InputError(f"{name}.points holds point {bad}, which another support or inclusion moves already")
+        held[points] |= load.mask()
+        if isinstance(load, Motion):
+            motions.append((load, points))
+    return held, motions

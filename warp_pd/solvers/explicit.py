@@ -1,0 +1,98 @@
+"""Explicit dynamics: central differences with mass damping."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..checks import InputError, count, not_negative, positive
+from .stable_step import StableStep
+
+if TYPE_CHECKING:
+    from ..run import Recorder
+    from ..simulation import Built
+
+# Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost
+# a few per cent of the steps between them.
+FIRST_ITERATIONS = 150
+LATER_ITERATIONS = 10
+STEPS_BETWEEN = 400
+
+
+@dataclass(frozen=True)
+class Explicit:
+    """Central differences in time, dt a share of the stable step, estimated anew as the sheet stiffens.
+
+    Attributes:
+        duration: Time to simulate [s].
+        frames: Number of frames after the first one, equally spaced.
+        damping: Mass damping c [1/s]: a force -c m v on every point.
+        safety: dt over the estimated stable step 2 / omega_max.
+        step: A fixed dt [s] instead; refused if it is above the stable step.
+    """
+
+    duration: float
+    frames: int = 100
+    damping: float = 0.0
+    safety: float = 0.9
+    step: float | None = None
+    precision: int = 32
+
+    kinetic_damping = False
+
+    def __post_init__(self) -> None:
+        positive("duration", self.duration)
+        count("frames", self.frames, 1)
+        not_negative("damping", self.damping)
+        if not 0.0 < positive("safety", self.safety) <= 1.2:
+            raise InputError(f"safety = {self.safety!r}: allowed is a share above 0, up to 1.2")
+        if self.step is not None:
+            positive("step", self.step)
+
+    def add(self, built: Built) -> None:
+        """Add what this solver needs besides the common step."""
+        built.stable_step = StableStep(built)
+
+    def march(self, built: Built, recorder: Recorder) -> str:
+        """Run to the end, handing every frame to the recorder; returns the final status."""
+        one, ten = built.workspace.sequence("step"), built.workspace.sequence("step", repeat=10)
+        since = 0
+        if recorder.stable_dt is None:
+            recorder.stable_dt = self._estimate(built, FIRST_ITERATIONS)
+            self._check_step(recorder.stable_dt)
+        else:
+            since = recorder.since_estimate
+        for index in range(recorder.frame_index + 1, self.frames + 1):
+            if since >= STEPS_BETWEEN:
+                recorder.stable_dt = self._estimate(built, LATER_ITERATIONS)
+                since = 0
+            begin, end = self.duration * (index - 1) / self.frames, self.duration * index / self.frames
+            wanted = self.step if self.step is not None else self.safety * recorder.stable_dt
+            steps = max(1, math.ceil((end - begin) / wanted * (1.0 - 1e-12)))
+            self._set_step(built, (end - begin) / steps, begin)
+            for _ in range(steps // 10):
+                ten.run()
+            for _ in range(steps % 10):
+                one.run()
+            since += steps
+            recorder.since_estimate = since
+            recorder.frame(index, end, steps, (end - begin) / steps)
+        return "finished"
+
+    def _estimate(self, built: Built, iterations: int) -> float:
+        """Stable step [s]; infinite if nothing resists."""
+        omega = built.stable_step.omega(iterations)
+        return 2.0 / omega if omega > 0.0 else math.inf
+
+    def _check_step(self, stable: float) -> None:
+        if self.step is not None and self.step > stable:
+            raise InputError(f"step = {self.step!r} s: allowed is at most the stable step, {stable:.4g} s")
+
+    def _set_step(self, built: Built, dt: float, begin: float) -> None:
+        built.step.assign(np.array([dt], dtype=built.step.numpy().dtype))
+        if built.advance is not None:
+            built.advance.assign(np.array([dt, self.duration]))
+            built.state.time.assign(np.array([begin]))
