@@ -38,13 +38,13 @@ class BondAssociatedKernels:
         family_force: Fills bond_force [members, points], N.
         gather: Sums bond_force to the internal force [points], N.
         strain_energy: Energy of each family [points], J.
-        family_energy: The Warp function behind it, for the energy that breaking bonds release.
+        earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
     """
 
     family_force: Any
     gather: Any
     strain_energy: Any
-    family_energy: Any
+    earlier_energy: Any
 
 
 @functools.cache
@@ -100,44 +100,57 @@ def bond_associated(layout, bits, material, breakable, form, module):
         else:
             return vec3(real(0.0), real(0.0), real(0.0))
 
-    @wp.func(module=module)
-    def intersection(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        i: int,
-        j: int,
-        whole: bool,
-    ):
-        """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|."""
-        ui = displacement[i]
-        first = vec3(real(0.0), real(0.0), real(0.0))
-        second = vec3(real(0.0), real(0.0), real(0.0))
-        shape = vec3(real(0.0), real(0.0), real(0.0))
-        size = real(0.0)
-        for word in range(family.words):
-            members = f.common(family, i, j, word) & present(family, alive, i, word)
-            k = word * word_size
-            while members != wp.uint32(0):
-                if (members & wp.uint32(1)) != wp.uint32(0):
-                    m = f.neighbour(family, i, k)
-                    a = f.area(family, m)
-                    xi = f.bond(family, i, k)
-                    cxi = f.influence(family, i, k) * a * xi
-                    stretch = displacement[m] - ui
-                    first += cxi[0] * stretch
-                    second += cxi[1] * stretch
-                    if not whole:
-                        shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
-                        size += a
-                members = members >> wp.uint32(1)
-                k += 1
-        inverse = vec3(real(0.0), real(0.0), real(0.0))
-        if whole:
-            inverse = f.shape(family, i, j)
-        else:
-            inverse = inverse_shape(shape)
-        return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
+    def declare_intersection(name, earlier):
+        @wp.func(module=module, name=name)
+        def intersection(
+            family: Family,
+            alive: wp.array2d(dtype=wp.uint32),
+            displacement: wp.array(dtype=vec3),
+            velocity: wp.array(dtype=vec3),
+            back: real,
+            i: int,
+            j: int,
+            whole: bool,
+        ):
+            """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|.
+
+            With `earlier`, of the displacement a time `back` ago.
+            """
+            ui = displacement[i]
+            first = vec3(real(0.0), real(0.0), real(0.0))
+            second = vec3(real(0.0), real(0.0), real(0.0))
+            shape = vec3(real(0.0), real(0.0), real(0.0))
+            size = real(0.0)
+            for word in range(family.words):
+                members = f.common(family, i, j, word) & present(family, alive, i, word)
+                k = word * word_size
+                while members != wp.uint32(0):
+                    if (members & wp.uint32(1)) != wp.uint32(0):
+                        m = f.neighbour(family, i, k)
+                        a = f.area(family, m)
+                        xi = f.bond(family, i, k)
+                        cxi = f.influence(family, i, k) * a * xi
+                        stretch = displacement[m] - ui
+                        if wp.static(earlier):
+                            stretch -= back * (velocity[m] - velocity[i])
+                        first += cxi[0] * stretch
+                        second += cxi[1] * stretch
+                        if not whole:
+                            shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                            size += a
+                    members = members >> wp.uint32(1)
+                    k += 1
+            inverse = vec3(real(0.0), real(0.0), real(0.0))
+            if whole:
+                inverse = f.shape(family, i, j)
+            else:
+                inverse = inverse_shape(shape)
+            return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
+
+        return intersection
+
+    intersection = declare_intersection("intersection", False)
+    earlier_intersection = declare_intersection("earlier_intersection", True)
 
     @wp.func(module=module)
     def green(H1: vec3, H2: vec3):
@@ -174,29 +187,37 @@ def bond_associated(layout, bits, material, breakable, form, module):
                     scale = f.area(family, i) / total
         return scale
 
-    @wp.func(module=module)
-    def family_energy(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        i: int,
-    ):
-        """Energy of the family of i over (thickness x reference area) [J/m^3]."""
-        whole = is_whole(family, alive, i)
-        stored = real(0.0)
-        total = real(0.0)
-        for j in range(family.members):
-            if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, i, j, whole)
-                if inverse[0] > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    weight = area_weight(family, i, j, whole, size)
-                    stored += weight * energy(green(H1, H2), constants)
-                    total += weight
-        return stored * family_scale(family, i, whole, total)
+    def declare_energy(name, gradient):
+        @wp.func(module=module, name=name)
+        def family_energy(
+            family: Family,
+            alive: wp.array2d(dtype=wp.uint32),
+            displacement: wp.array(dtype=vec3),
+            velocity: wp.array(dtype=vec3),
+            back: real,
+            constants: parameters,
+            inverse_horizon: real,
+            i: int,
+        ):
+            """Energy of the family of i over (thickness x reference area) [J/m^3]."""
+            whole = is_whole(family, alive, i)
+            stored = real(0.0)
+            total = real(0.0)
+            for j in range(family.members):
+                if has(family, alive, i, j):
+                    G1, G2, inverse, size = gradient(family, alive, displacement, velocity, back, i, j, whole)
+                    if inverse[0] > real(0.0):
+                        H1 = inverse_horizon * G1
+                        H2 = inverse_horizon * G2
+                        weight = area_weight(family, i, j, whole, size)
+                        stored += weight * energy(green(H1, H2), constants)
+                        total += weight
+            return stored * family_scale(family, i, whole, total)
+
+        return family_energy
+
+    family_energy = declare_energy("family_energy", intersection)
+    earlier_energy = declare_energy("earlier_energy", earlier_intersection)
 
     @wp.kernel(module=module, enable_backward=False)
     def strain_energy(
@@ -210,7 +231,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
         out: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        density = family_energy(family, alive, displacement, constants, inverse_horizon, i)
+        density = family_energy(family, alive, displacement, displacement, real(0.0), constants, inverse_horizon, i)
         out[i] = wp.float64(unit_volume * density)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -231,7 +252,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
         total = real(0.0)
         for j in range(family.members):
             if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, i, j, whole)
+                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
@@ -287,7 +308,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
         for j in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, i, j, whole)
+                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
@@ -328,5 +349,5 @@ def bond_associated(layout, bits, material, breakable, form, module):
         family_force=published_force if published else variational_force,
         gather=gather,
         strain_energy=strain_energy,
-        family_energy=family_energy,
+        earlier_energy=earlier_energy,
     )

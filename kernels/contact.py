@@ -14,7 +14,7 @@ from .numeric import numeric
 
 
 @functools.cache
-def ball_contact(bits, held, tracked, module):
+def ball_contact(bits, held, loaded, tracked, module):
     """Kernels `project` (positions) and `separate` (velocities)."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -23,6 +23,9 @@ def ball_contact(bits, held, tracked, module):
     def strike(
         i: int,
         change: vec3,
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
         mass: wp.array(dtype=real),
         velocity: wp.array(dtype=vec3),
         impulse: wp.array(dtype=vec3),
@@ -33,7 +36,12 @@ def ball_contact(bits, held, tracked, module):
         velocity[i] = before + change
         impulse[i] = impulse[i] + momentum
         if wp.static(tracked):
-            work[i] = work[i] + wp.float64(wp.dot(momentum, before + real(0.5) * change))
+            # The half kick of the force belongs to the same instant: the mean velocity of both counts.
+            total = force[i]
+            if wp.static(loaded):
+                total += external[i]
+            kick = (real(0.5) * step[0] / mass[i]) * total
+            work[i] = work[i] + wp.float64(wp.dot(momentum, before + real(0.5) * (change - kick)))
 
     @wp.kernel(module=module, enable_backward=False)
     def project(
@@ -44,6 +52,8 @@ def ball_contact(bits, held, tracked, module):
         schedule: int,
         radius: real,
         step: wp.array(dtype=real),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
         first: int,
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -62,7 +72,7 @@ def ball_contact(bits, held, tracked, module):
         if free and distance < radius and distance > real(0.0):
             shift = ((radius - distance) / distance) * arm
             displacement[i] = displacement[i] + shift
-            strike(i, shift / step[0], mass, velocity, impulse, work)
+            strike(i, shift / step[0], force, external, step, mass, velocity, impulse, work)
 
     @wp.kernel(module=module, enable_backward=False)
     def separate(
@@ -73,6 +83,9 @@ def ball_contact(bits, held, tracked, module):
         ball_velocity: vec3,
         schedule: int,
         radius: real,
+        step: wp.array(dtype=real),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
         displacement: wp.array(dtype=vec3),
         first: int,
         velocity: wp.array(dtype=vec3),
@@ -92,6 +105,6 @@ def ball_contact(bits, held, tracked, module):
             normal = arm / distance
             approach = wp.dot(velocity[i] - ball_velocity, normal)
             if approach < real(0.0):
-                strike(i, -approach * normal, mass, velocity, impulse, work)
+                strike(i, -approach * normal, force, external, step, mass, velocity, impulse, work)
 
     return project, separate

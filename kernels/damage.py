@@ -2,6 +2,9 @@
 
 A bond whose stretch |Y|/|X| passes the critical one breaks for good. Both ends compute the same number from
 the same words, so their bits agree without being compared.
+
+The force changes between two steps, so the energy that breaking releases is taken half a step back: then
+the energy balance of central differences stays second order in the step through rupture.
 """
 
 import functools
@@ -13,14 +16,14 @@ from .numeric import numeric
 
 
 @functools.cache
-def critical_stretch(layout, bits, tracked, family_energy, module):
+def critical_stretch(layout, bits, tracked, earlier_energy, module):
     """Kernels `break_bonds` and `damage`.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
         tracked: Whether the energy that breaking releases is summed up, per point.
-        family_energy: Warp function of the force law (None if not tracked).
+        earlier_energy: Warp function of the force law (None if not tracked).
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -60,6 +63,8 @@ def critical_stretch(layout, bits, tracked, family_energy, module):
     def break_bonds(
         family: Family,
         displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
         horizon: real,
         critical_squared: real,
         constants: parameters,
@@ -71,6 +76,7 @@ def critical_stretch(layout, bits, tracked, family_energy, module):
     ):
         i = wp.tid() + first
         breaks = bool(False)
+        back = real(0.5) * step[0]
         for word in range(family.words):
             standing = alive[word, i]
             if surviving(family, displacement, horizon, critical_squared, i, word, standing) != standing:
@@ -78,13 +84,17 @@ def critical_stretch(layout, bits, tracked, family_energy, module):
         if breaks:
             before = real(0.0)
             if wp.static(tracked):
-                before = family_energy(family, alive, displacement, constants, inverse_horizon, i)
+                before = earlier_energy(
+                    family, alive, displacement, velocity, back, constants, inverse_horizon, i
+                )
             for word in range(family.words):
                 alive[word, i] = surviving(
                     family, displacement, horizon, critical_squared, i, word, alive[word, i]
                 )
             if wp.static(tracked):
-                after = family_energy(family, alive, displacement, constants, inverse_horizon, i)
+                after = earlier_energy(
+                    family, alive, displacement, velocity, back, constants, inverse_horizon, i
+                )
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))
 
     @wp.kernel(module=module, enable_backward=False)

@@ -37,7 +37,7 @@ class IntegrationKernels:
 
 
 @functools.cache
-def integration(bits, held, loaded, damped, tracked, stopping, module):
+def integration(bits, held, loaded, damped, tracked, module):
     """Kernels of the explicit integrator.
 
     Args:
@@ -46,7 +46,6 @@ def integration(bits, held, loaded, damped, tracked, stopping, module):
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         tracked: Whether external work and dissipation are summed up, per point.
-        stopping: Whether `stop` may set all free velocities to zero (kinetic damping).
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -72,7 +71,6 @@ def integration(bits, held, loaded, damped, tracked, stopping, module):
         held_mask: wp.array(dtype=wp.uint8),
         step: wp.array(dtype=real),
         damping: wp.array(dtype=real),
-        stop: wp.array(dtype=wp.int32),
         force: wp.array(dtype=vec3),
         external: wp.array(dtype=vec3),
         first: int,
@@ -89,9 +87,6 @@ def integration(bits, held, loaded, damped, tracked, stopping, module):
         keep = real(1.0)
         if wp.static(damped):
             keep = real(1.0) - real(0.5) * dt * damping[0]
-        if wp.static(stopping):
-            if stop[0] != 0:
-                keep = real(0.0)
         half = keep * v + (real(0.5) * dt / mass[i]) * total
         if wp.static(held):
             bits_here = held_mask[i]
@@ -262,53 +257,62 @@ def clock(bits, module):
 
 
 @functools.cache
-def kinetic_damping(bits, module):
-    """Kernels that stop all motion when the kinetic energy passes a peak (dynamic relaxation).
+def adaptive_damping(bits, module):
+    """Kernels that set the mass damping to twice the frequency of the present motion (dynamic relaxation).
 
-    `blocks` threads sum one block of points each, in order, so the sum repeats bit for bit; one thread
-    then compares it with that of the step before.
+    Rayleigh's quotient of the last step, omega^2 = (v . K v) / (v . M v) with K v = -(change of force) / dt,
+    tends to the lowest frequency still in motion, for which c = 2 omega is critical. `blocks` threads sum
+    one block of points each, in order, so the sums repeat bit for bit; one thread adds them up.
+    Source: Underwood's adaptive dynamic relaxation, with the tangent along the motion in place of a diagonal.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
     @wp.kernel(module=module, enable_backward=False)
-    def block_energy(
+    def measure_motion(
         mass: wp.array(dtype=real),
         held_mask: wp.array(dtype=wp.uint8),
         velocity: wp.array(dtype=vec3),
+        force: wp.array(dtype=vec3),
         block: int,
         first: int,
-        out: wp.array(dtype=wp.float64),
+        previous: wp.array(dtype=vec3),
+        sums: wp.array2d(dtype=wp.float64),
     ):
         b = wp.tid() + first
-        energy = wp.float64(0.0)
+        inertia = wp.float64(0.0)
+        stiffness = wp.float64(0.0)
         for i in range(b * block, wp.min((b + 1) * block, velocity.shape[0])):
             v = velocity[i]
             if held_mask:
                 for c in range(3):
                     if (wp.int32(held_mask[i]) & (1 << c)) != 0:
                         v[c] = real(0.0)
-            energy += wp.float64(mass[i] * wp.dot(v, v))
-        out[b] = energy
+            inertia += wp.float64(mass[i] * wp.dot(v, v))
+            stiffness += wp.float64(wp.dot(v, previous[i] - force[i]))
+            previous[i] = force[i]
+        sums[0, b] = inertia
+        sums[1, b] = stiffness
 
     @wp.kernel(module=module, enable_backward=False)
-    def find_peak(
-        blocks: wp.array(dtype=wp.float64),
+    def set_damping(
+        sums: wp.array2d(dtype=wp.float64),
+        step: wp.array(dtype=real),
         first: int,
-        previous: wp.array(dtype=wp.float64),
-        stop: wp.array(dtype=wp.int32),
+        damping: wp.array(dtype=real),
     ):
-        energy = wp.float64(0.0)
-        for b in range(blocks.shape[0]):
-            energy += blocks[b]
-        if energy < previous[0]:
-            stop[0] = 1
-            previous[0] = wp.float64(0.0)
-        else:
-            stop[0] = 0
-            previous[0] = energy
+        inertia = wp.float64(0.0)
+        stiffness = wp.float64(0.0)
+        for b in range(sums.shape[1]):
+            inertia += sums[0, b]
+            stiffness += sums[1, b]
+        dt = wp.float64(step[0])
+        omega = wp.float64(0.0)
+        if inertia > wp.float64(0.0) and stiffness > wp.float64(0.0):
+            omega = wp.sqrt(stiffness / (dt * inertia))
+        damping[0] = real(wp.min(wp.float64(2.0) * omega, wp.float64(1.5) / dt))
 
-    return block_energy, find_peak
+    return measure_motion, set_damping
 
 
 @functools.cache

@@ -66,7 +66,6 @@ def rigid_inclusions(bits, loaded, damped, module):
         inverse_inertia: wp.array(dtype=wp.mat33d),
         step: wp.array(dtype=real),
         damping: wp.array(dtype=real),
-        stop: wp.array(dtype=wp.int32),
         force: wp.array(dtype=vec3),
         external: wp.array(dtype=vec3),
         displacement: wp.array(dtype=vec3),
@@ -84,9 +83,6 @@ def rigid_inclusions(bits, loaded, damped, module):
         keep = wp.float64(1.0)
         if wp.static(damped):
             keep = wp.float64(1.0) - wp.float64(0.5) * dt * wp.float64(damping[0])
-        if stop:
-            if stop[0] != 0:
-                keep = wp.float64(0.0)
         p = keep * linear[b] + wp.float64(0.5) * dt * push
         L = keep * angular[b] + wp.float64(0.5) * dt * turn
         d = place[b] + (dt / masses[b]) * p

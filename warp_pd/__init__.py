@@ -1,0 +1,45 @@
+"""Peridynamics of thin rubber sheets, on NVIDIA Warp.
+
+    from warp_pd import Sheet, Simulation, BondAssociated, NeoHookean, Explicit, Fixed, RigidBall, CriticalStretch
+
+See README.md and the files in `scenes/`, which are meant to be read and changed.
+"""
+
+from .checks import InputError
+from .contact import RigidBall
+from .damage import CriticalStretch
+from .forces.bond_associated import BondAssociated
+from .frame import Frame, Surface
+from .loads import BodyForce, Fixed, Motion, PointForce, Pressure
+from .materials import Gent, Material, NeoHookean
+from .run import Result, run
+from .sheet import Sheet
+from .simulation import Built, Measure, Simulation
+from .solvers import Explicit, QuasiStatic
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "BodyForce",
+    "BondAssociated",
+    "Built",
+    "CriticalStretch",
+    "Explicit",
+    "Fixed",
+    "Frame",
+    "Gent",
+    "InputError",
+    "Material",
+    "Measure",
+    "Motion",
+    "NeoHookean",
+    "PointForce",
+    "Pressure",
+    "QuasiStatic",
+    "Result",
+    "RigidBall",
+    "Sheet",
+    "Simulation",
+    "Surface",
+    "run",
+]

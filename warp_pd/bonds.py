@@ -15,13 +15,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .checks import InputError, finite, one_of
+from .kernels.bond_associated import DEGENERATE
+from .kernels.families import WORD
 from .launches import Workspace
 from .sheet import Sheet, crosses
 
-WORD = 32
 TOLERANCE = 1e-9
-# det K / (tr K / 2)^2 below which an intersection determines no deformation gradient; see the kernels.
-DEGENERATE = 0.02
 
 InfluenceFunction = Callable[[np.ndarray], np.ndarray]
 INFLUENCE: dict[str, InfluenceFunction] = {
@@ -62,6 +61,9 @@ class Families:
         neighbours: Index of each member, -1 if it does not exist, shape (N, n), on a cloud.
         mates: Member index under which a member sees the point, shape (N, n), or (n,) on a lattice.
         shift: Index offset of each member, shape (n,), on a lattice.
+        steps: Lattice steps to each member, shape (n, 2), on a lattice.
+        first: A point of each row, shape (R,), on a lattice.
+        severed: Whether the row lost members to a cut, shape (R,).
     """
 
     horizon: float
@@ -76,7 +78,9 @@ class Families:
     kind: np.ndarray | None = None
     neighbours: np.ndarray | None = None
     shift: np.ndarray | None = None
-    key: np.ndarray | None = None
+    steps: np.ndarray | None = None
+    first: np.ndarray | None = None
+    severed: np.ndarray | None = None
 
     @property
     def layout(self) -> str:
@@ -132,9 +136,10 @@ class Families:
         products = c[..., None] * np.stack(
             [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
         )
-        where = "jk,rkc->rjc" if shared else "rjk,rkc->rjc"
-        shape = np.einsum(where, mask, products, optimize=True)
-        size = np.einsum(where[:-1].replace("c", ""), mask, np.where(self.exists[part], self.member_areas[part], 0.0))
+        over_members = "jk,rkc->rjc" if shared else "rjk,rkc->rjc"
+        terms = np.concatenate([products, np.where(self.exists[part], self.member_areas[part], 0.0)[..., None]], axis=-1)
+        sums = np.einsum(over_members, mask, terms, optimize=True)
+        shape, size = sums[..., :3], sums[..., 3]
         determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
         usable = self.exists[part] & (determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2)
         safe = np.where(usable, determinant, 1.0)
@@ -158,7 +163,9 @@ def unpack(words: np.ndarray, members: int) -> np.ndarray:
     return np.unpackbits(as_bytes, axis=-1, bitorder="little")[..., :members].astype(bool)
 
 
-def build_families(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0) -> Families:
+def build_families(
+    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0
+) -> Families:
     """Families of every point.
 
     Args:
@@ -216,12 +223,14 @@ def _lattice_families(sheet: Sheet, horizon: float, function: InfluenceFunction,
 
     to_x, to_y = column[first, None] + ox, row[first, None] + oy
     exists = (to_x >= 0) & (to_x < lattice.columns) & (to_y >= 0) & (to_y < lattice.rows)
+    severed_rows = np.zeros(len(first), bool)
     if severed is not None:
         touched, lost = severed
         position = np.full(sheet.size, -1)
         position[touched] = np.arange(len(touched))
         here = position[first]
         exists[here >= 0] &= ~lost[here[here >= 0]]
+        severed_rows[here >= 0] = lost[here[here >= 0]].any(axis=1)
     reference_area = float(sheet.areas.mean())
     member = np.where(exists, to_y * lattice.columns + to_x, 0)
     return Families(
@@ -236,7 +245,9 @@ def _lattice_families(sheet: Sheet, horizon: float, function: InfluenceFunction,
         mates=mates,
         kind=kind.ravel().astype(np.int32),
         shift=(oy * lattice.columns + ox).astype(np.int32),
-        key=first,
+        steps=np.column_stack([ox, oy]),
+        first=first,
+        severed=severed_rows,
     )
 
 
@@ -276,8 +287,11 @@ def _near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
 
 def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction) -> Families:
     pairs = cKDTree(sheet.points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    severed = np.zeros(sheet.size, bool)
     for segment in sheet.cuts:
-        pairs = pairs[~crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)]
+        across = crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
+        severed[pairs[across]] = True
+        pairs = pairs[~across]
     tail = np.concatenate([pairs[:, 0], pairs[:, 1]])
     head = np.concatenate([pairs[:, 1], pairs[:, 0]])
     order = np.lexsort((head, tail))
@@ -314,6 +328,7 @@ def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction) -
         areas=sheet.areas / reference_area,
         mates=mates,
         neighbours=neighbours,
+        severed=severed,
     )
 
 

@@ -318,23 +318,6 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
     return differ & (place >= -1e-12) & (place <= 1.0 + 1e-12)
 
 
-def edge_vectors(sheet: Sheet) -> np.ndarray:
-    """Traction of a unit stress on each point: half of each adjacent edge, times its outward normal [m].
-
-    Shape (N, 2). Linear edge functions: zero inside the sheet.
-    """
-    edges = np.vstack([sheet.triangles[:, [0, 1]], sheet.triangles[:, [1, 2]], sheet.triangles[:, [2, 0]]])
-    key = np.sort(edges, axis=1)
-    _, index, times = np.unique(key, axis=0, return_index=True, return_counts=True)
-    outer = edges[index[times == 1]]
-    along = sheet.points[outer[:, 1]] - sheet.points[outer[:, 0]]
-    normal = 0.5 * np.column_stack([along[:, 1], -along[:, 0]])
-    vectors = np.zeros_like(sheet.points)
-    np.add.at(vectors, outer[:, 0], normal)
-    np.add.at(vectors, outer[:, 1], normal)
-    return vectors
-
-
 def _cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
     """Two triangles for each whole cell, the diagonals alternating."""
     row, column = np.nonzero(whole)

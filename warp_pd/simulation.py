@@ -211,21 +211,17 @@ class Built:
     @property
     def damped(self) -> bool:
         """Whether there is mass damping."""
-        return self.simulation.solver.damping > 0.0
-
-    @property
-    def stopping(self) -> bool:
-        """Whether the solver uses kinetic damping."""
-        return self.simulation.solver.kinetic_damping
+        solver = self.simulation.solver
+        return solver.damping > 0.0 or solver.adaptive_damping
 
     @property
     def tracked(self) -> bool:
         """Whether work and dissipation are summed up."""
-        return self.simulation.track_energy and not self.stopping
+        return self.simulation.track_energy and not self.simulation.solver.adaptive_damping
 
     def _collect_schedules(self) -> dict[int, int]:
         """Index in the schedule table of each part that changes in time, by the part's id."""
-        ids = {}
+        ids: dict[int, int] = {}
         for load in self.simulation.loads:
             found = None if isinstance(load, Fixed) else load.schedule()
             if found is not None:
@@ -243,7 +239,7 @@ class Built:
         law = s.force.signature(layout, self.breakable)
         named = [getattr(part, "__module__", "") + "." + part.__qualname__ if callable(part) else part for part in law]
         key = (
-            precision, named, self.has_held, self.has_loads, self.damped, self.tracked, self.stopping,
+            precision, named, self.has_held, self.has_loads, self.damped, self.tracked, type(s.solver).__name__,
             sorted(set(kinds)), s.contact is not None, bool(s.sheet.inclusions), bool(self.schedules.schedules),
         )  # fmt: skip
         return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
@@ -257,7 +253,6 @@ class Built:
         self.mass = w.array("mass", "Simulation", t.real, mass)
         self.step = w.array("step", "Simulation", t.real, shape=1)
         self.damping = w.array("damping", "solver", t.real, np.array([s.solver.damping])) if self.damped else None
-        self.stop = w.array("stop", "solver", wp.int32, shape=1) if self.stopping else None
         self.held_mask = w.array("held", "loads", wp.uint8, self.held) if self.has_held else None
         self.state = State(
             displacement=w.array("displacement", "Simulation", t.vec3, self._initial("initial_displacement")),
@@ -343,9 +338,7 @@ class Built:
 
         s, w, state, bits, module = self.simulation, self.workspace, self.state, self.types.bits, self.workspace.module
         n = s.sheet.size
-        self.integration = integration(
-            bits, self.has_held, self.has_loads, self.damped, self.tracked, self.stopping, module
-        )
+        self.integration = integration(bits, self.has_held, self.has_loads, self.damped, self.tracked, module)
         if self.schedules.schedules:
             self._tick, self._prescribe = clock(bits, module)
             self._add_tick("step")
@@ -354,7 +347,7 @@ class Built:
             self._add_move_bodies()
         w.launch(
             "step", "solver", self.integration.drift, n,
-            mass=self.mass, held_mask=self.held_mask, step=self.step, damping=self.damping, stop=self.stop,
+            mass=self.mass, held_mask=self.held_mask, step=self.step, damping=self.damping,
             force=state.force, external=state.external, displacement=state.displacement,
             velocity=state.velocity, work=state.work,
         )  # fmt: skip
@@ -364,6 +357,7 @@ class Built:
             self._add_break(s.damage)
         self.force.add_force("step", state.displacement, state.force)
         self.add_loads("step")
+        s.solver.add_before_kick(self)
         w.launch(
             "step", "solver", self.integration.kick, n,
             mass=self.mass, held_mask=self.held_mask, step=self.step, damping=self.damping, force=state.force,
@@ -410,7 +404,7 @@ class Built:
         place, linear, angular, rotation = state.bodies
         self.workspace.launch(
             "step", "rigid inclusions", self._move_bodies, len(self.simulation.sheet.inclusions),
-            **self._bodies, step=self.step, damping=self.damping, stop=self.stop, force=state.force,
+            **self._bodies, step=self.step, damping=self.damping, force=state.force,
             external=state.external, displacement=state.displacement, place=place, linear=linear,
             angular=angular, rotation=rotation, velocity=state.velocity,
         )  # fmt: skip
@@ -429,13 +423,13 @@ class Built:
 
         state = self.state
         self._project, self._separate = ball_contact(
-            self.types.bits, self.has_held, self.tracked, self.workspace.module
+            self.types.bits, self.has_held, self.has_loads, self.tracked, self.workspace.module
         )
         self.workspace.launch(
             "step", "RigidBall", self._project, self.simulation.sheet.size,
             reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
             schedule=self._schedule_ids[id(ball)], radius=0.5 * ball.diameter, step=self.step,
-            displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
+            force=state.force, external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
     def _add_separate(self, ball: RigidBall) -> None:
@@ -444,8 +438,8 @@ class Built:
             "step", "RigidBall", self._separate, self.simulation.sheet.size,
             reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
             ball_velocity=self.types.vec3(*ball.velocity), schedule=self._schedule_ids[id(ball)],
-            radius=0.5 * ball.diameter, displacement=state.displacement, velocity=state.velocity,
-            impulse=state.impulse, work=state.work,
+            radius=0.5 * ball.diameter, step=self.step, force=state.force, external=state.external,
+            displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
     def _add_break(self, damage: CriticalStretch) -> None:
@@ -454,11 +448,12 @@ class Built:
         force = self.force
         self._break, self._damage = critical_stretch(
             force.families.layout, self.types.bits, self.tracked,
-            force.kernels.family_energy if self.tracked else None, self.workspace.module,
+            force.kernels.earlier_energy if self.tracked else None, self.workspace.module,
         )  # fmt: skip
         self.workspace.launch(
             "step", "CriticalStretch", self._break, self.simulation.sheet.size,
-            family=force.struct, displacement=self.state.displacement, horizon=force.families.horizon,
+            family=force.struct, displacement=self.state.displacement, velocity=self.state.velocity,
+            step=self.step, horizon=force.families.horizon,
             critical_squared=damage.stretch**2, constants=force.constants,
             inverse_horizon=force.inverse_horizon, unit_volume=force.unit_volume, alive=force.alive,
             released=self.state.released,

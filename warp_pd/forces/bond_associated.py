@@ -7,14 +7,33 @@ from typing import Any
 
 import numpy as np
 
-from ..bonds import Families, InfluenceFunction, build_families, family_struct, influence_function
+from ..bonds import (
+    Families,
+    InfluenceFunction,
+    build_families,
+    family_struct,
+    influence_function,
+    pack,
+    unpack,
+)
 from ..checks import InputError, one_of, positive
 from ..launches import Workspace
 from ..materials import Material, padded_constants
 from ..sheet import Sheet
+from ..weights import (
+    CorrectedWeights,
+    RectangleWeights,
+    corrected_weights,
+    edge_vectors,
+    reached_points,
+    rectangle_corrected,
+)
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 BROKEN = ("redistribute", "drop")
+# Largest horizon at which weights are corrected: beyond, the solve takes minutes.
+MOST_CORRECTED = 4.5
+MOST_CORRECTED_CLOUD = 100_000
 
 
 @dataclass(frozen=True)
@@ -29,7 +48,7 @@ class BondAssociated:
                 fractions (BA eqs. 38 and 43). It has no energy and misses uniform stress by about 1 %.
             "plain": in proportion to |D_ij|; conserves energy, exact for uniform stress inside the sheet.
             "corrected": the nearest weights for which uniform stress is in equilibrium up to the edges too.
-            "auto": "plain" once anything can break, "corrected" otherwise.
+            "auto": "plain" once anything can break or at horizons above 4.5, "corrected" otherwise.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
             1/r^2, or a function of an array.
         broken: What becomes of the area of broken bonds: "redistribute" gives it to the remaining ones of
@@ -53,7 +72,7 @@ class BondAssociated:
         """The weights that "auto" stands for."""
         if self.weights != "auto":
             return self.weights
-        return "plain" if breakable else "corrected"
+        return "plain" if breakable or self.horizon > MOST_CORRECTED else "corrected"
 
     def signature(self, layout: str, breakable: bool) -> tuple[Any, ...]:
         """What decides which kernels are compiled."""
@@ -100,8 +119,6 @@ class BondAssociatedForce:
         self.kernels = bond_associated(layout, workspace.bits, *law_key[1:], workspace.module)
         self.alive = None
         if breakable:
-            from ..bonds import pack
-
             standing = self.families.rows_of_points(pack(self.families.exists)).T
             self.alive = workspace.array("alive", "CriticalStretch", wp.uint32, standing)
         self.bond_force = workspace.array(
@@ -166,9 +183,24 @@ class BondAssociatedForce:
 
 def tables(
     law: BondAssociated, sheet: Sheet, weights: str
-) -> tuple[Families, np.ndarray, np.ndarray, Any]:
-    """Families, K^-1 (R, n, 3), weights over the reference area (R, n), report of the correction or None."""
+) -> tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]:
+    """Families and their tables.
+
+    Returns:
+        The families; K^-1 by row, shape (R, n, 3); weights over the reference area by row, shape (R, n) (for
+        "published" the sizes |D_ij| instead); what the correction did, or None.
+
+    Raises:
+        InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
+    """
+    if weights == "corrected":
+        _require_correctable(law, sheet)
+    depth = 0
     families = build_families(sheet, law.horizon, law.influence)
+    if weights == "corrected" and sheet.lattice is not None:
+        rectangle = _rectangle(families, sheet)
+        depth = rectangle.depth
+        families = build_families(sheet, law.horizon, law.influence, depth)
     inverse, size = families.inverse_shapes()
     if weights == "published":
         return families, inverse, size, None
@@ -176,4 +208,63 @@ def tables(
     plain = families.areas[:, None] * size / np.where(total > 0.0, total, 1.0)
     if weights == "plain":
         return families, inverse, plain, None
-    raise InputError("weights = 'corrected': not built yet")
+    if sheet.lattice is None:
+        solved = _cloud_correction(families, sheet, plain)
+        return families, inverse, solved.weights / families.reference_area, _report(solved, sheet)
+    assert families.first is not None and families.severed is not None
+    columns = sheet.lattice.columns
+    corrected = rectangle.at(families.first % columns, families.first // columns) / families.reference_area
+    return families, inverse, np.where(families.severed[:, None], plain, corrected), _report(rectangle.solved, sheet)
+
+
+def _require_correctable(law: BondAssociated, sheet: Sheet) -> None:
+    if law.horizon > MOST_CORRECTED:
+        raise InputError(
+            f"weights = 'corrected' at horizon = {law.horizon!r}: allowed up to {MOST_CORRECTED}; "
+            f"take weights 'plain'"
+        )
+    if sheet.lattice is None and sheet.size > MOST_CORRECTED_CLOUD:
+        raise InputError(
+            f"weights = 'corrected' on a cloud of {sheet.size} points: allowed up to {MOST_CORRECTED_CLOUD}; "
+            f"take weights 'plain'"
+        )
+
+
+def _rectangle(families: Families, sheet: Sheet) -> RectangleWeights:
+    assert sheet.lattice is not None and families.steps is not None
+    lattice = sheet.lattice
+    return rectangle_corrected(
+        lattice.columns,
+        lattice.rows,
+        (lattice.dx, lattice.dy),
+        offsets=families.steps,
+        influence=families.influence,
+        common=unpack(families.common, families.members),
+    )
+
+
+def _cloud_correction(families: Families, sheet: Sheet, plain: np.ndarray) -> CorrectedWeights:
+    assert families.neighbours is not None and families.severed is not None
+    return corrected_weights(
+        sheet.points,
+        sheet.areas,
+        families.neighbours,
+        families.influence,
+        unpack(families.common, families.members),
+        edge_vectors=edge_vectors(sheet.points, sheet.triangles),
+        start=plain * families.reference_area,
+        frozen=families.severed,
+        unbalanced=reached_points(families.neighbours, families.severed) | families.severed,
+    )
+
+
+def _report(solved: CorrectedWeights, sheet: Sheet) -> dict[str, float]:
+    """What the correction did, for summary.json; residuals in spacings."""
+    return {
+        "residual": solved.residual / sheet.spacing,
+        "residual_of_plain": solved.start_residual / sheet.spacing,
+        "smallest_ratio": solved.smallest_ratio,
+        "largest_ratio": solved.largest_ratio,
+        "points_left_unbalanced": solved.unbalanced_points,
+        "seconds": solved.seconds,
+    }

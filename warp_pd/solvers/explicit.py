@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 # Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost
 # a few per cent of the steps between them.
-FIRST_ITERATIONS = 150
+FIRST_ITERATIONS = 120
 LATER_ITERATIONS = 10
 STEPS_BETWEEN = 400
 
@@ -41,7 +41,7 @@ class Explicit:
     step: float | None = None
     precision: int = 32
 
-    kinetic_damping = False
+    adaptive_damping = False
 
     def __post_init__(self) -> None:
         positive("duration", self.duration)
@@ -55,6 +55,9 @@ class Explicit:
     def add(self, built: Built) -> None:
         """Add what this solver needs besides the common step."""
         built.stable_step = StableStep(built)
+
+    def add_before_kick(self, built: Built) -> None:
+        """Nothing: the damping is constant."""
 
     def march(self, built: Built, recorder: Recorder) -> str:
         """Run to the end, handing every frame to the recorder; returns the final status."""

@@ -1,4 +1,4 @@
-"""Rest under load: explicit steps with kinetic damping, until the residual is small."""
+"""Rest under load: explicit steps with adaptive damping, until the residual is small."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CHECK_EVERY = 50
 
 @dataclass(frozen=True)
 class QuasiStatic:
-    """Dynamic relaxation with kinetic damping: all motion stops when the kinetic energy passes a peak.
+    """Dynamic relaxation: at every step, the damping is critical for the motion that is left.
 
     Schedules run in a load time from 0 to 1 (`duration`), over the first `ramp_steps` steps.
 
@@ -41,7 +41,7 @@ class QuasiStatic:
     frames: int = 1
 
     damping = 0.0
-    kinetic_damping = True
+    adaptive_damping = True
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:
@@ -51,23 +51,30 @@ class QuasiStatic:
         count("ramp_steps", self.ramp_steps, 1)
         count("most_steps", self.most_steps, 1)
 
-    def add(self, built: Built) -> None:
-        """Add kinetic damping, the residual and the stable step."""
+    def add_before_kick(self, built: Built) -> None:
+        """Add the launches that set the damping of this step."""
         import warp as wp
 
-        from ..kernels.integrate import kinetic_damping
+        from ..kernels.integrate import adaptive_damping
+
+        w, n, state = built.workspace, built.simulation.sheet.size, built.state
+        measure_motion, set_damping = adaptive_damping(built.types.bits, w.module)
+        blocks = -(-n // BLOCK)
+        sums = w.array("motion_sums", "QuasiStatic", wp.float64, shape=(2, blocks))
+        previous = w.array("previous_force", "QuasiStatic", built.types.vec3, shape=n)
+        w.launch(
+            "step", "QuasiStatic", measure_motion, blocks,
+            mass=built.mass, held_mask=built.held_mask, velocity=state.velocity, force=state.force, block=BLOCK,
+            previous=previous, sums=sums,
+        )  # fmt: skip
+        w.launch("step", "QuasiStatic", set_damping, 1, sums=sums, step=built.step, damping=built.damping)
+
+    def add(self, built: Built) -> None:
+        """Add the residual and the stable step."""
+        import warp as wp
 
         w, n, state = built.workspace, built.simulation.sheet.size, built.state
         built.stable_step = StableStep(built)
-        block_energy, find_peak = kinetic_damping(built.types.bits, w.module)
-        blocks = -(-n // BLOCK)
-        energies = w.array("block_energies", "QuasiStatic", wp.float64, shape=blocks)
-        self_energy = w.array("last_energy", "QuasiStatic", wp.float64, shape=1)
-        w.launch(
-            "step", "QuasiStatic", block_energy, blocks,
-            mass=built.mass, held_mask=built.held_mask, velocity=state.velocity, block=BLOCK, out=energies,
-        )  # fmt: skip
-        w.launch("step", "QuasiStatic", find_peak, 1, blocks=energies, previous=self_energy, stop=built.stop)
         built.unbalanced = w.array("unbalanced", "QuasiStatic", wp.float64, shape=n)
         built.reaction = w.array("reaction", "QuasiStatic", wp.float64, shape=n)
         w.launch(

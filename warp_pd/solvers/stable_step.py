@@ -69,6 +69,14 @@ class StableStep:
             noise[(held & ((1 << c) | 8)) != 0, c] = 0.0
         return noise
 
+    def noise_state(self) -> dict[str, Any]:
+        """State of the generator of the noise, for a restart."""
+        return dict(self._noise.bit_generator.state)
+
+    def restore_noise(self, state: dict[str, Any]) -> None:
+        """Put back what `noise_state` gave."""
+        self._noise.bit_generator.state = state
+
     def omega(self, iterations: int, settle: float = 2e-3) -> float:
         """Estimate of omega_max [rad/s], at least two iterations, at most `iterations`.
 

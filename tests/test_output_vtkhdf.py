@@ -1,0 +1,398 @@
+"""The VTKHDF series: what VTK reads back is what was written, whatever happens to the run."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("h5py")
+
+import itertools
+
+import h5py
+
+from warp_pd.frame import Frame, Surface
+from warp_pd.output.vtkhdf import VtkHdfSeries, read_frame, read_series
+
+COLUMNS, ROWS, FRAMES = 6, 5, 7
+
+
+def make_surface(**changes) -> Surface:
+    """A sheet of 6 x 5 points, 0.5 m x 0.4 m, with a ball above it."""
+    points = np.array([[0.1 * column, 0.1 * row, 0.0] for row in range(ROWS) for column in range(COLUMNS)])
+    corners = [row * COLUMNS + column for row in range(ROWS - 1) for column in range(COLUMNS - 1)]
+    faces = np.array(
+        [triangle for a in corners for triangle in ((a, a + 1, a + 7), (a, a + 7, a + 6))], np.int32
+    )
+    values = {
+        "points": points,
+        "faces": faces,
+        "ball_diameter": 0.1,
+        "title": "tear",
+        "metadata": {"version": "1", "points": 30},
+    }
+    return Surface(**{**values, **changes})
+
+
+def make_frame(surface: Surface, at: int, **changes) -> Frame:
+    """The ball pushes the middle down; from frame 2 on a tear runs from the left, one column a frame."""
+    x, y = surface.points[:, 0], surface.points[:, 1]
+    displacement = np.zeros_like(surface.points)
+    displacement[:, 2] = -0.02 * at * np.sin(np.pi * x / 0.5) * np.sin(np.pi * y / 0.4)
+    centres = surface.points[surface.faces].mean(axis=1)
+    torn = (np.abs(centres[:, 1] - 0.2) < 0.1) & (centres[:, 0] < 0.1 * (at - 1))
+    values = {
+        "index": at,
+        "time": 0.01 * at,
+        "displacement": displacement,
+        "velocity": np.full_like(surface.points, 0.1 * at),
+        "intact_faces": ~torn,
+        "damage": np.clip(2.0 * at / FRAMES - 4.0 * x, 0.0, 1.0),
+        "ball_center": np.array([0.25, 0.2, 0.06 - 0.02 * at]),
+        "point_data": {
+            "stress": 1e5 * x * at,
+            "force": surface.points * at,
+            "bonds": np.arange(30) - at,
+            "held": x == 0.0,
+        },
+    }
+    return Frame(**{**values, **changes})
+
+
+def write_all(path: Path, first: int = 0, last: int = FRAMES, **options) -> Surface:
+    surface = make_surface()
+    with VtkHdfSeries(path, surface, **options) as series:
+        for index in range(first, last):
+            series.write(make_frame(surface, index))
+    return surface
+
+
+class Reader:
+    """VTK's own reader, one step at a time, as numpy arrays."""
+
+    def __init__(self, path: Path) -> None:
+        hdf = pytest.importorskip("vtkmodules.vtkIOHDF")
+        self._reader = hdf.vtkHDFReader()
+        assert self._reader.CanReadFile(str(path))
+        self._reader.SetFileName(str(path))
+        self._reader.UpdateInformation()
+        self.steps = self._reader.GetNumberOfSteps()
+
+    def at(self, step: int) -> dict[str, Any]:
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+
+        self._reader.SetStep(step)
+        self._reader.Update()
+        output = self._reader.GetOutput()
+        data = output.GetPointData()
+        names = [data.GetArrayName(number) for number in range(data.GetNumberOfArrays())]
+        return {
+            "time": self._reader.GetTimeValue(),
+            "points": vtk_to_numpy(output.GetPoints().GetData()),
+            "faces": vtk_to_numpy(output.GetPolys().GetConnectivityArray()).reshape(-1, 3),
+            "cells": output.GetNumberOfCells(),
+            "fields": {name: vtk_to_numpy(data.GetArray(name)) for name in names},
+            "ball_center": output.GetFieldData().GetArray("ball_center"),
+        }
+
+
+def assert_step_is_frame(step: dict[str, Any], surface: Surface, frame: Frame) -> None:
+    assert step["time"] == pytest.approx(frame.time)
+    np.testing.assert_allclose(step["points"], frame.positions(surface), atol=1e-7)
+    np.testing.assert_array_equal(step["faces"], frame.faces(surface))
+    assert step["cells"] == len(frame.faces(surface))
+    expected = {"displacement": frame.displacement, "velocity": frame.velocity, **frame.point_data}
+    if frame.damage is not None:
+        expected["damage"] = frame.damage
+    assert set(step["fields"]) == set(expected)
+    for name, values in expected.items():
+        np.testing.assert_allclose(step["fields"][name], values, rtol=1e-6, atol=1e-6, err_msg=name)
+    if frame.ball_center is not None:
+        assert step["ball_center"].GetTuple(0) == pytest.approx(frame.ball_center)
+
+
+# Also backwards and leaping: the reader must find each step without having read the one before.
+@pytest.mark.parametrize("order", [range(FRAMES), range(FRAMES - 1, -1, -1), [0, FRAMES - 1, 2]])
+def test_vtk_reads_every_step(tmp_path: Path, order) -> None:
+    path = tmp_path / "frames.vtkhdf"
+    surface = write_all(path)
+    reader = Reader(path)
+    assert reader.steps == FRAMES
+    for index in order:
+        assert_step_is_frame(reader.at(index), surface, make_frame(surface, index))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["frames.vtkhdf"]
+
+
+def test_torn_faces_stay_gone(tmp_path: Path) -> None:
+    write_all(tmp_path / "frames.vtkhdf")
+    reader = Reader(tmp_path / "frames.vtkhdf")
+    triangles = [set(map(tuple, reader.at(index)["faces"])) for index in range(FRAMES)]
+    assert all(later <= earlier for earlier, later in itertools.pairwise(triangles))
+    assert len(triangles[-1]) < len(triangles[0]) == 40
+
+
+def test_frame_with_what_is_optional_left_out(tmp_path: Path) -> None:
+    path, surface = tmp_path / "frames.vtkhdf", make_surface(ball_diameter=None)
+    left_out = {"intact_faces": None, "damage": None, "ball_center": None, "point_data": {}}
+    with VtkHdfSeries(path, surface) as series:
+        for index in range(3):
+            series.write(make_frame(surface, index, **left_out))
+    reader = Reader(path)
+    for index in range(3):
+        assert_step_is_frame(reader.at(index), surface, make_frame(surface, index, **left_out))
+    with h5py.File(path) as file:
+        assert len(file["VTKHDF/Polygons/Connectivity"]) == 3 * 40
+
+
+def test_all_faces_torn(tmp_path: Path) -> None:
+    path, surface = tmp_path / "frames.vtkhdf", make_surface()
+    frames = [
+        make_frame(surface, 0),
+        make_frame(surface, 1, intact_faces=np.zeros(40, bool)),
+        make_frame(surface, 2, intact_faces=np.zeros(40, bool)),
+    ]
+    with VtkHdfSeries(path, surface) as series:
+        for frame in frames:
+            series.write(frame)
+    reader = Reader(path)
+    for index in (2, 1, 0):
+        assert_step_is_frame(reader.at(index), surface, frames[index])
+
+
+def test_triangles_are_stored_when_they_change(tmp_path: Path) -> None:
+    surface = write_all(tmp_path / "frames.vtkhdf")
+    faces = [make_frame(surface, index).faces(surface) for index in range(FRAMES)]
+    stored = [faces[0]] + [
+        later for earlier, later in itertools.pairwise(faces) if len(earlier) != len(later)
+    ]
+    assert 1 < len(stored) < FRAMES
+    with h5py.File(tmp_path / "frames.vtkhdf") as file:
+        np.testing.assert_array_equal(file["VTKHDF/Polygons/NumberOfCells"], [len(each) for each in stored])
+        assert len(file["VTKHDF/Polygons/Connectivity"]) == sum(each.size for each in stored)
+
+
+def test_info(tmp_path: Path) -> None:
+    surface = write_all(tmp_path / "frames.vtkhdf")
+    info = read_series(tmp_path / "frames.vtkhdf")
+    assert info.frames == FRAMES and info.points == 30
+    np.testing.assert_allclose(info.times, 0.01 * np.arange(FRAMES))
+    assert info.faces.tolist() == [len(make_frame(surface, i).faces(surface)) for i in range(FRAMES)]
+    assert set(info.fields) == {"displacement", "velocity", "damage", "stress", "force", "bonds", "held"}
+    assert info.metadata == {"title": "tear", "version": "1", "points": 30, "ball_diameter": 0.1}
+
+
+def test_every_frame_is_on_disk_when_write_returns(tmp_path: Path) -> None:
+    path, surface = tmp_path / "frames.vtkhdf", make_surface()
+    series = VtkHdfSeries(path, surface)
+    for index in range(3):
+        series.write(make_frame(surface, index))
+        assert series.frames == index + 1
+        reader = Reader(path)
+        assert reader.steps == index + 1
+        assert_step_is_frame(reader.at(index), surface, make_frame(surface, index))
+
+
+@pytest.mark.parametrize("index", range(FRAMES))
+def test_read_frame_is_what_vtk_reads(tmp_path: Path, index: int) -> None:
+    path = tmp_path / "frames.vtkhdf"
+    write_all(path)
+    time, points, triangles, fields = read_frame(path, index)
+    step = Reader(path).at(index)
+    assert time == step["time"]
+    np.testing.assert_array_equal(points, step["points"])
+    np.testing.assert_array_equal(triangles, step["faces"])
+    assert set(fields) == set(step["fields"])
+    for name, values in fields.items():
+        np.testing.assert_array_equal(values, step["fields"][name])
+
+
+@pytest.mark.parametrize("index", [-1, FRAMES])
+def test_read_frame_that_is_not_there(tmp_path: Path, index: int) -> None:
+    write_all(tmp_path / "frames.vtkhdf")
+    with pytest.raises(ValueError, match=f"index is {index}; allowed: 0 to {FRAMES - 1}"):
+        read_frame(tmp_path / "frames.vtkhdf", index)
+
+
+WRITE_UNTIL_KILLED = """
+import sys
+from test_output_vtkhdf import VtkHdfSeries, make_frame, make_surface
+surface = make_surface()
+series = VtkHdfSeries(sys.argv[1], surface)
+for index in range(10**6):
+    series.write(make_frame(surface, index))
+    print(index, flush=True)
+"""
+
+
+@pytest.mark.parametrize("kill_after", [5, 90])
+def test_killed_run_leaves_every_frame(tmp_path: Path, kill_after: int) -> None:
+    path = tmp_path / "frames.vtkhdf"
+    here = Path(__file__).resolve().parent
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(here), str(here.parent)])}
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITE_UNTIL_KILLED, str(path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+    assert process.stdout is not None
+    while int(process.stdout.readline()) < kill_after:
+        pass
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    process.stdout.close()
+    surface, frames = make_surface(), read_series(path).frames
+    assert frames > kill_after
+    write_all(path, frames, frames + 2, append_from=frames)
+    reader = Reader(path)
+    assert reader.steps == frames + 2
+    for index in range(frames + 2):
+        assert_step_is_frame(reader.at(index), surface, make_frame(surface, index))
+
+
+def contents(path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+
+    def add(name: str, member: Any) -> None:
+        if isinstance(member, h5py.Dataset):
+            found[name] = (member.dtype, member[()].tolist())
+        for key, value in member.attrs.items():
+            found[f"{name}@{key}"] = np.asarray(value).tolist()
+
+    with h5py.File(path) as file:
+        file.visititems(add)
+    return found
+
+
+@pytest.mark.parametrize("first", range(FRAMES + 1))
+def test_appending_equals_writing_in_one_go(tmp_path: Path, first: int) -> None:
+    write_all(tmp_path / "whole.vtkhdf")
+    parts, surface = tmp_path / "parts.vtkhdf", make_surface()
+    with VtkHdfSeries(parts, surface) as series:
+        for index in range(FRAMES):
+            healthy = index < first
+            changes = {} if healthy else {"damage": np.ones(30), "intact_faces": np.arange(40) == index}
+            series.write(make_frame(surface, index, **changes))
+    write_all(parts, first, append_from=first)
+    assert contents(parts) == contents(tmp_path / "whole.vtkhdf")
+    assert "VTKHDF/Steps@NSteps" in contents(parts)
+
+
+def test_rows_of_a_frame_that_failed_are_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_all(tmp_path / "whole.vtkhdf", last=3)
+    path, surface = tmp_path / "frames.vtkhdf", make_surface()
+    with VtkHdfSeries(path, surface) as series:
+        series.write(make_frame(surface, 0))
+        series.write(make_frame(surface, 1))
+        with monkeypatch.context() as patch:
+            patch.setattr("warp_pd.output.vtkhdf._before_last", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                series.write(make_frame(surface, 2, intact_faces=np.zeros(40, bool)))
+        assert Reader(path).steps == 2
+        assert_step_is_frame(Reader(path).at(1), surface, make_frame(surface, 1))
+        series.write(make_frame(surface, 2))
+    assert contents(path) == contents(tmp_path / "whole.vtkhdf")
+
+
+def interrupt(*_arguments) -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_new_series_removes_the_old_one(tmp_path: Path) -> None:
+    write_all(tmp_path / "frames.vtkhdf")
+    series = VtkHdfSeries(tmp_path / "frames.vtkhdf", make_surface())
+    assert list(tmp_path.iterdir()) == []
+    series.close()
+    with pytest.raises(ValueError, match="closed"):
+        series.write(make_frame(series.surface, 0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({"index": 2}, "index"),
+        ({"displacement": np.zeros((29, 3))}, "displacement"),
+        ({"displacement": np.full((30, 3), np.inf)}, "displacement"),
+        ({"damage": None}, "damage"),
+        ({"point_data": {}}, "stress"),
+        ({"point_data": {"damage": np.zeros(30)}}, "damage"),
+        ({"point_data": {"a/b": np.zeros(30)}}, "a/b"),
+        ({"point_data": {"stress": np.zeros((30, 9))}}, "stress"),
+        ({"ball_center": None}, "ball_center"),
+    ],
+)
+def test_wrong_frame_is_refused_in_one_line(tmp_path: Path, changes, names: str) -> None:
+    path, surface = tmp_path / "frames.vtkhdf", make_surface()
+    with VtkHdfSeries(path, surface) as series:
+        series.write(make_frame(surface, 0))
+        with pytest.raises(ValueError, match=names) as caught:
+            series.write(make_frame(surface, 1, **changes))
+        assert "allowed" in str(caught.value) and "\n" not in str(caught.value)
+        series.write(make_frame(surface, 1))
+    assert read_series(path).frames == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "error"),
+    [
+        ("a.usd", {}, ValueError),
+        ("nowhere/a.vtkhdf", {}, OSError),
+        ("missing.vtkhdf", {"append_from": 2}, OSError),
+        ("short.vtkhdf", {"append_from": 3}, ValueError),
+        ("short.vtkhdf", {"append_from": -1}, ValueError),
+    ],
+)
+def test_wrong_argument_is_refused_in_one_line(tmp_path: Path, name: str, options, error) -> None:
+    write_all(tmp_path / "short.vtkhdf", last=2)
+    with pytest.raises(error, match="allowed") as caught:
+        VtkHdfSeries(tmp_path / name, make_surface(), **options)
+    assert "\n" not in str(caught.value)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["short.vtkhdf"]
+
+
+def test_appending_to_another_sheet_is_refused(tmp_path: Path) -> None:
+    write_all(tmp_path / "frames.vtkhdf")
+    other = Surface(np.eye(3), np.array([[0, 1, 2]]))
+    with pytest.raises(ValueError, match="surface has 3 points; allowed: 30"):
+        VtkHdfSeries(tmp_path / "frames.vtkhdf", other, append_from=2)
+
+
+def not_hdf5(path: Path) -> None:
+    path.write_text("time,damage\n0,0\n")
+
+
+def cut_short(path: Path) -> None:
+    write_all(path)
+    path.write_bytes(path.read_bytes()[:20000])
+
+
+def of_another_program(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["temperature"] = np.zeros(3)
+
+
+def without_rows(path: Path) -> None:
+    write_all(path)
+    with h5py.File(path, "r+") as file:
+        file["VTKHDF/PointData/velocity"].resize(30, axis=0)
+
+
+@pytest.mark.parametrize("spoil", [not_hdf5, cut_short, of_another_program, without_rows])
+def test_info_refuses_damaged_and_foreign_files_in_one_line(tmp_path: Path, spoil) -> None:
+    path = tmp_path / "frames.vtkhdf"
+    spoil(path)
+    with pytest.raises(ValueError, match=str(path)) as caught:
+        read_series(path)
+    assert "allowed" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_info_of_no_file(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="allowed"):
+        read_series(tmp_path / "frames.vtkhdf")

@@ -1,0 +1,218 @@
+"""Command line: warp-pd list, run, plan, info."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+import pkgutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .checks import InputError, one_of
+
+WRONG_INPUT, DIVERGED = 2, 3
+
+
+class OneLineGroup(click.Group):
+    """A group whose wrong input ends with one line and exit code 2."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except InputError as error:
+            click.echo(f"warp-pd: {error}", err=True)
+            ctx.exit(WRONG_INPUT)
+
+
+@click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="warp-pd")
+def main() -> None:
+    """Peridynamics of thin rubber sheets that stretch, wrinkle, tear and get pierced."""
+
+
+def scene_names() -> list[str]:
+    """Names of the scenes that come with the package."""
+    package = importlib.import_module("warp_pd.scenes")
+    return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
+
+
+def load_scene(name: str) -> Any:
+    """The module of a scene, by name, or by the path of a Python file with a function `build`.
+
+    Raises:
+        InputError: if there is none; the message says which name is nearest.
+    """
+    if name.endswith(".py"):
+        return _load_file(Path(name))
+    return importlib.import_module(f"warp_pd.scenes.{one_of('scene', name, scene_names())}")
+
+
+def _load_file(path: Path) -> Any:
+    if not path.is_file():
+        raise InputError(f"scene = {str(path)!r}: the file does not exist")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    if not hasattr(module, "build"):
+        raise InputError(f"scene = {str(path)!r}: the file has no function build(...) that returns a Simulation")
+    return module
+
+
+def build_scene(name: str, settings: dict[str, Any]) -> Any:
+    """The simulation of a scene; `settings` hold text or numbers for the arguments of its `build`.
+
+    Raises:
+        InputError: for a name that the scene does not know, or a value that does not fit.
+    """
+    scene = load_scene(name)
+    parameters = inspect.signature(scene.build).parameters
+    values = {key: _convert(key, value, parameters) for key, value in settings.items()}
+    simulation = scene.build(**values)
+    simulation.scene = Path(name).stem
+    used = {key: values.get(key, p.default) for key, p in parameters.items()}
+    simulation.settings = {k: v for k, v in used.items() if isinstance(v, str | int | float | bool | type(None))}
+    return simulation
+
+
+def _convert(key: str, value: Any, parameters: Any) -> Any:
+    """`value` in the type of the argument's default."""
+    if key not in parameters:
+        nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.4)
+        hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
+        raise InputError(f"--set {key}: this scene knows {', '.join(parameters)}{hint}")
+    default = parameters[key].default
+    if not isinstance(value, str) or isinstance(default, str):
+        return value
+    if isinstance(default, bool):
+        known = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+        return known[one_of(f"--set {key}", value.lower(), known)]
+    if isinstance(default, int):
+        try:
+            return int(value)
+        except ValueError:
+            raise InputError(f"--set {key} = {value!r}: allowed is a whole number") from None
+    if value.lower() == "none" and default is None:
+        return None
+    try:
+        return float(value)
+    except ValueError:
+        raise InputError(f"--set {key} = {value!r}: allowed is a number") from None
+
+
+def _settings(
+    points: int | None, horizon: float | None, weights: str | None, duration: float | None, frames: int | None,
+    assignments: tuple[str, ...],
+) -> dict[str, Any]:  # fmt: skip
+    named = {"points": points, "horizon": horizon, "weights": weights, "duration": duration, "frames": frames}
+    settings = {key: value for key, value in named.items() if value is not None}
+    for text in assignments:
+        key, separator, value = text.partition("=")
+        if not separator:
+            raise InputError(f"--set {text!r}: allowed is name=value")
+        settings[key.strip().replace("-", "_")] = value.strip()
+    return settings
+
+
+def _scene_options(command: Any) -> Any:
+    """Options that `run` and `plan` share."""
+    options = [
+        click.argument("scene"),
+        click.option("--points", type=int, help="Points along x."),
+        click.option("--horizon", type=float, help="Horizon in spacings, such as 1.5, 2.015 or 3.15."),
+        click.option("--weights", help="published, plain, corrected or auto."),
+        click.option("--duration", type=float, help="Simulated time [s]."),
+        click.option("--frames", type=int, help="Number of frames after the first."),
+        click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="One of the scene's own numbers."),
+        click.option("--device", help="cpu, cuda:0, ...; CUDA by default where there is one."),
+        click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for rest under load."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@main.command("list")
+def list_scenes() -> None:
+    """List the scenes."""
+    for name in scene_names():
+        text = inspect.getdoc(load_scene(name)) or ""
+        click.echo(f"{name:20s} {text.splitlines()[0]}")
+
+
+@main.command()
+@_scene_options
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the results; by default runs/SCENE.")
+@click.option("--resume", is_flag=True, help="Go on from the last frame in the folder.")
+@click.option("--no-usd", is_flag=True, help="Write no animation.usd.")
+@click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
+@click.option("--quiet", is_flag=True, help="Show no progress.")
+def run(
+    scene: str, points: int | None, horizon: float | None, weights: str | None, duration: float | None,
+    frames: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None, out: Path | None,
+    resume: bool, no_usd: bool, no_pictures: bool, quiet: bool,
+) -> None:  # fmt: skip
+    """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
+    from .output.progress import Progress
+    from .run import DIVERGED as RUN_DIVERGED
+    from .run import NOT_CONVERGED, STOPPED
+
+    simulation = build_scene(scene, _settings(points, horizon, weights, duration, frames, assignments))
+    folder = out or Path("runs") / simulation.scene
+    result = simulation.run(
+        out=folder,
+        device=device,
+        precision=precision,
+        resume=resume,
+        usd=not no_usd,
+        pictures=not no_pictures,
+        reporter=Progress(quiet),
+    )
+    if not quiet:
+        _report(result)
+    if result.summary["message"]:
+        click.echo(f"warp-pd: {result.summary['message']}", err=True)
+    if result.status in (RUN_DIVERGED, NOT_CONVERGED):
+        sys.exit(DIVERGED)
+    if result.status == STOPPED:
+        sys.exit(130)
+
+
+def _report(result: Any) -> None:
+    for name, m in result.summary["measures"].items():
+        line = f"{name} = {m['value']:.6g} {m['unit']}"
+        if m["reference"] is not None:
+            line += f"   reference {m['reference']:.6g} {m['unit']} ({m['source']}), error {100 * m['error']:+.3f} %"
+        click.echo(line)
+    click.echo(f"results in {result.folder}")
+    for path in sorted(result.folder.iterdir()):
+        click.echo(f"  {path.name}")
+
+
+@main.command()
+@_scene_options
+def plan(
+    scene: str, points: int | None, horizon: float | None, weights: str | None, duration: float | None,
+    frames: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None,
+) -> None:  # fmt: skip
+    """Show the arrays and launches of SCENE, and which part asked for each."""
+    simulation = build_scene(scene, _settings(points, horizon, weights, duration, frames, assignments))
+    click.echo(simulation.plan(device, precision))
+
+
+@main.command()
+@click.argument("file", type=click.Path(path_type=Path))
+def info(file: Path) -> None:
+    """Say what a frames.vtkhdf, an animation.usd or a summary.json holds."""
+    from .output.info import describe
+
+    click.echo(describe(file))
+
+
+if __name__ == "__main__":
+    main()

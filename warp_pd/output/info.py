@@ -1,0 +1,72 @@
+"""What a result file holds, in a few lines."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from ..checks import InputError
+
+
+def describe(path: Path) -> str:
+    """A few lines about a frames.vtkhdf, an animation.usd, a summary.json, or a folder that holds them.
+
+    Raises:
+        InputError: for a file that is missing, damaged or of another kind.
+    """
+    if not path.exists():
+        raise InputError(f"file = {str(path)!r}: it does not exist")
+    if path.is_dir():
+        known = [p for p in sorted(path.iterdir()) if p.suffix in (".vtkhdf", ".usd") or p.name == "summary.json"]
+        if not known:
+            raise InputError(f"file = {str(path)!r}: the folder holds no result of a run")
+        return "\n".join(describe(p) for p in known)
+    if path.suffix == ".vtkhdf":
+        return _vtkhdf(path)
+    if path.suffix in (".usd", ".usda", ".usdc"):
+        return _usd(path)
+    if path.suffix == ".json":
+        return _summary(path)
+    raise InputError(f"file = {str(path)!r}: allowed are .vtkhdf, .usd and .json files")
+
+
+def _vtkhdf(path: Path) -> str:
+    from .vtkhdf import read_series
+
+    try:
+        series = read_series(path)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    lines = [f"{path}: {series.frames} frames of {series.points} points"]
+    if series.frames:
+        lines.append(f"  time {series.times[0]:.6g} to {series.times[-1]:.6g} s")
+    lines.append(f"  fields {', '.join(series.fields)}")
+    lines += [f"  {key} {value}" for key, value in series.metadata.items()]
+    return "\n".join(lines)
+
+
+def _usd(path: Path) -> str:
+    from pxr import Tf, Usd, UsdGeom
+
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException:
+        raise InputError(f"file = {str(path)!r}: USD cannot read it") from None
+    lines = [f"{path}: time codes {stage.GetStartTimeCode():g} to {stage.GetEndTimeCode():g}"]
+    lines.append(f"  {stage.GetTimeCodesPerSecond():g} a second, up {UsdGeom.GetStageUpAxis(stage)}")
+    lines += [f"  {prim.GetPath()} ({prim.GetTypeName()})" for prim in stage.Traverse() if prim.GetTypeName()]
+    return "\n".join(lines)
+
+
+def _summary(path: Path) -> str:
+    try:
+        summary = json.loads(path.read_text())
+    except (ValueError, UnicodeDecodeError):
+        raise InputError(f"file = {str(path)!r}: it is not a summary.json") from None
+    if not isinstance(summary, dict) or "scene" not in summary:
+        raise InputError(f"file = {str(path)!r}: it is not a summary.json")
+    lines = [f"{path}: {summary['scene']} ({summary['section']}), {summary['status']}"]
+    lines.append(f"  {summary['points']} points, horizon {summary['horizon']}, {summary['weights']} weights")
+    for name, measure in summary["measures"].items():
+        lines.append(f"  {name} = {measure['value']:.6g} {measure['unit']}")
+    return "\n".join(lines)

@@ -1,0 +1,460 @@
+"""Animation of a tearing sheet in one binary USD file, for usdview, Blender, Omniverse and other renderers.
+
+One time code is one frame. The sheet keeps all its points from first to last; the triangles that a crack cuts
+leave the mesh on the frame it cuts them.
+
+A binary USD layer that is saved again is changed in place: the library overwrites the tables at its end
+before it has written new ones, and a process killed at that moment leaves a file nobody can open. So the
+frames go to a working file beside the animation, and each save puts a finished copy in the animation's place
+in one rename.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+
+from warp_pd.frame import Frame, Surface
+
+# Linear red, green and blue from natural rubber to torn. It darkens all the way, so that it also reads in
+# grey print, and turns red early: along a crack the damage is near 0.4, the share of bonds that cross it.
+_RAMP_DAMAGE = (0.0, 0.15, 0.4, 0.7, 1.0)
+_RAMP_COLOUR = np.array(
+    [[0.80, 0.52, 0.26], [0.86, 0.36, 0.13], [0.72, 0.06, 0.10], [0.32, 0.01, 0.24], [0.03, 0.02, 0.22]]
+)
+_BALL_COLOUR = (0.32, 0.37, 0.42)
+
+# From where the camera looks at the sheet: from the front, a little to the right, and above.
+_VIEW_DIRECTION = np.array([0.45, -0.80, 0.62])
+_VIEW_MARGIN = 1.12
+_FOCAL_LENGTH = 50.0
+_APERTURE = (36.0, 20.25)
+
+# Rubber stretches several times over, but a fragment that flies off must not take the camera with it.
+_LARGEST_VIEW = 4.0
+
+_SHEET, _BALL, _CAMERA = "/World/Sheet", "/World/Ball", "/World/Camera"
+
+
+class UsdAnimation:
+    """Writes frames into one binary USD file, which can be opened at any moment after the first frame.
+
+    A killed run leaves the frames up to the last save. Each save copies the file, so lower `save_every` for
+    short animations only: the copies of a long one add up.
+
+    Example:
+        with UsdAnimation("animation.usd", surface) as animation:
+            animation.write(frame)
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        surface: Surface,
+        *,
+        frames_per_second: float = 24.0,
+        seconds_per_frame: float | None = None,
+        save_every: int = 25,
+        append_from: int | None = None,
+    ) -> None:
+        """Begin an animation, or go on with one.
+
+        Args:
+            path: The file, ending in .usd or .usdc. A file that is there is removed, unless appended to.
+            surface: The reference sheet.
+            frames_per_second: How fast the animation plays [1/s].
+            seconds_per_frame: Simulated time from one frame to the next [s], kept in the file: with it a
+                viewer knows how much slower or faster than life the animation plays.
+            save_every: Frames from one save to the next.
+            append_from: Keep the frames before this one of the file that is there, drop the others, and go on
+                from here. None and 0 begin anew.
+        """
+        _require_positive("frames_per_second", frames_per_second)
+        _require_positive("save_every", save_every)
+        if seconds_per_frame is not None:
+            _require_positive("seconds_per_frame", seconds_per_frame)
+        self.path = _require_writable(path)
+        self.surface = surface
+        self._working_path = self.path.with_name(f".{self.path.stem}.unfinished.usdc")
+        self._save_every = int(save_every)
+        self._unsaved = 0
+        self._frames = 0
+        self._held_faces: NDArray[np.integer] | None = None
+        self._has_damage = False
+        self._reference_box = _box(np.asarray(surface.points, np.float64))
+        self._view_box = self._reference_box
+        self._reference_normals = _normals(surface.points, surface.faces, fallback=np.array([0.0, 0.0, 1.0]))
+        if append_from:
+            layer = _copied_layer(self.path, self._working_path)
+        else:
+            self.path.unlink(missing_ok=True)
+            layer = _new_layer(self._working_path)
+        self._stage: Usd.Stage | None = Usd.Stage.Open(layer)
+        _describe_stage(self._stage, surface, float(frames_per_second), seconds_per_frame)
+        if append_from:
+            try:
+                self._continue_from(append_from)
+            except ValueError:
+                self._discard()
+                raise
+
+    @property
+    def frames(self) -> int:
+        """Number of frames written so far, those appended to included: the index of the next frame."""
+        return self._frames
+
+    def write(self, frame: Frame) -> None:
+        """Add one frame; its index must be the next one.
+
+        Args:
+            frame: The sheet's state. Whether it has damage must not change from frame to frame.
+        """
+        stage = self._open_stage()
+        if frame.index != self._frames:
+            raise ValueError(
+                f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}"
+            )
+        frame.require_fits(self.surface)
+        code = Usd.TimeCode(frame.index)
+        if frame.index == 0:
+            self._has_damage = frame.damage is not None
+            _define_sheet(stage, self.surface, has_damage=self._has_damage)
+            _define_lights(stage)
+            if self.surface.ball_diameter is not None:
+                _define_ball(stage, self.surface.ball_diameter)
+        if self._has_damage != (frame.damage is not None):
+            raise ValueError(
+                f"damage of frame {frame.index} is {'None' if frame.damage is None else 'given'}; "
+                "allowed: given on every frame, or on none"
+            )
+        self._write_sheet(UsdGeom.Mesh.Get(stage, _SHEET), frame, code)
+        self._write_ball(stage, frame, code)
+        self._widen_view(frame.positions(self.surface), frame.faces(self.surface), frame.ball_center)
+        _aim_camera(stage, self._view_box)
+        stage.SetEndTimeCode(frame.index)
+        self._frames = frame.index + 1
+        self._unsaved += 1
+        if frame.index == 0 or self._unsaved >= self._save_every:
+            self.save()
+
+    def save(self) -> None:
+        """Put the frames written so far on disk, where a killed run cannot lose them any more."""
+        self._open_stage().GetRootLayer().Save()
+        copy = self.path.with_name(f".{self.path.stem}.copy.usdc")
+        shutil.copyfile(self._working_path, copy)
+        os.replace(copy, self.path)
+        self._unsaved = 0
+
+    def close(self) -> None:
+        """Save what is not saved yet and let the file go. A frame that failed half-way is not kept."""
+        if self._stage is None:
+            return
+        _drop_samples(self._stage, self._frames)
+        if self._frames:
+            self._stage.GetRootLayer().Save()
+            os.replace(self._working_path, self.path)
+        else:
+            self._discard()
+        self._stage = None
+        published = Sdf.Layer.Find(str(self.path))
+        if published:
+            # Whoever in this process holds the animation open would otherwise go on seeing the past.
+            published.Reload(force=True)
+
+    def __enter__(self) -> UsdAnimation:
+        """Return the animation itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the animation; the frames written before an error are kept."""
+        self.close()
+
+    def _discard(self) -> None:
+        self._stage = None
+        self._working_path.unlink()
+
+    def _open_stage(self) -> Usd.Stage:
+        if self._stage is None:
+            raise ValueError(f"animation {self.path} is closed; allowed: write and save before close")
+        return self._stage
+
+    def _continue_from(self, first: int) -> None:
+        """Drop the frames from `first` on, and take up where the frame before it left off."""
+        stage = self._open_stage()
+        mesh = UsdGeom.Mesh.Get(stage, _SHEET)
+        held = len(mesh.GetPointsAttr().GetTimeSamples()) if mesh else 0
+        if not 0 < first <= held:
+            raise ValueError(
+                f"append_from is {first}; allowed: 0 to {held}, the number of frames in {self.path}"
+            )
+        points = np.asarray(mesh.GetPointsAttr().Get(0))
+        if len(points) != len(self.surface.points):
+            raise ValueError(
+                f"surface has {len(self.surface.points)} points; allowed: {len(points)}, as in {self.path}"
+            )
+        _drop_samples(stage, first)
+        for index in range(first):
+            points = np.asarray(mesh.GetPointsAttr().Get(index))
+            faces = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(index)).reshape(-1, 3)
+            self._widen_view(points, faces, _ball_center(stage, index))
+        self._held_faces = faces
+        self._has_damage = bool(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage"))
+        self._frames = first
+        stage.SetEndTimeCode(first - 1)
+
+    def _write_sheet(self, mesh: UsdGeom.Mesh, frame: Frame, code: Usd.TimeCode) -> None:
+        positions, faces = frame.positions(self.surface), frame.faces(self.surface)
+        self._write_faces(mesh, faces, code)
+        mesh.GetPointsAttr().Set(_vectors(positions), code)
+        mesh.GetExtentAttr().Set(_extent(positions), code)
+        normals = _normals(positions, faces, fallback=self._reference_normals)
+        mesh.GetNormalsAttr().Set(_vectors(normals), code)
+        mesh.GetPrim().GetAttribute("warp_pd:time").Set(float(frame.time), code)
+        if frame.damage is not None:
+            values = np.asarray(frame.damage, np.float32)
+            UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage").Set(Vt.FloatArray.FromNumpy(values), code)
+            mesh.GetDisplayColorAttr().Set(_vectors(damage_colours(values)), code)
+
+    def _write_faces(self, mesh: UsdGeom.Mesh, faces: NDArray[np.int32], code: Usd.TimeCode) -> None:
+        """Write the triangles if a crack has cut any since the last frame; USD holds them until then."""
+        if self._held_faces is not None and np.array_equal(faces, self._held_faces):
+            return
+        mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)), code)
+        mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(np.ascontiguousarray(faces).ravel()), code)
+        self._held_faces = faces
+
+    def _write_ball(self, stage: Usd.Stage, frame: Frame, code: Usd.TimeCode) -> None:
+        if frame.ball_center is None or self.surface.ball_diameter is None:
+            return
+        sphere = UsdGeom.Sphere.Get(stage, _BALL)
+        sphere.GetPrim().GetAttribute("xformOp:translate").Set(Gf.Vec3d(*map(float, frame.ball_center)), code)
+
+    def _widen_view(
+        self,
+        points: NDArray[np.floating],
+        faces: NDArray[np.integer],
+        ball_center: NDArray[np.floating] | None,
+    ) -> None:
+        """Widen the box the camera frames by one frame: the points that still carry a face, and the ball."""
+        boxes = [self._view_box]
+        if len(faces):
+            # In the precision of the file, so that a run that is resumed ends with the same camera.
+            boxes.append(_box(points[np.unique(faces)].astype(np.float32)))
+        if ball_center is not None and self.surface.ball_diameter is not None:
+            radius = 0.5 * self.surface.ball_diameter
+            boxes.append(np.array([np.asarray(ball_center) - radius, np.asarray(ball_center) + radius]))
+        middle = self._reference_box.mean(axis=0)
+        reach = 0.5 * _LARGEST_VIEW * np.linalg.norm(self._reference_box[1] - self._reference_box[0])
+        self._view_box = np.clip(_box(np.concatenate(boxes)), middle - reach, middle + reach)
+
+
+def damage_colours(damage: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Linear red, green and blue of the damage, shape (N, 3): amber 0, red around 0.4, deep blue 1."""
+    return np.stack([np.interp(damage, _RAMP_DAMAGE, channel) for channel in _RAMP_COLOUR.T], axis=-1)
+
+
+def _require_positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise ValueError(f"{name} is {value}; allowed: > 0")
+
+
+def _require_writable(path: str | os.PathLike[str]) -> Path:
+    """The whole path, once it is known that an animation can be written there."""
+    whole = Path(path).resolve()
+    if whole.suffix not in (".usd", ".usdc"):
+        raise ValueError(f"path is {path}; allowed: a name ending in .usd or .usdc")
+    if not whole.parent.is_dir():
+        raise FileNotFoundError(f"path is {path}; allowed: in a folder that exists, unlike {whole.parent}")
+    if not os.access(whole.parent, os.W_OK):
+        raise PermissionError(f"path is {path}; allowed: in a folder one may write to, unlike {whole.parent}")
+    return whole
+
+
+def _new_layer(path: Path) -> Sdf.Layer:
+    """An empty layer, also where a run that failed in this process still holds one of that name."""
+    layer = Sdf.Layer.Find(str(path))
+    if layer:
+        layer.Clear()
+        return layer
+    path.unlink(missing_ok=True)
+    return Sdf.Layer.CreateNew(str(path))
+
+
+def _copied_layer(source: Path, path: Path) -> Sdf.Layer:
+    """The layer of `source` in a file of its own, so that the source stays whole until the next save."""
+    if not source.is_file():
+        raise FileNotFoundError(f"path is {source}; allowed: with append_from, a file that exists")
+    shutil.copyfile(source, path)
+    layer = Sdf.Layer.Find(str(path))
+    if layer:
+        layer.Reload(force=True)
+        return layer
+    try:
+        return Sdf.Layer.FindOrOpen(str(path))
+    except Tf.ErrorException as error:
+        path.unlink()
+        raise ValueError(f"path is {source}; allowed: a USD file that can be read") from error
+
+
+def _describe_stage(
+    stage: Usd.Stage, surface: Surface, frames_per_second: float, seconds_per_frame: float | None
+) -> None:
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(frames_per_second)
+    stage.SetFramesPerSecond(frames_per_second)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(0)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    layer = stage.GetRootLayer()
+    layer.documentation = surface.title
+    layer.customLayerData = {"warp_pd": _plain(surface.metadata, seconds_per_frame)}
+
+
+def _plain(metadata: Mapping[str, str | float | int], seconds_per_frame: float | None) -> dict[str, Any]:
+    """The metadata in types USD knows: it takes no numpy numbers."""
+    values: dict[str, Any] = {
+        name: value.item() if isinstance(value, np.generic) else value for name, value in metadata.items()
+    }
+    if seconds_per_frame is not None:
+        values["seconds_per_frame"] = float(seconds_per_frame)
+    return values
+
+
+def _define_sheet(stage: Usd.Stage, surface: Surface, *, has_damage: bool) -> None:
+    mesh = UsdGeom.Mesh.Define(stage, _SHEET)
+    # Without this USD smooths the triangles as a Catmull-Clark surface, and rounds every crack tip.
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDoubleSidedAttr(True)
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    time = mesh.GetPrim().CreateAttribute("warp_pd:time", Sdf.ValueTypeNames.Double)
+    time.SetDocumentation("Simulated time [s].")
+    if surface.title:
+        mesh.GetPrim().SetDisplayName(surface.title)
+    colour = mesh.GetDisplayColorPrimvar()
+    if has_damage:
+        colour.SetInterpolation(UsdGeom.Tokens.vertex)
+        UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
+            "damage", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
+        )
+    else:
+        colour.SetInterpolation(UsdGeom.Tokens.constant)
+        colour.Set(_vectors(damage_colours(np.zeros(1))))
+    _bind_material(mesh, "/World/Materials/Rubber", roughness=0.6)
+
+
+def _define_ball(stage: Usd.Stage, diameter: float) -> None:
+    sphere = UsdGeom.Sphere.Define(stage, _BALL)
+    radius = 0.5 * float(diameter)
+    sphere.CreateRadiusAttr(radius)
+    sphere.CreateExtentAttr(_extent(np.array([[-radius] * 3, [radius] * 3])))
+    sphere.AddTranslateOp()
+    sphere.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_BALL_COLOUR)]))
+    _bind_material(sphere, "/World/Materials/Steel", roughness=0.25)
+
+
+def _bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None:
+    """Give a shape a plain surface that takes its colour from `primvars:displayColor`."""
+    material = UsdShade.Material.Define(shape.GetPrim().GetStage(), path)
+    reader = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Colour")
+    reader.CreateIdAttr("UsdPrimvarReader_float3")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+    surface = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(roughness)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
+        reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+    )
+    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", Sdf.ValueTypeNames.Token))
+    UsdShade.MaterialBindingAPI.Apply(shape.GetPrim()).Bind(material)
+
+
+def _define_lights(stage: Usd.Stage) -> None:
+    dome = UsdLux.DomeLight.Define(stage, "/World/Sky")
+    dome.CreateIntensityAttr(0.5)
+    sun = UsdLux.DistantLight.Define(stage, "/World/Sun")
+    sun.CreateIntensityAttr(2.5)
+    # Wide enough for soft shadow edges.
+    sun.CreateAngleAttr(2.0)
+    # A distant light shines along its -z: tilted, it shows folds and the bulge under a ball.
+    sun.AddRotateXYZOp().Set(Gf.Vec3f(35.0, -25.0, 0.0))
+
+
+def _aim_camera(stage: Usd.Stage, box: NDArray[np.float64]) -> None:
+    """Stand the camera where the whole box [m], shape (2, 3), just fits its picture."""
+    camera = UsdGeom.Camera.Define(stage, _CAMERA)
+    target = box.mean(axis=0)
+    towards_camera = _VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
+    right = np.cross([0.0, 0.0, 1.0], towards_camera)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(towards_camera, right), towards_camera])
+    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    across, upwards, nearer = axes @ (corners - target).T * _VIEW_MARGIN
+    slopes = 0.5 * np.array(_APERTURE) / _FOCAL_LENGTH
+    for_width, for_height = np.abs(across) / slopes[0] + nearer, np.abs(upwards) / slopes[1] + nearer
+    distance = float(max(for_width.max(), for_height.max()))
+    eye = target + distance * towards_camera
+    place = Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye.tolist()), Gf.Vec3d(*target.tolist()), Gf.Vec3d(0, 0, 1))
+    camera.MakeMatrixXform().Set(place.GetInverse())
+    camera.CreateFocalLengthAttr(_FOCAL_LENGTH)
+    camera.CreateHorizontalApertureAttr(_APERTURE[0])
+    camera.CreateVerticalApertureAttr(_APERTURE[1])
+    # The default range begins at 1 m, behind a sheet the size of a hand.
+    camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 100.0 * distance))
+
+
+def _drop_samples(stage: Usd.Stage, first: int) -> None:
+    """Remove every value at time codes from `first` on."""
+    for prim in stage.Traverse():
+        for attribute in prim.GetAuthoredAttributes():
+            for code in attribute.GetTimeSamples():
+                if code >= first:
+                    attribute.ClearAtTime(code)
+
+
+def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
+    """Centre of the ball [m] at a frame that is written already, shape (3,)."""
+    translate = stage.GetAttributeAtPath(f"{_BALL}.xformOp:translate")
+    return np.array(translate.Get(index)) if translate else None
+
+
+def _box(points: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Lowest and highest corner of points [m], shape (2, 3)."""
+    return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
+
+
+def _normals(
+    positions: NDArray[np.floating], faces: NDArray[np.integer], *, fallback: NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """Unit normals at the points, shape (N, 3): the mean over each point's faces, weighted with their area.
+
+    A point without a face, or whose faces cancel, takes its `fallback`, shape (N, 3) or (3,).
+    """
+    first, second, third = (positions[faces[:, corner]] for corner in range(3))
+    # Twice the area is the length of this product, so a plain sum is weighted with the area already.
+    products = np.cross(second - first, third - first)
+    corners = np.asarray(faces).T.ravel()
+    sums = np.stack(
+        [np.bincount(corners, np.tile(part, 3), minlength=len(positions)) for part in products.T], axis=-1
+    )
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    usable = lengths > 1e-12 * max(lengths.max(), np.finfo(np.float64).tiny)
+    return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)
+
+
+def _vectors(values: NDArray[np.floating]) -> Vt.Vec3fArray:
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+
+
+def _extent(points: NDArray[np.floating]) -> Vt.Vec3fArray:
+    return _vectors(_box(np.asarray(points, np.float32)))

@@ -1,0 +1,418 @@
+"""Frames of a tearing sheet in one VTKHDF file, which ParaView opens as it is.
+
+The file is a VTKHDF PolyData with time steps. Every array of the sheet is one long column, to which a frame
+adds its rows; `Steps` says where each frame's rows begin. A frame whose triangles are those of the frame
+before points at the rows that are there already, so a sheet that does not tear stores its triangles once.
+
+HDF5 keeps no journal. Three things make a killed run leave a readable file all the same: the file takes its
+name only when its first frame is complete; it is open only while a frame is being added; and the number of
+steps, without which no reader looks at the new rows, is written last. VTK's reader overruns its memory where
+`Steps/Values` has more rows than there are steps, so those two go to disk together.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_pd.frame import Frame, Surface
+
+_VERSION = (2, 2)
+
+# The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
+_KINDS = ("Vertices", "Lines", "Polygons", "Strips")
+_POLYGONS = _KINDS.index("Polygons")
+
+_OWN_FIELDS = ("displacement", "velocity", "damage")
+
+# HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
+# file. Chunks of many frames make splits rare.
+_CHUNK_BYTES = 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesInfo:
+    """What a VTKHDF file of frames holds.
+
+    Attributes:
+        frames: Number of frames.
+        times: Simulated time of each frame [s], shape (frames,).
+        points: Number of points of the sheet.
+        faces: Number of intact triangles at each frame, shape (frames,).
+        fields: Names of the point data.
+        metadata: Configuration, version, units, as given with the surface.
+    """
+
+    frames: int
+    times: NDArray[np.float64]
+    points: int
+    faces: NDArray[np.int64]
+    fields: tuple[str, ...]
+    metadata: dict[str, Any]
+
+
+class VtkHdfSeries:
+    """Writes frames into one VTKHDF file, which can be read at any moment after the first frame.
+
+    Every frame is on disk when `write` returns. Others may read the file while it grows.
+
+    Example:
+        with VtkHdfSeries("frames.vtkhdf", surface) as series:
+            series.write(frame)
+    """
+
+    def __init__(
+        self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None
+    ) -> None:
+        """Begin a series, or go on with one.
+
+        Args:
+            path: The file, ending in .vtkhdf or .hdf. A file that is there is removed, unless appended to.
+            surface: The reference sheet.
+            append_from: Keep the frames before this one of the file that is there, drop the others, and go on
+                from here. None and 0 begin anew.
+        """
+        self.path = _require_writable(path)
+        self.surface = surface
+        self._frames = 0
+        self._fields: tuple[str, ...] = ()
+        self._held_faces: NDArray[np.integer] | None = None
+        self._closed = False
+        if append_from:
+            self._continue_from(append_from)
+        else:
+            self.path.unlink(missing_ok=True)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames written so far, those appended to included: the index of the next frame."""
+        return self._frames
+
+    def write(self, frame: Frame) -> None:
+        """Add one frame; its index must be the next one.
+
+        Args:
+            frame: The sheet's state. It must have the same fields (damage, point_data) on every frame.
+        """
+        self._require_next(frame)
+        fields = _point_fields(frame)
+        if frame.index == 0:
+            self._create(frame, fields)
+        else:
+            self._require_same_fields(frame, fields)
+            with h5py.File(self.path, "r+", locking=False) as file:
+                self._add(file, frame, fields)
+        self._frames = frame.index + 1
+
+    def close(self) -> None:
+        """Refuse further frames. Those written are on disk already."""
+        self._closed = True
+
+    def __enter__(self) -> VtkHdfSeries:
+        """Return the series itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the series; the frames written before an error are kept."""
+        self.close()
+
+    def _require_next(self, frame: Frame) -> None:
+        if self._closed:
+            raise ValueError(f"series {self.path} is closed; allowed: write before close")
+        if frame.index != self._frames:
+            raise ValueError(
+                f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}"
+            )
+        frame.require_fits(self.surface)
+
+    def _require_same_fields(self, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
+        if set(fields) != set(self._fields):
+            raise ValueError(
+                f"fields of frame {frame.index} are {', '.join(sorted(fields))}; "
+                f"allowed: {', '.join(sorted(self._fields))}, as on the frames before it"
+            )
+
+    def _create(self, frame: Frame, fields: dict[str, NDArray[Any]]) -> None:
+        """Write the first frame into a file of another name, and rename that once it is whole."""
+        unfinished = self.path.with_name(f".{self.path.name}.unfinished")
+        with h5py.File(unfinished, "w", locking=False) as file:
+            _lay_out(file, self.surface, frame, fields)
+            self._add(file, frame, fields)
+        os.replace(unfinished, self.path)
+        self._fields = tuple(fields)
+
+    def _add(self, file: h5py.File, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
+        """Add the rows of one frame, and only then the frame to the number of steps."""
+        root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
+        # What an earlier call began and did not finish is not part of any frame.
+        _cut(root, frame.index)
+        faces = frame.faces(self.surface)
+        if self._held_faces is None or not np.array_equal(faces, self._held_faces):
+            _add_faces(root, faces, len(self.surface.points))
+        begin = len(root["Points"])
+        _add_rows(root["Points"], frame.positions(self.surface))
+        for name, values in fields.items():
+            _add_rows(root["PointData"][name], values)
+            _add_rows(steps["PointDataOffsets"][name], [begin])
+        if frame.ball_center is not None:
+            _add_rows(root["FieldData/ball_center"], [frame.ball_center])
+            _add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
+            _add_rows(steps["FieldDataSizes/ball_center"], [[3, 1]])
+        _add_rows(steps["PointOffsets"], [begin])
+        _add_rows(steps["NumberOfParts"], [1])
+        _add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
+        _add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
+        _add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
+        file.flush()
+        _add_rows(steps["Values"], [frame.time])
+        steps.attrs.modify("NSteps", frame.index + 1)
+        file.flush()
+        self._held_faces = faces
+
+    def _continue_from(self, first: int) -> None:
+        """Drop the frames from `first` on, and take up where the frame before it left off."""
+        info = read_series(self.path)
+        if not 0 < first <= info.frames:
+            raise ValueError(
+                f"append_from is {first}; allowed: 0 to {info.frames}, the number of frames in {self.path}"
+            )
+        if info.points != len(self.surface.points):
+            raise ValueError(
+                f"surface has {len(self.surface.points)} points; allowed: {info.points}, as in {self.path}"
+            )
+        with h5py.File(self.path, "r+", locking=False) as file:
+            root = file["VTKHDF"]
+            root["Steps/Values"].resize(first, axis=0)
+            root["Steps"].attrs.modify("NSteps", first)
+            file.flush()
+            _cut(root, first)
+            begin = root["Steps/ConnectivityIdOffsets"][first - 1, _POLYGONS]
+            self._held_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
+        self._fields = info.fields
+        self._frames = first
+
+
+def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
+    """Say what a VTKHDF file of frames holds, without reading the frames.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: The file is damaged, or not one that `VtkHdfSeries` wrote.
+    """
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"path is {path}; allowed: a file that exists")
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return _read_info(file)
+    except (OSError, KeyError, IndexError, RuntimeError, _NotASeries) as error:
+        reason = " ".join(str(error).strip("'\"").split())
+        raise ValueError(f"path is {path}; allowed: a whole file of frames in VTKHDF ({reason})") from error
+
+
+def read_frame(
+    path: str | os.PathLike[str], index: int
+) -> tuple[float, NDArray[np.float32], NDArray[np.int64], dict[str, NDArray[Any]]]:
+    """One frame of a VTKHDF file.
+
+    Returns:
+        Time [s]; deformed positions [m], shape (N, 3); intact triangles, shape (number of them, 3); and the
+        point data by name, each of shape (N,) or (N, 3).
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: There is no such frame, or the file is damaged or not one that `VtkHdfSeries` wrote.
+    """
+    info = read_series(path)
+    if not 0 <= index < info.frames:
+        raise ValueError(f"index is {index}; allowed: 0 to {info.frames - 1}, the frames of {path}")
+    with h5py.File(path, "r", locking=False) as file:
+        root = file["VTKHDF"]
+        rows = slice(index * info.points, (index + 1) * info.points)
+        begin = int(root["Steps/ConnectivityIdOffsets"][index, _POLYGONS])
+        corners = root["Polygons/Connectivity"][begin : begin + 3 * int(info.faces[index])]
+        fields = {name: root["PointData"][name][rows] for name in info.fields}
+        return float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
+
+
+class _NotASeries(Exception):
+    """The file is HDF5, but what it holds does not fit together as a series of frames."""
+
+
+def _read_info(file: h5py.File) -> SeriesInfo:
+    root, own = file["VTKHDF"], file["warp_pd"]
+    steps = root["Steps"]
+    frames = min(int(steps.attrs["NSteps"]), len(steps["Values"]))
+    if frames < 1:
+        raise _NotASeries("no frame")
+    parts = steps["PartOffsets"][:frames]
+    points = int(root["NumberOfPoints"][0])
+    for name, column in {"Points": root["Points"], **root["PointData"]}.items():
+        if len(column) < frames * points:
+            raise _NotASeries(f"{frames} steps of {points} points but {len(column)} rows of {name}")
+    faces = root["Polygons/NumberOfCells"][: parts[-1] + 1]
+    if len(faces) <= parts[-1] or len(root["Polygons/Connectivity"]) < 3 * faces.sum():
+        raise _NotASeries("triangles are missing")
+    return SeriesInfo(
+        frames=frames,
+        times=steps["Values"][:frames],
+        points=points,
+        faces=faces[parts],
+        fields=tuple(root["PointData"]),
+        metadata={name: _plain(value) for name, value in own.attrs.items()},
+    )
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _require_writable(path: str | os.PathLike[str]) -> Path:
+    """The whole path, once it is known that a series can be written there."""
+    whole = Path(path).resolve()
+    if whole.suffix not in (".vtkhdf", ".hdf"):
+        raise ValueError(f"path is {path}; allowed: a name ending in .vtkhdf or .hdf")
+    if not whole.parent.is_dir():
+        raise FileNotFoundError(f"path is {path}; allowed: in a folder that exists, unlike {whole.parent}")
+    if not os.access(whole.parent, os.W_OK):
+        raise PermissionError(f"path is {path}; allowed: in a folder one may write to, unlike {whole.parent}")
+    return whole
+
+
+def _point_fields(frame: Frame) -> dict[str, NDArray[Any]]:
+    """All point data of a frame by name, in the types the file stores."""
+    fields = {"displacement": frame.displacement, "velocity": frame.velocity}
+    if frame.damage is not None:
+        fields["damage"] = frame.damage
+    for name, values in frame.point_data.items():
+        if name in _OWN_FIELDS or not name or "/" in name or name == ".":
+            raise ValueError(f"point_data has a field '{name}'; allowed: any other name, without '/'")
+        fields[name] = values
+    return {name: _stored(np.asarray(values)) for name, values in fields.items()}
+
+
+def _stored(values: NDArray[Any]) -> NDArray[Any]:
+    """Real numbers in single precision; VTK knows no truth values, so these become 0 and 1."""
+    if values.dtype == np.bool_:
+        return values.astype(np.uint8)
+    return values if np.issubdtype(values.dtype, np.integer) else values.astype(np.float32)
+
+
+def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
+    """Create every group and column, all without rows."""
+    points = len(surface.points)
+    root = file.create_group("VTKHDF")
+    root.attrs["Version"] = np.array(_VERSION, np.int64)
+    # Readers take a fixed-length ASCII string only.
+    root.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", len("PolyData")))
+    _create_column(root, "Points", np.float32, (3,), points)
+    _create_column(root, "NumberOfPoints", np.int64)
+    for kind in _KINDS:
+        cells = root.create_group(kind)
+        faces = len(surface.faces) if kind == "Polygons" else 0
+        _create_column(cells, "NumberOfCells", np.int64)
+        _create_column(cells, "NumberOfConnectivityIds", np.int64)
+        _create_column(cells, "Offsets", np.int64, rows_per_frame=faces + 1)
+        _create_column(cells, "Connectivity", np.int64, rows_per_frame=3 * faces)
+    steps = root.create_group("Steps")
+    # Created one after the other these two stand side by side in the file, and change in one write.
+    steps.attrs["NSteps"] = np.int64(0)
+    _create_column(steps, "Values", np.float64)
+    for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
+        _create_column(steps, name, np.int64)
+    for name in ("CellOffsets", "ConnectivityIdOffsets"):
+        _create_column(steps, name, np.int64, (len(_KINDS),))
+    for name, values in fields.items():
+        _create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
+        _create_column(steps.require_group("PointDataOffsets"), name, np.int64)
+    if frame.ball_center is not None:
+        _create_column(root.create_group("FieldData"), "ball_center", np.float64, (3,))
+        _create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
+        _create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
+    own = file.create_group("warp_pd")
+    for name, value in {"title": surface.title, **surface.metadata}.items():
+        own.attrs[name] = value
+    if surface.ball_diameter is not None:
+        own.attrs["ball_diameter"] = float(surface.ball_diameter)
+
+
+def _create_column(
+    group: h5py.Group,
+    name: str,
+    dtype: Any,
+    row_shape: tuple[int, ...] = (),
+    rows_per_frame: int = 1,
+) -> None:
+    row_bytes = np.dtype(dtype).itemsize * int(np.prod(row_shape, dtype=int))
+    # A whole number of frames, at most 16 of them, so that a short run of a small sheet makes a small file.
+    frames = min(max(_CHUNK_BYTES // (row_bytes * max(rows_per_frame, 1)), 1), 16)
+    rows = max(frames * rows_per_frame, 64)
+    group.create_dataset(name, (0, *row_shape), dtype, maxshape=(None, *row_shape), chunks=(rows, *row_shape))
+
+
+def _add_rows(column: h5py.Dataset, rows: Any) -> None:
+    held = len(column)
+    column.resize(held + len(rows), axis=0)
+    column[held:] = rows
+
+
+def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
+    """Add the triangles of a frame, shape (number of faces, 3), and the other, empty kinds of cells."""
+    _add_rows(root["NumberOfPoints"], [points])
+    for kind in _KINDS:
+        corners = faces if kind == "Polygons" else np.empty((0, 3), np.int64)
+        cells = root[kind]
+        _add_rows(cells["NumberOfCells"], [len(corners)])
+        _add_rows(cells["NumberOfConnectivityIds"], [corners.size])
+        _add_rows(cells["Offsets"], 3 * np.arange(len(corners) + 1))
+        _add_rows(cells["Connectivity"], corners.ravel())
+
+
+def _before_last(root: h5py.Group, count: str) -> list[int]:
+    """Rows that stand before the latest triangles, one number a kind of cells."""
+    before = [0] * len(_KINDS)
+    before[_POLYGONS] = int(np.sum(root["Polygons"][count][:-1]))
+    return before
+
+
+def _cut(root: h5py.Group, frames: int) -> None:
+    """Remove all rows that the first frames do not use."""
+    steps = root["Steps"]
+    parts = int(steps["PartOffsets"][frames - 1]) + 1 if frames else 0
+    points = int(root["NumberOfPoints"][0]) if frames else 0
+    for column in _columns(steps):
+        _shorten(column, frames)
+    _shorten(root["Points"], frames * points)
+    for column in _columns(root["PointData"]):
+        _shorten(column, frames * points)
+    if "FieldData" in root:
+        _shorten(root["FieldData/ball_center"], frames)
+    _shorten(root["NumberOfPoints"], parts)
+    for kind in _KINDS:
+        cells = root[kind]
+        _shorten(cells["NumberOfCells"], parts)
+        _shorten(cells["NumberOfConnectivityIds"], parts)
+        _shorten(cells["Offsets"], int(np.sum(cells["NumberOfCells"])) + parts)
+        _shorten(cells["Connectivity"], int(np.sum(cells["NumberOfConnectivityIds"])))
+
+
+def _columns(group: h5py.Group) -> list[h5py.Dataset]:
+    """All columns in a group and in the groups inside it."""
+    found: list[h5py.Dataset] = []
+    for member in group.values():
+        found.extend(_columns(member) if isinstance(member, h5py.Group) else [member])
+    return found
+
+
+def _shorten(column: h5py.Dataset, rows: int) -> None:
+    if len(column) > rows:
+        column.resize(rows, axis=0)

@@ -1,0 +1,406 @@
+"""Run a simulation: frames, energy balance, outputs, restart."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from time import perf_counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from . import restart
+from .checks import InputError
+from .frame import Frame
+from .launches import run_once
+from .simulation import Built, Simulation
+
+FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
+
+
+class Writer(Protocol):
+    """Looks at frames from outside; the simulation does not know what becomes of them."""
+
+    def write(self, frame: Frame) -> None:
+        """Take one frame."""
+        ...
+
+    def close(self) -> None:
+        """The run is over."""
+        ...
+
+
+class DivergedError(RuntimeError):
+    """The run stopped being finite; the message says where, when, and the likely cause."""
+
+
+@dataclass
+class Result:
+    """What a run leaves.
+
+    Attributes:
+        summary: Content of summary.json.
+        history: One row a frame: time, energies, ball reaction, largest damage, measures.
+        built: The simulation as it ended.
+        frame: The last frame.
+        folder: Where the files are, or None.
+    """
+
+    summary: dict[str, Any]
+    history: list[dict[str, float]]
+    built: Built
+    frame: Frame
+    folder: Path | None = None
+
+    @property
+    def status(self) -> str:
+        """How the run ended: "finished", "diverged", "not converged" or "interrupted"."""
+        return str(self.summary["status"])
+
+
+@dataclass(eq=False)
+class Recorder:
+    """Turns the state on the device into frames, and checks it on the way.
+
+    Attributes:
+        built: The simulation.
+        writers: Take the frames.
+        reporter: Shows progress, or None.
+        folder: For the restart file and the history, or None.
+        digest: Identifies the simulation that a restart file belongs to.
+    """
+
+    built: Built
+    writers: list[Writer]
+    reporter: Any = None
+    folder: Path | None = None
+    digest: str = ""
+    frame_index: int = -1
+    time: float = 0.0
+    steps: int = 0
+    dt: float = 0.0
+    stable_dt: float | None = None
+    since_estimate: int = 0
+    residual: float | None = None
+    history: list[dict[str, float]] = field(default_factory=list)
+    last: Frame | None = None
+    step_seconds: float = 0.0
+    _clock: float = field(default_factory=perf_counter)
+
+    def progress(self, steps: int, residual: float, tolerance: float) -> None:
+        """Report a quasi-static run on its way."""
+        if self.reporter is not None:
+            self.reporter.residual(steps, residual, tolerance)
+
+    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
+        """Check the state, hand it to the writers, and save it for a restart.
+
+        Raises:
+            DivergedError: if it is not finite any more; nothing of it is written.
+        """
+        built = self.built
+        self._require_finite(index, now, dt)
+        self.step_seconds += perf_counter() - self._clock
+        elapsed = now - self.time
+        self.frame_index, self.time, self.dt = index, now, dt
+        self.steps += steps
+        frame = snapshot(built, index, now)
+        self.history.append(self._row(frame, elapsed))
+        for writer in self.writers:
+            writer.write(frame)
+        self.last = frame
+        if self.folder is not None:
+            write_history(self.folder / "history.csv", self.history)
+            restart.save(self.folder / restart.NAME, self)
+        if self.reporter is not None:
+            self.reporter.frame(self)
+        self._clock = perf_counter()
+
+    def _require_finite(self, index: int, now: float, dt: float) -> None:
+        built = self.built
+        n = built.simulation.sheet.size
+        built.bad.assign(np.array([n], np.int32))
+        run_once(built.workspace.device, built.workspace.stages["frame"])
+        bad = int(built.bad.numpy()[0])
+        energy = float(built.strain_energy.numpy().sum())
+        if bad == n and np.isfinite(energy):
+            self._require_slow(index, now, dt)
+            return
+        where = f"point {bad} at {built.simulation.sheet.points[bad].tolist()}" if bad < n else "the strain energy"
+        raise DivergedError(
+            f"diverged: {where} stopped being finite between t = {self.time:.6g} s and t = {now:.6g} s "
+            f"(frame {index}); likely cause: {self._cause(dt)}"
+        )
+
+    def _require_slow(self, index: int, now: float, dt: float) -> None:
+        built = self.built
+        speed = np.linalg.norm(built.to_numpy(built.state.velocity), axis=1)
+        fastest = int(speed.argmax())
+        if speed[fastest] * dt > built.force.families.horizon:
+            raise DivergedError(
+                f"diverged: point {fastest} moves more than a horizon in one step at t = {now:.6g} s "
+                f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self._cause(dt)}"
+            )
+
+    def _cause(self, dt: float) -> str:
+        built = self.built
+        if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
+            return f"the step {dt:.4g} s is above the stable step {self.stable_dt:.4g} s"
+        lock = getattr(built.simulation.force.material, "lock", None)
+        if lock is not None and self.last is not None:
+            return f"the Gent lock Jm = {lock:g} was reached, or the sheet stiffened faster than the step followed"
+        if built.force.weights == "published":
+            return "the published weights have no energy: they can pump it in once bonds break; try weights 'plain'"
+        return "the sheet stiffened faster than the step followed; try a smaller safety"
+
+    def _row(self, frame: Frame, elapsed: float) -> dict[str, float]:
+        built, state = self.built, self.built.state
+        row: dict[str, float] = {"time": frame.time, "step": self.dt}
+        row["kinetic"] = float(built.kinetic_energy.numpy().sum())
+        row["strain"] = float(built.strain_energy.numpy().sum())
+        if built.tracked:
+            for name, array in (("external", state.work), ("damping", state.dissipated), ("rupture", state.released)):
+                row[name] = float(array.numpy().sum()) if array is not None else 0.0
+            row["balance_error"] = self._balance_error(row)
+        if state.impulse is not None:
+            total = built.to_numpy(state.impulse).sum(axis=0)
+            state.impulse.zero_()
+            for name, value in zip("xyz", total, strict=True):
+                row[f"ball_force_{name}"] = float(-value / elapsed) if elapsed > 0.0 else 0.0
+        if frame.damage is not None:
+            row["largest_damage"] = float(frame.damage.max())
+            row["mean_damage"] = float(frame.damage.mean())
+        for measure in built.simulation.measures:
+            row[measure.name] = float(measure.value(built, frame))
+        return row
+
+    def _balance_error(self, row: dict[str, float]) -> float:
+        """(Energy now - energy first - work + losses) over the largest energy or work so far."""
+        first = self.history[0] if self.history else row
+        change = row["kinetic"] + row["strain"] - first["kinetic"] - first["strain"]
+        error = change - row["external"] + row["damping"] + row["rupture"]
+        rows = [*self.history, row]
+        scale = max(max(abs(r["external"]), abs(r["kinetic"] + r["strain"])) for r in rows)
+        return error / scale if scale > 0.0 else 0.0
+
+
+def snapshot(built: Built, index: int, now: float) -> Frame:
+    """The state as a frame; the launches of the "frame" stage have run."""
+    simulation = built.simulation
+    damage = intact = None
+    if built.breakable:
+        damage = np.clip(built.to_numpy(built.damage), 0.0, 1.0)
+        intact = built.intact_faces(built.force.alive.numpy())
+    ball = None
+    if simulation.contact is not None:
+        ball = np.array(simulation.contact.start, float) + now * np.array(simulation.contact.velocity, float)
+    volume = simulation.sheet.areas * simulation.sheet.thickness
+    return Frame(
+        index=index,
+        time=now,
+        displacement=built.to_numpy(built.state.displacement),
+        velocity=built.to_numpy(built.state.velocity),
+        intact_faces=intact,
+        damage=damage,
+        ball_center=ball,
+        point_data={"strain_energy_density": built.strain_energy.numpy() / volume},
+    )
+
+
+def run(
+    simulation: Simulation,
+    *,
+    out: str | Path | None = None,
+    device: str | None = None,
+    precision: int | None = None,
+    resume: bool = False,
+    usd: bool = True,
+    reporter: Any = None,
+    writers: list[Writer] | None = None,
+    pictures: bool = True,
+) -> Result:
+    """Run a simulation to its end.
+
+    Args:
+        simulation: What to run.
+        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json and pictures;
+            None writes nothing.
+        device: "cpu", "cuda:0", ...; CUDA by default where there is one.
+        precision: 32 or 64; by default the solver's.
+        resume: Go on from the restart file in `out`.
+        usd: Whether to write animation.usd.
+        reporter: Shows progress; see `output.progress`.
+        writers: More writers of frames.
+        pictures: Whether to draw the scene's pictures.
+
+    Raises:
+        InputError: for input that cannot be run, before anything is written.
+
+    Returns:
+        The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
+    """
+    begin = perf_counter()
+    folder = _prepare_folder(out, resume)
+    built = simulation.build(device, precision)
+    digest = restart.digest(simulation, built)
+    saved = restart.load(folder / restart.NAME, digest) if resume and folder is not None else None
+    if reporter is not None:
+        reporter.begin(built)
+    compile_seconds = built.workspace.compile()
+    if reporter is not None:
+        reporter.compiled(compile_seconds)
+    recorder = Recorder(built, list(writers or []), reporter, folder, digest)
+    if saved is not None:
+        restart.restore(saved, recorder)
+    run_once(built.workspace.device, built.workspace.stages["setup"])
+    if folder is not None:
+        recorder.writers += _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)
+    setup_seconds = perf_counter() - begin - compile_seconds
+    status, message = FINISHED, ""
+    try:
+        if saved is None:
+            recorder._clock = perf_counter()
+            recorder.frame(0, 0.0, 0, 0.0)
+        else:
+            recorder.last = _resumed_frame(recorder)
+        recorder._clock = perf_counter()
+        status = simulation.solver.march(built, recorder)
+        if status == NOT_CONVERGED:
+            message = f"not converged: the residual is {recorder.residual:.3g} after {recorder.steps} steps"
+    except DivergedError as error:
+        status, message = DIVERGED, str(error)
+    except KeyboardInterrupt:
+        status, message = STOPPED, "interrupted: --resume goes on from the last frame"
+    finally:
+        for writer in recorder.writers:
+            writer.close()
+        if reporter is not None:
+            reporter.close()
+    summary = _summary(recorder, status, message, setup_seconds, compile_seconds, perf_counter() - begin)
+    assert recorder.last is not None
+    result = Result(summary, recorder.history, built, recorder.last, folder)
+    if folder is not None:
+        write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+        if pictures and simulation.pictures is not None:
+            simulation.pictures(result, folder)
+    return result
+
+
+def _resumed_frame(recorder: Recorder) -> Frame:
+    run_once(recorder.built.workspace.device, recorder.built.workspace.stages["frame"])
+    return snapshot(recorder.built, recorder.frame_index, recorder.time)
+
+
+def _prepare_folder(out: str | Path | None, resume: bool) -> Path | None:
+    if out is None:
+        if resume:
+            raise InputError("resume = True: allowed only with a folder that holds a restart file")
+        return None
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".probe"
+        probe.write_text("")
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"out = {str(folder)!r}: allowed is a folder that can be written ({error.strerror})") from None
+    if resume:
+        return folder
+    # What an earlier run left must not pass for this one's.
+    for name in ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd"):
+        (folder / name).unlink(missing_ok=True)
+    return folder
+
+
+def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None) -> list[Writer]:
+    from .output.vtkhdf import VtkHdfSeries
+
+    surface = built.surface()
+    writers: list[Writer] = [VtkHdfSeries(folder / "frames.vtkhdf", surface, append_from=append_from)]
+    if usd:
+        from .output.usd import UsdAnimation
+
+        solver = built.simulation.solver
+        per_frame = solver.duration / solver.frames
+        writers.append(
+            UsdAnimation(
+                folder / "animation.usd", surface, seconds_per_frame=per_frame, append_from=append_from
+            )
+        )
+    return writers
+
+
+def write_aside(path: Path, text: str) -> None:
+    """Write a file beside its place and move it there when it is whole."""
+    aside = path.with_name(path.name + ".part")
+    aside.write_text(text)
+    os.replace(aside, path)
+
+
+def write_history(path: Path, history: list[dict[str, float]]) -> None:
+    """History as CSV, one row a frame."""
+    aside = path.with_name(path.name + ".part")
+    with aside.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, fieldnames=list(history[-1]))
+        writer.writeheader()
+        writer.writerows(history)
+    os.replace(aside, path)
+
+
+def _summary(
+    recorder: Recorder, status: str, message: str, setup: float, compiling: float, wall: float
+) -> dict[str, Any]:
+    built, simulation = recorder.built, recorder.built.simulation
+    row = recorder.history[-1] if recorder.history else {}
+    force = built.force
+    energy = {
+        "kinetic": row.get("kinetic"),
+        "strain": row.get("strain"),
+        "external": row.get("external"),
+        "dissipated": {"damping": row.get("damping"), "rupture": row.get("rupture")} if built.tracked else None,
+        "balance_error": row.get("balance_error"),
+    }
+    measures = {}
+    for measure in simulation.measures:
+        value = row.get(measure.name)
+        known = measure.reference is not None and value is not None
+        measures[measure.name] = {
+            "value": value,
+            "unit": measure.unit,
+            "reference": measure.reference,
+            "source": measure.source,
+            "error": value / measure.reference - 1.0 if known else None,  # type: ignore[operator]
+        }
+    rate = built.simulation.sheet.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
+    return {
+        "scene": simulation.scene,
+        "section": simulation.section,
+        "status": status,
+        "message": message,
+        "settings": simulation.settings,
+        "device": str(built.workspace.device.name),
+        "precision": built.types.bits,
+        "force": type(simulation.force).__name__,
+        "weights": force.weights,
+        "horizon": simulation.force.horizon,
+        "points": simulation.sheet.size,
+        "bonds": force.families.bond_count,
+        "steps": recorder.steps,
+        "time": recorder.time,
+        "dt": recorder.dt,
+        "stable_dt": recorder.stable_dt,
+        "residual": recorder.residual,
+        "wall_s": wall,
+        "setup_s": setup,
+        "compile_s": compiling,
+        "point_steps_per_s": rate,
+        "bytes_per_point": built.workspace.array_bytes() / simulation.sheet.size,
+        "correction": force.correction,
+        "energy": energy,
+        "measures": measures,
+    }
+
+
