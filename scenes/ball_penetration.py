@@ -6,7 +6,8 @@ moment it touches; there is no friction. Bonds break at a stretch of 1.3. The pa
 
 The paper's weights gain energy once the sheet is torn and the run ends early (try `--weights published`).
 With the plain weights of the variational form it runs to its end, undamped. At horizons of 1.5 and 2.015
-cracks follow the grid; at 3.15 they do not visibly.
+cracks follow the grid; at 3.15 they do not visibly. Half the stable step (`safety`) keeps the energy balance
+through the tearing within a few tenths of a per cent; the whole of it is stable too.
 """
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Measure, NeoHookean, RigidBall, Sheet, Simulation
@@ -19,6 +20,7 @@ def build(
     duration: float = 4.0,
     frames: int = 96,
     damping: float = 0.0,
+    safety: float = 0.5,
     critical_stretch: float = 1.3,
     ball_speed: float = 0.1,
 ) -> Simulation:
@@ -29,7 +31,7 @@ def build(
         loads=[Fixed(sheet.edges("all"))],
         contact=RigidBall(diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -ball_speed)),
         damage=CriticalStretch(critical_stretch),
-        solver=Explicit(duration=duration, frames=frames, damping=damping),
+        solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("lowest_point", "m", lambda built, frame: frame.displacement[:, 2].min()),
             Measure("torn_area_share", "1", lambda built, frame: 1.0 - frame.intact_faces.mean()),

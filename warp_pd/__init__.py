@@ -12,7 +12,7 @@ from .forces.bond_associated import BondAssociated
 from .frame import Frame, Surface
 from .loads import BodyForce, Fixed, Motion, PointForce, Pressure
 from .materials import Gent, Material, NeoHookean
-from .run import Result, run
+from .runner import Result
 from .sheet import Sheet
 from .simulation import Built, Measure, Simulation
 from .solvers import Explicit, QuasiStatic
@@ -41,5 +41,4 @@ __all__ = [
     "Sheet",
     "Simulation",
     "Surface",
-    "run",
 ]

@@ -159,8 +159,8 @@ def run(
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
-    from .run import DIVERGED as RUN_DIVERGED
-    from .run import NOT_CONVERGED, STOPPED
+    from .runner import DIVERGED as RUN_DIVERGED
+    from .runner import NOT_CONVERGED, STOPPED
 
     simulation = build_scene(scene, _settings(points, horizon, weights, duration, frames, assignments))
     folder = out or Path("runs") / simulation.scene

@@ -15,7 +15,7 @@ import numpy as np
 from .checks import InputError
 
 if TYPE_CHECKING:
-    from .run import Recorder
+    from .runner import Recorder
     from .simulation import Built, Simulation
 
 NAME = "restart.npz"

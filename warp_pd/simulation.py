@@ -31,7 +31,7 @@ from .loads import BodyForce, Fixed, Load, Motion, PointForce, Pressure, Schedul
 from .sheet import Sheet
 
 if TYPE_CHECKING:
-    from .run import Result
+    from .runner import Result
     from .solvers import Solver
 
 RIGID = 8
@@ -110,8 +110,8 @@ class Simulation:
         return describe(self.build(device, precision))
 
     def run(self, **options: Any) -> Result:
-        """Run to the end; see `warp_pd.run.run` for the options."""
-        from .run import run
+        """Run to the end; see `warp_pd.runner.run` for the options."""
+        from .runner import run
 
         return run(self, **options)
 

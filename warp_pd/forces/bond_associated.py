@@ -51,15 +51,17 @@ class BondAssociated:
             "auto": "plain" once anything can break or at horizons above 4.5, "corrected" otherwise.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
             1/r^2, or a function of an array.
-        broken: What becomes of the area of broken bonds: "redistribute" gives it to the remaining ones of
-            the point, "drop" loses it.
+        broken: What becomes of the area of broken bonds. "drop" loses it: the stable step does not fall
+            when bonds break. "redistribute" gives it to the remaining bonds of the point: a crack opens a
+            little less too wide (7.0 against 8.6 % above the exact opening, 12 spacings half length, horizon
+            3.15), at a step up to a third shorter.
     """
 
     material: Material
     horizon: float = 2.015
     weights: str = "auto"
     influence: str | InfluenceFunction = "linear"
-    broken: str = "redistribute"
+    broken: str = "drop"
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tqdm import tqdm
 
 if TYPE_CHECKING:
-    from ..run import Recorder
+    from ..runner import Recorder
     from ..simulation import Built
 
 

@@ -112,6 +112,9 @@ class VtkHdfSeries:
                 self._add(file, frame, fields)
         self._frames = frame.index + 1
 
+    def save(self) -> None:
+        """Nothing to do: every frame is on disk once it is written."""
+
     def close(self) -> None:
         """Refuse further frames. Those written are on disk already."""
         self._closed = True

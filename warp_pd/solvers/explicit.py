@@ -12,7 +12,7 @@ from ..checks import InputError, count, not_negative, positive
 from .stable_step import StableStep
 
 if TYPE_CHECKING:
-    from ..run import Recorder
+    from ..runner import Recorder
     from ..simulation import Built
 
 # Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost

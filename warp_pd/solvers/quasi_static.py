@@ -12,7 +12,7 @@ from ..checks import count, positive
 from .stable_step import BLOCK, StableStep
 
 if TYPE_CHECKING:
-    from ..run import Recorder
+    from ..runner import Recorder
     from ..simulation import Built
 
 CHECK_EVERY = 50

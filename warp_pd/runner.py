@@ -5,6 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import os
+import signal
+import threading
+from collections.abc import Callable
 from time import perf_counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,11 +24,19 @@ from .simulation import Built, Simulation
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
 
 
+# Restart files of a run, about: each makes the writers bring their files to the disk.
+RESTARTS = 40
+
+
 class Writer(Protocol):
     """Looks at frames from outside; the simulation does not know what becomes of them."""
 
     def write(self, frame: Frame) -> None:
         """Take one frame."""
+        ...
+
+    def save(self) -> None:
+        """Bring everything written so far to the disk, so that a restart can go on from here."""
         ...
 
     def close(self) -> None:
@@ -88,6 +99,7 @@ class Recorder:
     history: list[dict[str, float]] = field(default_factory=list)
     last: Frame | None = None
     step_seconds: float = 0.0
+    stop_asked: bool = False
     _clock: float = field(default_factory=perf_counter)
 
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
@@ -114,10 +126,20 @@ class Recorder:
         self.last = frame
         if self.folder is not None:
             write_history(self.folder / "history.csv", self.history)
-            restart.save(self.folder / restart.NAME, self)
+            if self._restart_due(index):
+                for writer in self.writers:
+                    writer.save()
+                restart.save(self.folder / restart.NAME, self)
         if self.reporter is not None:
             self.reporter.frame(self)
         self._clock = perf_counter()
+        if self.stop_asked:
+            raise KeyboardInterrupt
+
+    def _restart_due(self, index: int) -> bool:
+        """At the first and last frame, when the user stops the run, and some forty times in between."""
+        frames = self.built.simulation.solver.frames
+        return self.stop_asked or index in (0, frames) or index % max(1, frames // RESTARTS) == 0
 
     def _require_finite(self, index: int, now: float, dt: float) -> None:
         built = self.built
@@ -260,6 +282,7 @@ def run(
         recorder.writers += _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)
     setup_seconds = perf_counter() - begin - compile_seconds
     status, message = FINISHED, ""
+    restore_signal = _stop_at_frames(recorder)
     try:
         if saved is None:
             recorder._clock = perf_counter()
@@ -273,8 +296,9 @@ def run(
     except DivergedError as error:
         status, message = DIVERGED, str(error)
     except KeyboardInterrupt:
-        status, message = STOPPED, "interrupted: --resume goes on from the last frame"
+        status, message = STOPPED, "interrupted: --resume goes on from here"
     finally:
+        restore_signal()
         for writer in recorder.writers:
             writer.close()
         if reporter is not None:
@@ -287,6 +311,21 @@ def run(
         if pictures and simulation.pictures is not None:
             simulation.pictures(result, folder)
     return result
+
+
+def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
+    """Make Ctrl-C end the run at the next frame, and a second one at once; returns what undoes this."""
+    if threading.current_thread() is not threading.main_thread():
+        return lambda: None
+    earlier = signal.getsignal(signal.SIGINT)
+
+    def ask(number: int, stack: Any) -> None:
+        if recorder.stop_asked:
+            raise KeyboardInterrupt
+        recorder.stop_asked = True
+
+    signal.signal(signal.SIGINT, ask)
+    return lambda: (signal.signal(signal.SIGINT, earlier), None)[1]
 
 
 def _resumed_frame(recorder: Recorder) -> Frame:
