@@ -14,7 +14,7 @@ from .numeric import numeric
 
 
 @functools.cache
-def ball_contact(bits, held, loaded, tracked, module):
+def ball_contact(bits, held, loaded, damped, tracked, module):
     """Kernels `project` (positions) and `separate` (velocities)."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -23,9 +23,7 @@ def ball_contact(bits, held, loaded, tracked, module):
     def strike(
         i: int,
         change: vec3,
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        step: wp.array(dtype=real),
+        start: vec3,
         mass: wp.array(dtype=real),
         velocity: wp.array(dtype=vec3),
         impulse: wp.array(dtype=vec3),
@@ -36,12 +34,30 @@ def ball_contact(bits, held, loaded, tracked, module):
         velocity[i] = before + change
         impulse[i] = impulse[i] + momentum
         if wp.static(tracked):
-            # The half kick of the force belongs to the same instant: the mean velocity of both counts.
-            total = force[i]
-            if wp.static(loaded):
-                total += external[i]
-            kick = (real(0.5) * step[0] / mass[i]) * total
-            work[i] = work[i] + wp.float64(wp.dot(momentum, before + real(0.5) * (change - kick)))
+            # The half kick belongs to the same instant: the velocity before it counts, and the one after both.
+            work[i] = work[i] + wp.float64(real(0.5) * wp.dot(momentum, start + before + change))
+
+    @wp.func(module=module)
+    def half_kick(
+        i: int,
+        mass: wp.array(dtype=real),
+        step: wp.array(dtype=real),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+    ):
+        """Change of velocity by half a step of the forces."""
+        total = force[i]
+        if wp.static(loaded):
+            total += external[i]
+        return (real(0.5) * step[0] / mass[i]) * total
+
+    @wp.func(module=module)
+    def half_loss(step: wp.array(dtype=real), damping: wp.array(dtype=real)):
+        """c dt / 2."""
+        loss = real(0.0)
+        if wp.static(damped):
+            loss = real(0.5) * step[0] * damping[0]
+        return loss
 
     @wp.kernel(module=module, enable_backward=False)
     def project(
@@ -52,6 +68,7 @@ def ball_contact(bits, held, loaded, tracked, module):
         schedule: int,
         radius: real,
         step: wp.array(dtype=real),
+        damping: wp.array(dtype=real),
         force: wp.array(dtype=vec3),
         external: wp.array(dtype=vec3),
         first: int,
@@ -72,7 +89,8 @@ def ball_contact(bits, held, loaded, tracked, module):
         if free and distance < radius and distance > real(0.0):
             shift = ((radius - distance) / distance) * arm
             displacement[i] = displacement[i] + shift
-            strike(i, shift / step[0], force, external, step, mass, velocity, impulse, work)
+            start = (velocity[i] - half_kick(i, mass, step, force, external)) / (real(1.0) - half_loss(step, damping))
+            strike(i, shift / step[0], start, mass, velocity, impulse, work)
 
     @wp.kernel(module=module, enable_backward=False)
     def separate(
@@ -84,6 +102,7 @@ def ball_contact(bits, held, loaded, tracked, module):
         schedule: int,
         radius: real,
         step: wp.array(dtype=real),
+        damping: wp.array(dtype=real),
         force: wp.array(dtype=vec3),
         external: wp.array(dtype=vec3),
         displacement: wp.array(dtype=vec3),
@@ -105,6 +124,7 @@ def ball_contact(bits, held, loaded, tracked, module):
             normal = arm / distance
             approach = wp.dot(velocity[i] - ball_velocity, normal)
             if approach < real(0.0):
-                strike(i, -approach * normal, force, external, step, mass, velocity, impulse, work)
+                start = (real(1.0) + half_loss(step, damping)) * velocity[i] - half_kick(i, mass, step, force, external)
+                strike(i, -approach * normal, start, mass, velocity, impulse, work)
 
     return project, separate

@@ -124,7 +124,7 @@ def integration(bits, held, loaded, damped, tracked, module):
         v = half + (real(0.5) * dt / mass[i]) * total
         if wp.static(damped):
             v = v / (real(1.0) + real(0.5) * dt * damping[0])
-        moving = half
+        moving = v
         if wp.static(held):
             bits_here = held_mask[i]
             for c in range(3):

@@ -423,13 +423,13 @@ class Built:
 
         state = self.state
         self._project, self._separate = ball_contact(
-            self.types.bits, self.has_held, self.has_loads, self.tracked, self.workspace.module
+            self.types.bits, self.has_held, self.has_loads, self.damped, self.tracked, self.workspace.module
         )
         self.workspace.launch(
             "step", "RigidBall", self._project, self.simulation.sheet.size,
             reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
             schedule=self._schedule_ids[id(ball)], radius=0.5 * ball.diameter, step=self.step,
-            force=state.force, external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
+            damping=self.damping, force=state.force, external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
     def _add_separate(self, ball: RigidBall) -> None:
@@ -438,8 +438,8 @@ class Built:
             "step", "RigidBall", self._separate, self.simulation.sheet.size,
             reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
             ball_velocity=self.types.vec3(*ball.velocity), schedule=self._schedule_ids[id(ball)],
-            radius=0.5 * ball.diameter, step=self.step, force=state.force, external=state.external,
-            displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
+            radius=0.5 * ball.diameter, step=self.step, damping=self.damping, force=state.force,
+            external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
     def _add_break(self, damage: CriticalStretch) -> None:
