@@ -4,7 +4,8 @@ import functools
 
 import warp as wp
 
-from .families import family_functions
+from .bond_associated import DEGENERATE
+from .families import WORD, family_functions
 from .numeric import numeric
 
 
@@ -58,6 +59,8 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
+    word_size = WORD
+    degenerate = DEGENERATE
 
     @wp.kernel(module=module, enable_backward=False)
     def add_follower_pressure(
@@ -80,7 +83,7 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
             members = f.whole(family, i, word)
             if wp.static(breakable):
                 members = alive[word, i]
-            k = word * 32
+            k = word * word_size
             while members != wp.uint32(0):
                 if (members & wp.uint32(1)) != wp.uint32(0):
                     m = f.neighbour(family, i, k)
@@ -94,7 +97,7 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
                 k += 1
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         half_trace = real(0.5) * (shape[0] + shape[2])
-        if determinant > real(0.02) * half_trace * half_trace:
+        if determinant > real(degenerate) * half_trace * half_trace:
             scale = inverse_horizon / determinant
             F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
             F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))

@@ -1,0 +1,112 @@
+"""What the tests share: small simulations, and their forces and energies at any displacement."""
+
+import numpy as np
+
+from warp_pd import BondAssociated, Explicit, Gent, NeoHookean, Sheet, Simulation
+from warp_pd.bonds import pack
+from warp_pd.launches import run_once
+from warp_pd.sheet import crosses
+
+MU, BULK = 1e3, 100e3
+NEO = NeoHookean(mu=MU, bulk=BULK)
+GENT = Gent(mu=MU, bulk=2 * BULK, lock=160.0)
+
+
+def square(points=13, size=0.1, **changes):
+    values = {"thickness": 1e-3, "density": 1000.0, "points": points, **changes}
+    return Sheet.rectangle(size, size, **values)
+
+
+def jittered(points=13, size=0.1, share=0.2, seed=0):
+    """A square whose inner points are moved at random by up to `share` spacings."""
+    lattice = square(points, size)
+    move = np.random.default_rng(seed).uniform(-share, share, (lattice.size, 2)) * lattice.spacing
+    move[lattice.edges("left", "right"), 0] = 0.0
+    move[lattice.edges("bottom", "top"), 1] = 0.0
+    return Sheet.from_points(lattice.points + move, thickness=1e-3, density=1000.0)
+
+
+def build(sheet, *, horizon=2.015, weights="plain", material=NEO, precision=64, solver=None, law=None, **parts):
+    force = BondAssociated(material, horizon=horizon, weights=weights, **(law or {}))
+    simulation = Simulation(sheet, force=force, solver=solver or Explicit(1.0), **parts)
+    built = simulation.build("cpu", precision)
+    built.workspace.compile()
+    return built
+
+
+def internal_force(built, displacement):
+    """Internal force [N], shape (N, 3)."""
+    built.state.displacement.assign(displacement.astype(built.state.displacement.numpy().dtype))
+    run_once(built.workspace.device, built.workspace.stages["setup"])
+    return built.to_numpy(built.state.force)
+
+
+def strain_energy(built, displacement):
+    """Strain energy [J]."""
+    built.state.displacement.assign(displacement.astype(built.state.displacement.numpy().dtype))
+    run_once(built.workspace.device, built.workspace.stages["frame"])
+    return float(built.strain_energy.numpy().sum())
+
+
+def array(built, name):
+    return next(use.array for use in built.workspace.arrays if use.name == name)
+
+
+def sever(built, segment):
+    """Break the bonds across a segment, as rupture would."""
+    families, points = built.force.families, built.simulation.sheet.points
+    tail = np.repeat(points[:, None], families.members, axis=1)
+    offsets = (families.bonds if families.bonds.ndim == 3 else families.bonds[None]) * families.horizon
+    lost = crosses(tail, tail + offsets, segment)
+    standing = families.rows_of_points(families.exists) & ~lost
+    built.force.alive.assign(np.ascontiguousarray(pack(standing).T))
+    return lost
+
+
+def uniform(sheet, gradient):
+    """Displacement of a uniform deformation gradient, 3x2."""
+    identity = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    return sheet.points @ (np.asarray(gradient) - identity).T
+
+
+def rough(sheet, size=0.05, seed=0):
+    """A random smooth-and-rough displacement, `size` of it relative to the spacing."""
+    rng = np.random.default_rng(seed)
+    x = sheet.points / np.ptp(sheet.points)
+    smooth = np.column_stack([0.2 * x[:, 0], -0.1 * x[:, 1] + 0.1 * x[:, 0], 0.2 * x[:, 0] * x[:, 1]])
+    return np.ptp(sheet.points) * smooth + size * sheet.spacing * rng.normal(size=(sheet.size, 3))
+
+
+def exact_stress(material, gradient):
+    """First Piola stress 3x2 of a uniform gradient, by scipy: an implementation apart from the kernels."""
+    from scipy.optimize import brentq
+
+    F = np.asarray(gradient, dtype=float)
+    C = F.T @ F
+    det, trace = np.linalg.det(C), np.trace(C)
+
+    def shear(c33):
+        volume = c33 * det
+        modified = volume ** (-1 / 3)
+        if isinstance(material, Gent):
+            return material.mu * material.lock * modified / (material.lock - modified * (trace + c33) + 3.0)
+        return material.mu * modified
+
+    def thickness_stress(c33):
+        volume = c33 * det
+        if isinstance(material, Gent):
+            pressure = 0.5 * material.bulk * (volume - 1.0)
+        else:
+            pressure = 0.25 * material.bulk * (volume - 1.0 / volume)
+        return shear(c33) * (2.0 * c33 - trace) / 3.0 + pressure
+
+    c33 = brentq(thickness_stress, 1e-2 / det, 1e2 / det, xtol=1e-15, rtol=8.9e-16)
+    return F @ (shear(c33) * (np.eye(2) - c33 * np.linalg.inv(C)))
+
+
+def random_gradient(seed):
+    """A stretched, sheared and turned sheet, 3x2."""
+    rng = np.random.default_rng(seed)
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    stretch = np.array([[1.3, 0.2], [0.1, 0.9]]) + 0.15 * rng.uniform(-1, 1, (2, 2))
+    return rotation[:, :2] @ stretch

@@ -1,0 +1,40 @@
+"""Kernels that evaluate a material at many strains (kernels must live in a file)."""
+
+import functools
+
+import warp as wp
+
+from warp_pd.kernels.numeric import numeric
+
+
+@functools.cache
+def evaluator(material, bits):
+    types = numeric(bits)
+    stress, energy = material(bits)
+
+    @wp.kernel(module=f"test_material_{material.__name__}_{bits}", enable_backward=False)
+    def evaluate(
+        strain: wp.array(dtype=types.mat22),
+        constants: types.parameters,
+        out_stress: wp.array(dtype=types.mat22),
+        out_energy: wp.array(dtype=types.real),
+    ):
+        i = wp.tid()
+        out_stress[i] = stress(strain[i], constants)
+        out_energy[i] = energy(strain[i], constants)
+
+    return evaluate
+
+
+def evaluate(material, strain, bits):
+    """Second Piola stress (n, 2, 2) and energy (n,) at G = C - I, shape (n, 2, 2)."""
+    from warp_pd.materials import padded_constants
+
+    types = numeric(bits)
+    n = len(strain)
+    given = wp.array(strain, dtype=types.mat22, device="cpu")
+    stress = wp.zeros(n, dtype=types.mat22, device="cpu")
+    energy = wp.zeros(n, dtype=types.real, device="cpu")
+    constants = types.parameters(*padded_constants(material))
+    wp.launch(evaluator(material.functions, bits), dim=n, inputs=[given, constants, stress, energy], device="cpu")
+    return stress.numpy().astype(float), energy.numpy().astype(float)

@@ -1,0 +1,208 @@
+"""Explicit dynamics: momentum, energy, the stable step, the wave speed."""
+
+import numpy as np
+import pytest
+from helpers import MU, NEO, array, build, rough, square
+from scipy.sparse.linalg import LinearOperator, eigs
+
+from warp_pd import BondAssociated, Explicit, Fixed, InputError, QuasiStatic, Sheet, Simulation
+from warp_pd.launches import run_once
+
+
+def totals(built):
+    mass = built.to_numpy(built.mass)[:, None]
+    velocity = built.to_numpy(built.state.velocity)
+    sheet = built.simulation.sheet
+    position = np.column_stack([sheet.points, np.zeros(sheet.size)]) + built.to_numpy(built.state.displacement)
+    return (mass * velocity).sum(axis=0), (mass * np.cross(position, velocity)).sum(axis=0)
+
+
+def test_a_free_sheet_keeps_its_momentum_over_ten_thousand_steps():
+    sheet = square(9)
+    velocity = np.random.default_rng(0).normal(size=(sheet.size, 3))
+    built = build(sheet, horizon=2.015, initial_velocity=velocity)
+    linear, angular = totals(built)
+    stable = 2.0 / built.stable_step.omega(100)
+    run_once(built.workspace.device, built.workspace.stages["setup"])
+    built.step.assign(np.array([0.2 * stable]))
+    steps = built.workspace.sequence("step")
+    for _ in range(10_000):
+        steps.run()
+    linear_after, angular_after = totals(built)
+    mass = built.to_numpy(built.mass)
+    speed = np.abs(built.to_numpy(built.state.velocity)).max()
+    assert np.abs(linear_after - linear).max() < 1e-10 * mass.sum() * speed
+    assert np.abs(angular_after - angular).max() < 1e-10 * mass.sum() * speed * 0.1
+
+
+def oscillation(weights, precision=64, duration=2.0, horizon=3.15):
+    """A smoothly stretched sheet let go, undamped; share of energy gained or lost."""
+    sheet = square(15)
+    x = sheet.points[:, 0] / 0.1
+    start = np.zeros((sheet.size, 3))
+    start[:, 0] = 0.02 * np.sin(0.5 * np.pi * x)
+    start[:, 2] = 0.005 * np.sin(np.pi * x) ** 2
+    simulation = Simulation(
+        sheet,
+        BondAssociated(NEO, horizon=horizon, weights=weights),
+        Explicit(duration, frames=20, safety=0.1),
+        loads=[Fixed(sheet.edges("left"))],
+        initial_displacement=start,
+    )
+    result = simulation.run(device="cpu", precision=precision)
+    assert result.status == "finished"
+    total = np.array([row["kinetic"] + row["strain"] for row in result.history])
+    return np.abs(total / total[0] - 1.0).max(), result
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_an_undamped_oscillation_keeps_its_energy(precision):
+    change, result = oscillation("plain", precision)
+    assert result.summary["steps"] > 300
+    assert change < 1e-3
+
+
+def test_the_published_weights_drift():
+    """They have no energy of their own: what the plain energy measures wanders by far more."""
+    published, _ = oscillation("published")
+    plain, _ = oscillation("plain")
+    assert published > 10.0 * plain
+    assert published > 1e-3
+
+
+def largest_frequency(built):
+    """omega_max by ARPACK on the same operator."""
+    response = array(built, "response")
+    n = built.simulation.sheet.size
+    free = np.array([[(bits >> c) & 1 for c in range(3)] for bits in built.held]).ravel() == 0
+
+    def apply(v):
+        v = np.where(free, v.ravel(), 0.0)
+        size = np.abs(v).max()
+        built.stable_step.direction.assign((v / size).reshape(n, 3))
+        run_once(built.workspace.device, built.workspace.stages["estimate"])
+        return size * response.numpy().ravel()
+
+    start = np.where(free, np.random.default_rng(1).normal(size=3 * n), 0.0)
+    operator = LinearOperator((3 * n, 3 * n), matvec=apply, dtype=float)
+    return float(np.sqrt(eigs(operator, k=1, v0=start, tol=1e-5, return_eigenvectors=False)[0].real))
+
+
+@pytest.mark.parametrize(("horizon", "weights"), [(1.5, "corrected"), (3.15, "plain"), (3.15, "published")])
+def test_the_estimate_of_the_stable_step_is_right(horizon, weights):
+    sheet = square(15)
+    start = np.zeros((sheet.size, 3))
+    start[:, 0] = 0.3 * sheet.points[:, 0]
+    built = build(sheet, horizon=horizon, weights=weights, loads=[Fixed(sheet.edges("left"))], initial_displacement=start)
+    estimate = built.stable_step.omega(120)
+    assert estimate == pytest.approx(largest_frequency(built), rel=0.01)
+
+
+def test_stable_at_the_estimate_and_unstable_above():
+    """Small motion of a stretched, clamped sheet: bounded at 0.98 of the step, not at 1.05."""
+    sheet = square(11)
+    start = np.zeros((sheet.size, 3))
+    start[:, :2] = 0.2 * sheet.points
+    growth = {}
+    for share in (0.98, 1.05):
+        velocity = 1e-5 * np.random.default_rng(0).normal(size=(sheet.size, 3))
+        velocity[sheet.edges()] = 0.0
+        built = build(sheet, horizon=2.015, weights="corrected", loads=[Fixed(sheet.edges())], initial_displacement=start,
+                      initial_velocity=velocity)  # fmt: skip
+        stable = 2.0 / built.stable_step.omega(300, settle=0.0)
+        run_once(built.workspace.device, built.workspace.stages["setup"])
+        built.step.assign(np.array([share * stable]))
+        steps = built.workspace.sequence("step")
+        for _ in range(200):
+            steps.run()
+        growth[share] = np.abs(built.to_numpy(built.state.velocity)).max() / np.abs(velocity).max()
+    assert growth[0.98] < 10.0
+    assert growth[1.05] > 100.0
+
+
+def test_a_step_above_the_stable_limit_is_refused(tmp_path):
+    sheet = square(7)
+    simulation = Simulation(sheet, BondAssociated(NEO), Explicit(0.1, step=1.0))
+    with pytest.raises(InputError, match=r"step = 1.0 s: allowed is at most the stable step, 0\.0"):
+        simulation.run(device="cpu")
+
+
+def wave_error(points):
+    """Relative error of the speed of a transverse wave along a stretched strip, from its period."""
+    length, stretch = 1.0, 1.2
+    sheet = Sheet.rectangle(length, 8.0 / (points - 1), thickness=1e-3, density=1000.0, points=(points, 9))
+    x = sheet.points[:, 0]
+    start = np.zeros((sheet.size, 3))
+    start[:, 0] = (stretch - 1.0) * x
+    start[:, 2] = 1e-4 * np.sin(np.pi * x / length)
+    from helpers import exact_stress
+
+    tension = exact_stress(NEO, [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]])[0, 0]
+    # A string of tension P per reference area: its points cross zero after half of pi / omega.
+    omega = np.pi / length * np.sqrt(tension / stretch / 1000.0)
+    period = 2.0 * np.pi / omega
+    simulation = Simulation(
+        sheet,
+        BondAssociated(NEO, horizon=2.015, weights="corrected"),
+        Explicit(0.6 * period, frames=240, safety=0.5),
+        loads=[Fixed(sheet.edges("left", "right")), Fixed(np.arange(sheet.size), "xy")],
+        initial_displacement=start,
+    )
+    heights, times = [], []
+
+    class Watch:
+        def write(self, frame):
+            heights.append(float(frame.displacement[:, 2] @ np.sin(np.pi * x / length)))
+            times.append(frame.time)
+
+        def save(self):
+            pass
+
+        def close(self):
+            pass
+
+    simulation.run(device="cpu", precision=64, writers=[Watch()])
+    k = int(np.flatnonzero(np.array(heights) < 0.0)[0])
+    crossing = times[k - 1] + (times[k] - times[k - 1]) * heights[k - 1] / (heights[k - 1] - heights[k])
+    return abs((0.25 * period) / crossing - 1.0)
+
+
+def test_wave_speed_converges_to_the_exact_one():
+    # P is per reference area and rho per reference volume, on reference length: omega^2 = (pi/L)^2 P'/rho with
+    # P' the transverse stiffness, the tension over the stretch.
+    errors = [wave_error(n) for n in (9, 17, 33)]
+    assert errors[2] < 2e-3
+    assert errors[0] / errors[2] > 8.0
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_quasi_static_rest_is_rest(precision):
+    from warp_pd import Pressure
+
+    sheet = square(13)
+    simulation = Simulation(
+        sheet, BondAssociated(NEO, horizon=2.015), QuasiStatic(), loads=[Fixed(sheet.edges()), Pressure(5.0)]
+    )
+    result = simulation.run(device="cpu", precision=precision)
+    assert result.status == "finished"
+    assert result.summary["residual"] <= (1e-6 if precision == 64 else 1e-4)
+    assert 0.012 < result.frame.displacement[sheet.nearest(0.05, 0.05), 2] < 0.02
+
+
+def test_two_runs_are_equal_bit_for_bit():
+    first, second = (oscillation("plain", 32, duration=0.3)[1].frame.displacement for _ in range(2))
+    assert (first == second).all()
+
+
+def test_mass_damping_follows_the_exact_decay():
+    sheet = square(5)
+    simulation = Simulation(
+        sheet, BondAssociated(NEO), Explicit(1.0, frames=5, damping=2.0, safety=0.1),
+        initial_velocity=np.tile([0.3, 0.0, 0.1], (sheet.size, 1)),
+    )  # fmt: skip
+    result = simulation.run(device="cpu", precision=64)
+    assert result.frame.velocity == pytest.approx(np.tile([0.3, 0.0, 0.1], (sheet.size, 1)) * np.exp(-2.0), rel=2e-3)
+    row = result.history[-1]
+    lost = result.history[0]["kinetic"] - row["kinetic"]
+    assert row["damping"] == pytest.approx(lost, rel=1e-2)
+    assert MU > 0.0
