@@ -14,8 +14,9 @@ Either way `bond_force[k, i]` is what the family of i does to the pair: + on i, 
 on a point is then gathered from both ends of its bonds, so momentum is conserved to round-off.
 
 An intersection whose points are (nearly) collinear, det K < DEGENERATE (tr K / 2)^2, determines no
-deformation gradient: 0.42 is the least on an intact lattice, at its edges, and stiffness grows as 1/det K. It carries no energy of its own; its bond still works through the other
-intersections it belongs to.
+deformation gradient. It carries no energy of its own; its bond still works through the other intersections
+it belongs to. On an intact lattice the least value is 0.42, at its edges; stiffness grows as 1/det K, so a
+lower threshold costs a shorter step once bonds break.
 """
 
 import functools
@@ -61,7 +62,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec2, vec3, mat22, mat32 = types.real, types.vec2, types.vec3, types.mat22, types.mat32
+    real, vec3, mat22 = types.real, types.vec3, types.mat22
     parameters = types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
@@ -83,7 +84,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
     @wp.func(module=module)
     def is_whole(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
         """Whether the tables of the undamaged sheet hold for the family of i."""
-        answer = bool(True)
+        answer = True
         if wp.static(damaged):
             for word in range(family.words):
                 if alive[word, i] != f.whole(family, i, word):
@@ -156,9 +157,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
     def green(H1: vec3, H2: vec3):
         """C - I of the gradient with columns H1, H2, without adding and taking away one."""
         shear = H1[1] + H2[0] + wp.dot(H1, H2)
-        return mat22(
-            real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2)
-        )
+        return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
 
     @wp.func(module=module)
     def area_weight(family: Family, i: int, j: int, whole: bool, size: real):

@@ -53,7 +53,7 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
 
     @wp.func(module=module)
     def half_loss(step: wp.array(dtype=real), damping: wp.array(dtype=real)):
-        """c dt / 2."""
+        """C dt / 2."""
         loss = real(0.0)
         if wp.static(damped):
             loss = real(0.5) * step[0] * damping[0]
@@ -78,7 +78,7 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        free = bool(True)
+        free = True
         if wp.static(held):
             free = held_mask[i] == wp.uint8(0)
         X = reference[i]
@@ -112,7 +112,7 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        free = bool(True)
+        free = True
         if wp.static(held):
             free = held_mask[i] == wp.uint8(0)
         X = reference[i]

@@ -75,7 +75,7 @@ def critical_stretch(layout, bits, tracked, earlier_energy, module):
         released: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        breaks = bool(False)
+        breaks = False
         back = real(0.5) * step[0]
         for word in range(family.words):
             standing = alive[word, i]
@@ -84,17 +84,11 @@ def critical_stretch(layout, bits, tracked, earlier_energy, module):
         if breaks:
             before = real(0.0)
             if wp.static(tracked):
-                before = earlier_energy(
-                    family, alive, displacement, velocity, back, constants, inverse_horizon, i
-                )
+                before = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
             for word in range(family.words):
-                alive[word, i] = surviving(
-                    family, displacement, horizon, critical_squared, i, word, alive[word, i]
-                )
+                alive[word, i] = surviving(family, displacement, horizon, critical_squared, i, word, alive[word, i])
             if wp.static(tracked):
-                after = earlier_energy(
-                    family, alive, displacement, velocity, back, constants, inverse_horizon, i
-                )
+                after = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))
 
     @wp.kernel(module=module, enable_backward=False)

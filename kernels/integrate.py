@@ -400,9 +400,7 @@ def power_iteration(bits, module):
             squared_frequency[1] = wp.sqrt(image / norm)
 
     @wp.kernel(module=module, enable_backward=False)
-    def renew(
-        response: wp.array(dtype=vec3), scale: wp.array(dtype=real), first: int, direction: wp.array(dtype=vec3)
-    ):
+    def renew(response: wp.array(dtype=vec3), scale: wp.array(dtype=real), first: int, direction: wp.array(dtype=vec3)):
         i = wp.tid() + first
         direction[i] = scale[0] * response[i]
 

@@ -31,7 +31,7 @@ def invariants(bits):
 
     @wp.func
     def area_change(G: mat22):
-        """det C - 1."""
+        """Det C - 1."""
         return G[0, 0] + G[1, 1] + wp.determinant(G)
 
     @wp.func
@@ -149,18 +149,14 @@ def gent(bits):
             room = wp.max(lock - excess, real(1.0e-3) * lock)
             deviator = (real(2.0) * thinning - trace) / real(3.0)
             residual = mu * lock / room * deviator + root * inverse_d * z
-            excess_slope = (slope - real(1.0) / (root * root)) / root - excess / (
-                real(3.0) * (real(1.0) + z)
-            )
+            excess_slope = (slope - real(1.0) / (root * root)) / root - excess / (real(3.0) * (real(1.0) + z))
             tangent = (
                 mu * lock / room * (real(2.0) / real(3.0) * slope)
                 + mu * lock / (room * room) * excess_slope * deviator
                 + inverse_d * (root + z / (real(3.0) * root * root))
             )
             floor = mu * lock / room * (real(2.0) / real(3.0) * slope) + inverse_d * real(0.5)
-            new = wp.max(
-                z - residual / wp.max(tangent, real(0.25) * floor), real(0.2) * (real(1.0) + z) - real(1.0)
-            )
+            new = wp.max(z - residual / wp.max(tangent, real(0.25) * floor), real(0.2) * (real(1.0) + z) - real(1.0))
             change = wp.abs(new - z)
             z = new
             if change <= real(tolerance) * (real(1.0) + z):
@@ -190,13 +186,17 @@ def gent(bits):
         if share >= real(1.0):
             logarithm = real(wp.nan)
         elif wp.abs(share) < real(1.0e-3):
-            logarithm = -share * (real(1.0) + share * (real(0.5) + share * (real(1.0) / real(3.0) + real(0.25) * share)))
+            logarithm = -share * (
+                real(1.0) + share * (real(0.5) + share * (real(1.0) / real(3.0) + real(0.25) * share))
+            )
         else:
             logarithm = wp.log(real(1.0) - share)
         volume = real(0.0)
         if wp.abs(z) < real(1.0e-2):
-            volume = z * z * (
-                real(0.25) - z * (real(1.0) / real(6.0) - z * (real(0.125) - z * (real(0.1) - z / real(12.0))))
+            volume = (
+                z
+                * z
+                * (real(0.25) - z * (real(1.0) / real(6.0) - z * (real(0.125) - z * (real(0.1) - z / real(12.0)))))
             )
         else:
             volume = real(0.5) * (z - wp.log(real(1.0) + z))

@@ -2,8 +2,21 @@
 
 import numpy as np
 import pytest
-from helpers import GENT, NEO, array, build, exact_stress, internal_force, jittered, random_gradient, rough
-from helpers import sever, square, strain_energy, uniform
+from helpers import (
+    GENT,
+    NEO,
+    array,
+    build,
+    exact_stress,
+    internal_force,
+    jittered,
+    random_gradient,
+    rough,
+    sever,
+    square,
+    strain_energy,
+    uniform,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import MU, NEO, array, build, rough, square
+from helpers import MU, NEO, array, build, square
 from scipy.sparse.linalg import LinearOperator, eigs
 
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, QuasiStatic, Sheet, Simulation
@@ -45,12 +45,11 @@ def oscillation(weights, precision=64, duration=2.0, horizon=3.15):
     simulation = Simulation(
         sheet,
         BondAssociated(NEO, horizon=horizon, weights=weights),
-        Explicit(duration, frames=20, safety=0.1),
+        Explicit(duration, frames=20, safety=0.05),
         loads=[Fixed(sheet.edges("left"))],
         initial_displacement=start,
     )
     result = simulation.run(device="cpu", precision=precision)
-    assert result.status == "finished"
     total = np.array([row["kinetic"] + row["strain"] for row in result.history])
     return np.abs(total / total[0] - 1.0).max(), result
 
@@ -58,15 +57,16 @@ def oscillation(weights, precision=64, duration=2.0, horizon=3.15):
 @pytest.mark.parametrize("precision", [32, 64])
 def test_an_undamped_oscillation_keeps_its_energy(precision):
     change, result = oscillation("plain", precision)
+    assert result.status == "finished"
     assert result.summary["steps"] > 300
     assert change < 1e-3
 
 
 def test_the_published_weights_drift():
-    """They have no energy of their own: what the plain energy measures wanders by far more."""
+    """They have no energy of their own, and gain what the plain energy measures until the run diverges."""
     published, _ = oscillation("published")
     plain, _ = oscillation("plain")
-    assert published > 10.0 * plain
+    assert published > 5.0 * plain
     assert published > 1e-3
 
 
@@ -93,7 +93,9 @@ def test_the_estimate_of_the_stable_step_is_right(horizon, weights):
     sheet = square(15)
     start = np.zeros((sheet.size, 3))
     start[:, 0] = 0.3 * sheet.points[:, 0]
-    built = build(sheet, horizon=horizon, weights=weights, loads=[Fixed(sheet.edges("left"))], initial_displacement=start)
+    built = build(
+        sheet, horizon=horizon, weights=weights, loads=[Fixed(sheet.edges("left"))], initial_displacement=start
+    )
     estimate = built.stable_step.omega(120)
     assert estimate == pytest.approx(largest_frequency(built), rel=0.01)
 
@@ -107,7 +109,7 @@ def test_stable_at_the_estimate_and_unstable_above():
     for share in (0.98, 1.05):
         velocity = 1e-5 * np.random.default_rng(0).normal(size=(sheet.size, 3))
         velocity[sheet.edges()] = 0.0
-        built = build(sheet, horizon=2.015, weights="corrected", loads=[Fixed(sheet.edges())], initial_displacement=start,
+        built = build(sheet, horizon=2.015, weights="corrected", loads=[Fixed(sheet.edges())], initial_displacement=start,  # noqa: E501
                       initial_velocity=velocity)  # fmt: skip
         stable = 2.0 / built.stable_step.omega(300, settle=0.0)
         run_once(built.workspace.device, built.workspace.stages["setup"])

@@ -28,9 +28,7 @@ def make_surface(**changes) -> Surface:
     """A sheet of 6 x 5 points, 0.5 m x 0.4 m, with a ball above it."""
     points = np.array([[0.1 * column, 0.1 * row, 0.0] for row in range(ROWS) for column in range(COLUMNS)])
     corners = [row * COLUMNS + column for row in range(ROWS - 1) for column in range(COLUMNS - 1)]
-    faces = np.array(
-        [triangle for a in corners for triangle in ((a, a + 1, a + 7), (a, a + 7, a + 6))], np.int32
-    )
+    faces = np.array([triangle for a in corners for triangle in ((a, a + 1, a + 7), (a, a + 7, a + 6))], np.int32)
     values = {
         "points": points,
         "faces": faces,
@@ -235,12 +233,8 @@ def in_picture(stage: Usd.Stage, points: np.ndarray) -> np.ndarray:
     return np.array([to_picture.Transform(Gf.Vec3d(*map(float, point))) for point in points])
 
 
-def test_camera_sees_the_whole_sheet_through_the_whole_animation(
-    stage: Usd.Stage, mesh: UsdGeom.Mesh
-) -> None:
-    seen = np.concatenate(
-        [in_picture(stage, np.array(mesh.GetPointsAttr().Get(index))) for index in range(FRAMES)]
-    )
+def test_camera_sees_the_whole_sheet_through_the_whole_animation(stage: Usd.Stage, mesh: UsdGeom.Mesh) -> None:
+    seen = np.concatenate([in_picture(stage, np.array(mesh.GetPointsAttr().Get(index))) for index in range(FRAMES)])
     assert np.all(np.abs(seen) < 1.0)
     assert np.ptp(seen[:, 0]) > 0.8
     # From the front and above: the back edge (+y) stands higher in the picture, and +x is to the right.
@@ -294,9 +288,7 @@ for index in range(10**6):
 
 
 @pytest.mark.parametrize(("save_every", "kill_after", "kept"), [(4, 10, 9), (1, 37, 37)])
-def test_killed_run_leaves_what_was_saved(
-    tmp_path: Path, save_every: int, kill_after: int, kept: int
-) -> None:
+def test_killed_run_leaves_what_was_saved(tmp_path: Path, save_every: int, kill_after: int, kept: int) -> None:
     path = tmp_path / "animation.usd"
     here = Path(__file__).resolve().parent
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(here), str(here.parent)])}

@@ -28,9 +28,7 @@ def make_surface(**changes) -> Surface:
     """A sheet of 6 x 5 points, 0.5 m x 0.4 m, with a ball above it."""
     points = np.array([[0.1 * column, 0.1 * row, 0.0] for row in range(ROWS) for column in range(COLUMNS)])
     corners = [row * COLUMNS + column for row in range(ROWS - 1) for column in range(COLUMNS - 1)]
-    faces = np.array(
-        [triangle for a in corners for triangle in ((a, a + 1, a + 7), (a, a + 7, a + 6))], np.int32
-    )
+    faces = np.array([triangle for a in corners for triangle in ((a, a + 1, a + 7), (a, a + 7, a + 6))], np.int32)
     values = {
         "points": points,
         "faces": faces,
@@ -169,9 +167,7 @@ def test_all_faces_torn(tmp_path: Path) -> None:
 def test_triangles_are_stored_when_they_change(tmp_path: Path) -> None:
     surface = write_all(tmp_path / "frames.vtkhdf")
     faces = [make_frame(surface, index).faces(surface) for index in range(FRAMES)]
-    stored = [faces[0]] + [
-        later for earlier, later in itertools.pairwise(faces) if len(earlier) != len(later)
-    ]
+    stored = [faces[0]] + [later for earlier, later in itertools.pairwise(faces) if len(earlier) != len(later)]
     assert 1 < len(stored) < FRAMES
     with h5py.File(tmp_path / "frames.vtkhdf") as file:
         np.testing.assert_array_equal(file["VTKHDF/Polygons/NumberOfCells"], [len(each) for each in stored])

@@ -4,8 +4,20 @@ import numpy as np
 import pytest
 from helpers import GENT, NEO, build, square, uniform
 
-from warp_pd import BodyForce, BondAssociated, CriticalStretch, Explicit, Fixed, Motion, PointForce, Pressure
-from warp_pd import QuasiStatic, RigidBall, Sheet, Simulation
+from warp_pd import (
+    BodyForce,
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Motion,
+    PointForce,
+    Pressure,
+    QuasiStatic,
+    RigidBall,
+    Sheet,
+    Simulation,
+)
 from warp_pd.launches import run_once
 
 
@@ -16,7 +28,9 @@ def run(sheet, *, solver=None, precision=64, material=NEO, horizon=2.015, weight
 
 @pytest.mark.parametrize("ramp", [None, [(0.0, 0.0), (0.1, 1.0)]])
 def test_body_force_makes_the_sheet_fall(ramp):
-    result = run(square(5), solver=Explicit(0.1, frames=4, safety=0.05), loads=[BodyForce((0.0, 0.0, -9810.0), ramp=ramp)])
+    result = run(
+        square(5), solver=Explicit(0.1, frames=4, safety=0.05), loads=[BodyForce((0.0, 0.0, -9810.0), ramp=ramp)]
+    )
     fall = 0.5 * 9.81 * 0.1**2 if ramp is None else 9.81 * 0.1**2 / 6.0
     assert result.frame.displacement[:, 2] == pytest.approx(-fall, rel=2e-2)
     assert abs(result.history[-1]["balance_error"]) < 1e-2
@@ -100,7 +114,9 @@ def test_a_ball_that_never_touches_changes_nothing():
 @pytest.mark.parametrize("broken", ["drop", "redistribute"])
 def test_tearing_a_strip_in_two(broken):
     """Pulled apart at mid-height: damage appears, the halves separate, nothing is NaN, the energy balances."""
-    sheet = Sheet.rectangle(0.04, 0.1, thickness=1e-3, density=1000.0, points=(9, 21)).cut((-0.01, 0.0512), (0.016, 0.0512))
+    sheet = Sheet.rectangle(0.04, 0.1, thickness=1e-3, density=1000.0, points=(9, 21)).cut(
+        (-0.01, 0.0512), (0.016, 0.0512)
+    )
     law = BondAssociated(NEO, horizon=3.015, broken=broken)
     top = sheet.edges("top")
     simulation = Simulation(
@@ -143,7 +159,7 @@ def test_a_rigid_inclusion_moves_as_a_body():
     members = sheet.inclusions[0]
     result = run(
         sheet, solver=Explicit(0.3, frames=6, safety=0.5),
-        loads=[Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 0.3], x=[0.0, 0.03], y=[0.0, 0.03], z=[0.0, 0.02])],
+        loads=[Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 0.3], x=[0.0, 0.03], y=[0.0, 0.03], z=[0.0, 0.02])],  # noqa: E501
     )  # fmt: skip
     reference = np.column_stack([sheet.points, np.zeros(sheet.size)])
     moved = reference + result.frame.displacement

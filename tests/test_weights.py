@@ -75,9 +75,7 @@ def cloud(points, horizon, severed=None):
         neighbours[i, : len(members)] = members
     exists = neighbours >= 0
     place = np.where(exists[..., None], points[neighbours], np.inf)
-    length = np.where(
-        exists, np.linalg.norm(np.where(exists[..., None], place, 0) - points[:, None], axis=-1), 0
-    )
+    length = np.where(exists, np.linalg.norm(np.where(exists[..., None], place, 0) - points[:, None], axis=-1), 0)
     near = np.where(exists[..., None], place, 1e9)
     common = np.linalg.norm(near[:, :, None] - near[:, None], axis=-1) <= horizon * (1 + 1e-9)
     common &= exists[:, :, None] & exists[:, None, :]
@@ -138,9 +136,7 @@ def test_the_reduced_lattice_serves_larger_ones_exactly(horizon):
     found = rectangle_corrected(41, 33, 0.01, **family)
     np.testing.assert_array_equal(found.table, wide(horizon).table)
     weights = found.table.reshape(-1, found.table.shape[-1])[found.kinds()]
-    left = out_of_balance(
-        points, areas, (neighbours, family["influence"], family["common"]), weights, triangles
-    )
+    left = out_of_balance(points, areas, (neighbours, family["influence"], family["common"]), weights, triangles)
     assert np.abs(left).max() < 1e-10 * 0.01
     assert weights.sum() == pytest.approx(areas.sum(), rel=1e-12)
     column, row = np.arange(41 * 33) % 41, np.arange(41 * 33) // 41
@@ -161,9 +157,7 @@ def test_the_square_is_mirrored():
     offsets = family["offsets"]
 
     def position(x, y):
-        return np.array(
-            [int(np.flatnonzero((offsets == pair).all(axis=1))[0]) for pair in zip(x, y, strict=True)]
-        )
+        return np.array([int(np.flatnonzero((offsets == pair).all(axis=1))[0]) for pair in zip(x, y, strict=True)])
 
     x, y = offsets.T
     np.testing.assert_allclose(table, table[::-1][:, :, position(-x, y)], rtol=1e-8)
@@ -179,9 +173,7 @@ def test_spacings_may_differ_and_strips_may_be_narrow():
         points, areas, triangles = lattice(columns, rows, step)
         weights = found.at(np.arange(len(points)) % columns, np.arange(len(points)) // columns)
         neighbours = lattice_neighbours(columns, rows, family["offsets"])
-        left = out_of_balance(
-            points, areas, (neighbours, family["influence"], family["common"]), weights, triangles
-        )
+        left = out_of_balance(points, areas, (neighbours, family["influence"], family["common"]), weights, triangles)
         assert np.abs(left).max() < 1e-10
 
 
@@ -227,9 +219,7 @@ def test_the_points_that_no_positive_weights_balance_are_few():
     # A linear programme finds no positive weights for this cloud: the best least ratio is -0.138.
     points, triangles = jittered(0.25)
     vectors = edge_vectors(points, triangles)
-    found = corrected_weights(
-        points, third_areas(points, triangles), *cloud(points, 3.15), edge_vectors=vectors
-    )
+    found = corrected_weights(points, third_areas(points, triangles), *cloud(points, 3.15), edge_vectors=vectors)
     assert 0 < found.unbalanced_points < 0.05 * len(points)
     assert found.residual < 0.1 * found.start_residual
     assert found.smallest_ratio > FLOOR
@@ -310,9 +300,7 @@ def test_plain_weights_share_each_area():
     assert (weights[neighbours < 0] == 0).all()
     family = stencil(2.015)
     by_stencil = plain_weights(areas, lattice_neighbours(9, 8, family["offsets"]), family["common"])
-    np.testing.assert_allclose(
-        np.sort(by_stencil.sum(axis=0)), np.sort(by_stencil[:, ::-1].sum(axis=0)), rtol=1e-14
-    )
+    np.testing.assert_allclose(np.sort(by_stencil.sum(axis=0)), np.sort(by_stencil[:, ::-1].sum(axis=0)), rtol=1e-14)
     np.testing.assert_allclose(by_stencil.sum(axis=1), areas, rtol=1e-14)
 
 

@@ -13,7 +13,9 @@ import click
 
 from warp_pd.cli import build_scene
 
-CASES = [("plain", m, c) for m in (2.015, 3.15, 4.15) for c in (0.0, 2.0)] + [("published", 3.15, c) for c in (0.0, 2.0)]
+CASES = [("plain", m, c) for m in (2.015, 3.15, 4.15) for c in (0.0, 2.0)] + [
+    ("published", 3.15, c) for c in (0.0, 2.0)
+]
 
 
 def commit() -> str:
@@ -22,7 +24,9 @@ def commit() -> str:
     return done.stdout.strip() or "unknown"
 
 
-def row(weights: str, horizon: float, damping: float, points: int, safety: float, device: str | None) -> tuple[str, str]:
+def row(
+    weights: str, horizon: float, damping: float, points: int, safety: float, device: str | None
+) -> tuple[str, str]:
     """One line of the table, and the name of the device."""
     settings = {"weights": weights, "horizon": horizon, "damping": damping, "points": points, "safety": safety}
     result = build_scene("ball_penetration", settings).run(device=device)
@@ -30,7 +34,7 @@ def row(weights: str, horizon: float, damping: float, points: int, safety: float
     worst = max(abs(r["balance_error"]) for r in result.history)
     torn = 1.0 - result.frame.intact_faces.mean()
     line = (
-        f"| {weights} | {horizon} | {damping:g} | {s['status']} | {s['time']:.3g} | {s['steps']} | {1e3 * s['dt']:.3g} | "
+        f"| {weights} | {horizon} | {damping:g} | {s['status']} | {s['time']:.3g} | {s['steps']} | {1e3 * s['dt']:.3g} | "  # noqa: E501
         f"{100 * worst:.2f} | {100 * torn:.2f} | {s['wall_s'] - s['compile_s']:.1f} |"
     )
     return line, s["device"]

@@ -137,7 +137,9 @@ class Families:
             [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
         )
         over_members = "jk,rkc->rjc" if shared else "rjk,rkc->rjc"
-        terms = np.concatenate([products, np.where(self.exists[part], self.member_areas[part], 0.0)[..., None]], axis=-1)
+        terms = np.concatenate(
+            [products, np.where(self.exists[part], self.member_areas[part], 0.0)[..., None]], axis=-1
+        )
         sums = np.einsum(over_members, mask, terms, optimize=True)
         shape, size = sums[..., :3], sums[..., 3]
         determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
@@ -163,9 +165,7 @@ def unpack(words: np.ndarray, members: int) -> np.ndarray:
     return np.unpackbits(as_bytes, axis=-1, bitorder="little")[..., :members].astype(bool)
 
 
-def build_families(
-    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0
-) -> Families:
+def build_families(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0) -> Families:
     """Families of every point.
 
     Args:
@@ -211,8 +211,8 @@ def _lattice_families(sheet: Sheet, horizon: float, function: InfluenceFunction,
     near_x = _edge_code(lattice.columns, reach)
     near_y = _edge_code(lattice.rows, reach)
     code = near_y[:, None].astype(np.int64) * (near_x.max() + 1) + near_x[None, :]
-    column, row = np.meshgrid(ix, iy)
-    column, row, code = column.ravel(), row.ravel(), code.ravel()
+    column, row = (grid.ravel() for grid in np.meshgrid(ix, iy))
+    code = code.ravel()
     severed = _severed(sheet, column, row, ox, oy)
     if severed is not None:
         touched, lost = severed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import importlib.util
 import inspect
 import pkgutil
 import sys
@@ -128,7 +129,9 @@ def _scene_options(command: Any) -> Any:
         click.option("--weights", help="published, plain, corrected or auto."),
         click.option("--duration", type=float, help="Simulated time [s]."),
         click.option("--frames", type=int, help="Number of frames after the first."),
-        click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="One of the scene's own numbers."),
+        click.option(
+            "--set", "assignments", multiple=True, metavar="NAME=VALUE", help="One of the scene's own numbers."
+        ),
         click.option("--device", help="cpu, cuda:0, ...; CUDA by default where there is one."),
         click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for rest under load."),
     ]

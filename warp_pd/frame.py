@@ -115,9 +115,7 @@ class Frame:
         if np.shape(values) != shape:
             raise ValueError(f"{name} of frame {self.index} has shape {np.shape(values)}; allowed: {shape}")
         if not np.all(np.isfinite(values)):
-            raise ValueError(
-                f"{name} of frame {self.index} holds {_first_bad(values)}; allowed: finite numbers"
-            )
+            raise ValueError(f"{name} of frame {self.index} holds {_first_bad(values)}; allowed: finite numbers")
 
     def _require_ball(self, surface: Surface) -> None:
         if (self.ball_center is None) != (surface.ball_diameter is None):

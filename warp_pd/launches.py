@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import time
 from collections.abc import Callable, Iterable
@@ -102,7 +103,7 @@ class Workspace:
 
     def launch(self, stage: str, owner: str, kernel: Any, threads: int, **arguments: Any) -> Launch:
         """Add a launch to a stage."""
-        launch = Launch(kernel.key, owner, kernel, threads, arguments)
+        launch = Launch(kernel.func.__name__, owner, kernel, threads, arguments)
         launch.check()
         self.stages.setdefault(stage, []).append(launch)
         return launch
@@ -188,7 +189,7 @@ def _record(launch: Launch, device: Any) -> list[Callable[[], None]]:
     parts = available_cores() if launch.threads >= SPLIT_FROM else 1
     bounds = np.linspace(0, launch.threads, parts + 1).astype(int)
     commands = []
-    for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for begin, end in itertools.pairwise(bounds):
         command = wp.launch(
             launch.kernel, dim=int(end - begin), inputs=launch.values(int(begin)), device=device, record_cmd=True
         )

@@ -8,9 +8,9 @@ import os
 import signal
 import threading
 from collections.abc import Callable
-from time import perf_counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,6 +24,8 @@ from .simulation import Built, Simulation
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
 
 
+# Energy out of nowhere, over the most energy or work so far, at which a run counts as diverged.
+MOST_GAIN = 0.5
 # Restart files of a run, about: each makes the writers bring their files to the disk.
 RESTARTS = 40
 
@@ -117,10 +119,12 @@ class Recorder:
         self._require_finite(index, now, dt)
         self.step_seconds += perf_counter() - self._clock
         elapsed = now - self.time
+        frame = snapshot(built, index, now)
+        row = self._row(frame, elapsed, dt)
+        self._require_no_gain(row, index, dt)
+        self.history.append(row)
         self.frame_index, self.time, self.dt = index, now, dt
         self.steps += steps
-        frame = snapshot(built, index, now)
-        self.history.append(self._row(frame, elapsed))
         for writer in self.writers:
             writer.write(frame)
         self.last = frame
@@ -167,6 +171,13 @@ class Recorder:
                 f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self._cause(dt)}"
             )
 
+    def _require_no_gain(self, row: dict[str, float], index: int, dt: float) -> None:
+        if row.get("balance_error", 0.0) > MOST_GAIN:
+            raise DivergedError(
+                f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet holds more energy than was ever put "
+                f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self._cause(dt)}"
+            )
+
     def _cause(self, dt: float) -> str:
         built = self.built
         if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
@@ -176,11 +187,11 @@ class Recorder:
             return f"the Gent lock Jm = {lock:g} was reached, or the sheet stiffened faster than the step followed"
         if built.force.weights == "published":
             return "the published weights have no energy: they can pump it in once bonds break; try weights 'plain'"
-        return "the sheet stiffened faster than the step followed; try a smaller safety"
+        return "the sheet stiffened faster than the step followed, as torn edges do; try a smaller safety"
 
-    def _row(self, frame: Frame, elapsed: float) -> dict[str, float]:
+    def _row(self, frame: Frame, elapsed: float, dt: float) -> dict[str, float]:
         built, state = self.built, self.built.state
-        row: dict[str, float] = {"time": frame.time, "step": self.dt}
+        row: dict[str, float] = {"time": frame.time, "step": dt}
         row["kinetic"] = float(built.kinetic_energy.numpy().sum())
         row["strain"] = float(built.strain_energy.numpy().sum())
         if built.tracked:
@@ -213,9 +224,9 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
     """The state as a frame; the launches of the "frame" stage have run."""
     simulation = built.simulation
     damage = intact = None
-    if built.breakable:
+    if built.damage is not None:
         damage = np.clip(built.to_numpy(built.damage), 0.0, 1.0)
-        intact = built.intact_faces(built.force.alive.numpy())
+        intact = built.intact_faces(built.force.alive.numpy())  # type: ignore[union-attr]
     ball = None
     if simulation.contact is not None:
         ball = np.array(simulation.contact.start, float) + now * np.array(simulation.contact.velocity, float)
@@ -365,9 +376,7 @@ def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None
         solver = built.simulation.solver
         per_frame = solver.duration / solver.frames
         writers.append(
-            UsdAnimation(
-                folder / "animation.usd", surface, seconds_per_frame=per_frame, append_from=append_from
-            )
+            UsdAnimation(folder / "animation.usd", surface, seconds_per_frame=per_frame, append_from=append_from)
         )
     return writers
 
@@ -441,5 +450,3 @@ def _summary(
         "energy": energy,
         "measures": measures,
     }
-
-

@@ -281,7 +281,7 @@ class Sheet:
             return (p - middle) @ rotation.T + middle
 
         cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
-        return replace(self, points=turn(self.points), lattice=None, cuts=cuts)  # type: ignore[arg-type]
+        return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
 
     def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
         """Indices of the points for which `condition(x, y)` holds; x and y have shape (N,)."""
@@ -373,7 +373,9 @@ def _delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
             raise
         raise InputError("points lie on one line: allowed are points that span an area") from None
     signed = np.abs(_signed_areas(points, triangles))
-    sides = [np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))]
+    sides = [
+        np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))
+    ]
     if spacing is None:
         spacing = float(np.sqrt(2.0 * np.median(signed)))
     radius = sides[0] * sides[1] * sides[2] / np.maximum(4.0 * signed, 1e-300)

@@ -24,7 +24,7 @@ import warp as wp
 from .checks import InputError, one_of, point_indices
 from .contact import RigidBall
 from .damage import CriticalStretch
-from .forces.bond_associated import BondAssociated, BondAssociatedForce
+from .forces.bond_associated import BondAssociated
 from .frame import Frame, Surface
 from .launches import Workspace
 from .loads import BodyForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
@@ -33,6 +33,7 @@ from .sheet import Sheet
 if TYPE_CHECKING:
     from .runner import Result
     from .solvers import Solver
+    from .solvers.stable_step import StableStep
 
 RIGID = 8
 
@@ -173,7 +174,12 @@ class Built:
         force: The force law on the device.
         step: The time step [s], one real number.
         held: Bits of held components, uint8 a point, on the host.
+        stable_step: Estimate of the stable step; the solver adds it.
     """
+
+    stable_step: StableStep
+    unbalanced: Any
+    reaction: Any
 
     def __init__(self, simulation: Simulation, device: Any, precision: int) -> None:
         from .kernels.numeric import numeric
@@ -429,7 +435,8 @@ class Built:
             "step", "RigidBall", self._project, self.simulation.sheet.size,
             reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
             schedule=self._schedule_ids[id(ball)], radius=0.5 * ball.diameter, step=self.step,
-            damping=self.damping, force=state.force, external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
+            damping=self.damping, force=state.force, external=state.external, displacement=state.displacement,
+            velocity=state.velocity, impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
     def _add_separate(self, ball: RigidBall) -> None:
@@ -439,7 +446,8 @@ class Built:
             reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
             ball_velocity=self.types.vec3(*ball.velocity), schedule=self._schedule_ids[id(ball)],
             radius=0.5 * ball.diameter, step=self.step, damping=self.damping, force=state.force,
-            external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=state.impulse, work=state.work,
+            external=state.external, displacement=state.displacement, velocity=state.velocity,
+            impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
     def _add_break(self, damage: CriticalStretch) -> None:

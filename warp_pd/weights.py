@@ -36,8 +36,6 @@ from scipy.sparse.linalg import splu
 from .checks import InputError, count, finite
 from .kernels.bond_associated import DEGENERATE
 
-# det K / (tr K / 2)^2 below which an intersection spans no area; 0.4 and more at unbroken edges and corners.
-DEGENERATE = 1e-3
 # Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
 FLOOR = 0.05
 # Force per unit stress, in spacings, that counts as balanced.
@@ -239,9 +237,7 @@ def corrected_weights(
     )
     table = _Table(points, areas, neighbours, influence, common, degenerate)
     usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
-    start = (
-        plain_weights(areas, neighbours, common, usable) if start is None else np.where(usable, start, 0.0)
-    )
+    start = plain_weights(areas, neighbours, common, usable) if start is None else np.where(usable, start, 0.0)
     length = float(np.sqrt(areas.mean()))
     gap = (edge_vectors - _forces(table, start)) / length
     asked = np.ones(size, bool) if unbalanced is None else ~unbalanced
@@ -429,9 +425,7 @@ def _balance_matrix(table: _Table, column: np.ndarray, unknowns: int) -> sparse.
     return total
 
 
-def _closest_balanced(
-    matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float
-) -> np.ndarray:
+def _closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float) -> np.ndarray:
     """Ratios s above the floor that close the gap, matrix (plain (s - 1)) = gap, with the least change.
 
     Returns:

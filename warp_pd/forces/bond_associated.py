@@ -114,9 +114,7 @@ class BondAssociatedForce:
         self.families, inverse, weights, self.correction = tables(law, sheet, self.weights)
         layout = self.families.layout
         self.functions = family_functions(layout, workspace.bits, workspace.module)
-        self.struct = family_struct(
-            self.families, self.functions, self.types, workspace, self.owner, inverse, weights
-        )
+        self.struct = family_struct(self.families, self.functions, self.types, workspace, self.owner, inverse, weights)
         law_key = law.signature(layout, breakable)
         self.kernels = bond_associated(layout, workspace.bits, *law_key[1:], workspace.module)
         self.alive = None
@@ -222,8 +220,7 @@ def tables(
 def _require_correctable(law: BondAssociated, sheet: Sheet) -> None:
     if law.horizon > MOST_CORRECTED:
         raise InputError(
-            f"weights = 'corrected' at horizon = {law.horizon!r}: allowed up to {MOST_CORRECTED}; "
-            f"take weights 'plain'"
+            f"weights = 'corrected' at horizon = {law.horizon!r}: allowed up to {MOST_CORRECTED}; take weights 'plain'"
         )
     if sheet.lattice is None and sheet.size > MOST_CORRECTED_CLOUD:
         raise InputError(

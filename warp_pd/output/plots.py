@@ -76,9 +76,7 @@ def surfaces(
     _save(figure, path)
 
 
-def from_above(
-    path: Path, frame: Shown, field: str, label: str, limits: tuple[float, float] | None = None
-) -> None:
+def from_above(path: Path, frame: Shown, field: str, label: str, limits: tuple[float, float] | None = None) -> None:
     """The deformed sheet seen from +z, lower triangles drawn first."""
     plt = _pyplot()
     from matplotlib.collections import PolyCollection

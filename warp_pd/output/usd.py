@@ -119,9 +119,7 @@ class UsdAnimation:
         """
         stage = self._open_stage()
         if frame.index != self._frames:
-            raise ValueError(
-                f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}"
-            )
+            raise ValueError(f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}")
         frame.require_fits(self.surface)
         code = Usd.TimeCode(frame.index)
         if frame.index == 0:
@@ -194,9 +192,7 @@ class UsdAnimation:
         mesh = UsdGeom.Mesh.Get(stage, _SHEET)
         held = len(mesh.GetPointsAttr().GetTimeSamples()) if mesh else 0
         if not 0 < first <= held:
-            raise ValueError(
-                f"append_from is {first}; allowed: 0 to {held}, the number of frames in {self.path}"
-            )
+            raise ValueError(f"append_from is {first}; allowed: 0 to {held}, the number of frames in {self.path}")
         points = np.asarray(mesh.GetPointsAttr().Get(0))
         if len(points) != len(self.surface.points):
             raise ValueError(
@@ -344,9 +340,7 @@ def _define_sheet(stage: Usd.Stage, surface: Surface, *, has_damage: bool) -> No
     colour = mesh.GetDisplayColorPrimvar()
     if has_damage:
         colour.SetInterpolation(UsdGeom.Tokens.vertex)
-        UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
-            "damage", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
-        )
+        UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("damage", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
     else:
         colour.SetInterpolation(UsdGeom.Tokens.constant)
         colour.Set(_vectors(damage_colours(np.zeros(1))))
@@ -444,9 +438,7 @@ def _normals(
     # Twice the area is the length of this product, so a plain sum is weighted with the area already.
     products = np.cross(second - first, third - first)
     corners = np.asarray(faces).T.ravel()
-    sums = np.stack(
-        [np.bincount(corners, np.tile(part, 3), minlength=len(positions)) for part in products.T], axis=-1
-    )
+    sums = np.stack([np.bincount(corners, np.tile(part, 3), minlength=len(positions)) for part in products.T], axis=-1)
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     usable = lengths > 1e-12 * max(lengths.max(), np.finfo(np.float64).tiny)
     return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)

@@ -69,9 +69,7 @@ class VtkHdfSeries:
             series.write(frame)
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None
-    ) -> None:
+    def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
         """Begin a series, or go on with one.
 
         Args:
@@ -133,9 +131,7 @@ class VtkHdfSeries:
         if self._closed:
             raise ValueError(f"series {self.path} is closed; allowed: write before close")
         if frame.index != self._frames:
-            raise ValueError(
-                f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}"
-            )
+            raise ValueError(f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}")
         frame.require_fits(self.surface)
 
     def _require_same_fields(self, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:

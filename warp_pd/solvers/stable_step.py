@@ -56,9 +56,7 @@ class StableStep:
             mass=built.mass, held_mask=built.held_mask, plus=plus, minus=minus, reach=self._reach,
             direction=self.direction, block=BLOCK, response=response, sums=sums,
         )  # fmt: skip
-        w.launch(
-            "estimate", owner, summarise, 1, sums=sums, scale=scale, squared_frequency=self._squared
-        )
+        w.launch("estimate", owner, summarise, 1, sums=sums, scale=scale, squared_frequency=self._squared)
         w.launch("estimate", owner, renew, n, response=response, scale=scale, direction=self.direction)
         self._sequence: Any = None
 

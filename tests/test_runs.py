@@ -1,0 +1,343 @@
+"""Whole runs: files, restart, wrong input, the command line, the plan."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from helpers import NEO, square
+
+from warp_pd import (
+    BodyForce,
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    InputError,
+    Motion,
+    Pressure,
+    QuasiStatic,
+    RigidBall,
+    Sheet,
+    Simulation,
+)
+from warp_pd.cli import main
+
+SMALL = ["--points", "21", "--horizon", "2.015", "--device", "cpu", "--quiet"]
+
+
+def cli(*arguments):
+    return CliRunner().invoke(main, list(arguments))
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    """A small ball scene, torn."""
+    folder = tmp_path_factory.mktemp("ball")
+    done = cli("run", "ball_penetration", *SMALL, "--frames", "24", "--out", str(folder))
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+def test_the_ball_scene_leaves_what_it_promises(ball):
+    names = {p.name for p in ball.iterdir()}
+    assert names >= {"frames.vtkhdf", "animation.usd", "summary.json", "history.csv", "restart.npz", "damage.png"}
+    assert not [n for n in names if n.endswith(".part") or n.startswith(".")]
+    summary = json.loads((ball / "summary.json").read_text())
+    assert summary["status"] == "finished"
+    assert summary["measures"]["lowest_point"]["value"] < -0.2
+    assert summary["measures"]["torn_area_share"]["value"] > 0.0
+    assert abs(summary["energy"]["balance_error"]) < 0.01
+    expected = ("scene section device precision force horizon points bonds steps dt stable_dt wall_s setup_s "
+                "point_steps_per_s bytes_per_point energy measures status")  # fmt: skip
+    assert set(expected.split()) <= set(summary)
+
+
+def test_the_ball_scene_in_vtk(ball):
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(ball / "frames.vtkhdf"))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == 25
+    cells = []
+    for step in (0, 24):
+        reader.SetStep(step)
+        reader.Update()
+        data = reader.GetOutputAsDataSet()
+        cells.append(data.GetNumberOfCells())
+        assert data.GetPointData().GetArray("damage").GetRange()[1] <= 1.0
+    assert cells[1] < cells[0]
+
+
+def test_the_ball_scene_in_usd(ball):
+    from pxr import Usd, UsdGeom, UsdValidation
+
+    stage = Usd.Stage.Open(str(ball / "animation.usd"))
+    context = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
+    assert [e.GetName() for e in context.Validate(stage)] == []
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Sheet"))
+    for frame in range(25):
+        points = mesh.GetPointsAttr().Get(frame)
+        indices, counts = mesh.GetFaceVertexIndicesAttr().Get(frame), mesh.GetFaceVertexCountsAttr().Get(frame)
+        assert UsdGeom.Mesh.ValidateTopology(indices, counts, len(points))
+        assert len(mesh.GetNormalsAttr().Get(frame)) == len(points)
+    assert any(p.GetTypeName() == "Sphere" for p in stage.Traverse())
+
+
+def state_of(folder):
+    with np.load(folder / "restart.npz") as stored:
+        return {name: stored[name] for name in ("displacement", "velocity", "alive", "work", "released")}
+
+
+def test_a_resumed_run_equals_the_uninterrupted_one(ball, tmp_path):
+    """Killed in the middle of the tear, then resumed: same state bit for bit, same files."""
+    command = [sys.executable, "-m", "warp_pd.cli", "run", "ball_penetration", *SMALL, "--frames", "24", "--no-pictures",  # noqa: E501
+               "--out", str(tmp_path)]  # fmt: skip
+    running = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    history = tmp_path / "history.csv"
+    deadline = time.time() + 240
+    while not (history.exists() and len(history.read_text().splitlines()) > 16):
+        assert time.time() < deadline and running.poll() is None
+        time.sleep(0.01)
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    with h5py.File(tmp_path / "frames.vtkhdf") as file:
+        assert file["VTKHDF/Steps"].attrs["NSteps"] >= 15
+    assert not (tmp_path / "summary.json").exists()
+    done = cli("run", "ball_penetration", *SMALL, "--frames", "24", "--no-pictures", "--resume", "--out", str(tmp_path))
+    assert done.exit_code == 0, done.output
+    for name, value in state_of(ball).items():
+        assert (state_of(tmp_path)[name] == value).all(), name
+    with h5py.File(ball / "frames.vtkhdf") as one, h5py.File(tmp_path / "frames.vtkhdf") as two:
+        assert (one["VTKHDF/Points"][:] == two["VTKHDF/Points"][:]).all()
+        assert (
+            one["VTKHDF/Connectivity"] if "VTKHDF/Connectivity" in one else one["VTKHDF/Polygons/Connectivity"]
+        ).shape
+    rows = [len((f / "history.csv").read_text().splitlines()) for f in (ball, tmp_path)]
+    assert rows[0] == rows[1] == 26
+
+
+def test_ctrl_c_ends_at_a_frame_and_can_be_resumed(tmp_path):
+    command = [sys.executable, "-m", "warp_pd.cli", "run", "ball_penetration", *SMALL, "--frames", "200", "--no-pictures",  # noqa: E501
+               "--no-usd", "--out", str(tmp_path)]  # fmt: skip
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "history.csv").exists():
+        assert running.poll() is None
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate(timeout=120)
+    assert running.returncode == 130
+    assert "--resume" in errors
+    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "interrupted"
+    done = cli(
+        "run",
+        "ball_penetration",
+        *SMALL,
+        "--frames",
+        "200",
+        "--no-usd",
+        "--no-pictures",
+        "--resume",
+        "--out",
+        str(tmp_path),
+    )
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", None])
+def test_a_damaged_restart_file_is_named(ball, tmp_path, content):
+    whole = (ball / "restart.npz").read_bytes()
+    (tmp_path / "restart.npz").write_bytes(whole[: len(whole) // 2] if content is None else content)
+    done = cli("run", "ball_penetration", *SMALL, "--frames", "24", "--resume", "--out", str(tmp_path))
+    assert done.exit_code == 2
+    assert "restart.npz" in done.output and "damaged" in done.output
+
+
+def test_a_restart_file_of_other_settings_is_refused(ball, tmp_path):
+    shutil.copy(ball / "restart.npz", tmp_path / "restart.npz")
+    done = cli(
+        "run", "ball_penetration", *SMALL, "--frames", "24", "--set", "damping=1", "--resume", "--out", str(tmp_path)
+    )
+    assert done.exit_code == 2 and "other settings" in done.output
+    done = cli("run", "ball_penetration", *SMALL, "--resume", "--out", str(tmp_path / "empty"))
+    assert done.exit_code == 2 and "does not exist" in done.output
+
+
+def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
+    done = cli("run", "ball_penetration", *SMALL, "--set", "safety=1.2", "--frames", "8", "--no-usd", "--no-pictures",
+               "--out", str(tmp_path))  # fmt: skip
+    assert done.exit_code == 3
+    assert (
+        "diverged" in done.output and "likely cause: the step" in done.output and "above the stable step" in done.output
+    )
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["status"] == "diverged"
+    with h5py.File(tmp_path / "frames.vtkhdf") as file:
+        assert np.isfinite(file["VTKHDF/Points"][:]).all()
+
+
+def test_not_converged_ends_with_code_3(tmp_path):
+    sheet = square(9)
+    simulation = Simulation(
+        sheet, BondAssociated(NEO), QuasiStatic(most_steps=50), [Fixed(sheet.edges()), Pressure(5.0)]
+    )
+    assert simulation.run(device="cpu").status == "not converged"
+
+
+WRONG_LINES = [
+    (["run", "ball_penetratoin"], "did you mean 'ball_penetration'"),
+    (["run", "pressure", "--set", "presure=3"], "did you mean 'pressure'"),
+    (["run", "pressure", "--set", "points=many"], "points = 'many': allowed is a whole number"),
+    (["run", "pressure", "--set", "pressure"], "allowed is name=value"),
+    (["run", "pressure", "--points", "2"], "points = 2: allowed is a whole number of 3 or more"),
+    (["run", "pressure", "--horizon", "0.9"], "horizon = 0.9: allowed is 1 spacing or more"),
+    (["run", "pressure", "--horizon", "1.2"], "horizon = 1.2: allowed on a lattice is 1.42 or more"),
+    (["run", "pressure", "--horizon", "nan"], "horizon = nan"),
+    (["run", "pressure", "--horizon", "9.015", "--weights", "corrected"], "allowed up to 4.5"),
+    (["run", "pressure", "--weights", "planar"], "did you mean 'plain'"),
+    (["run", "pressure", "--device", "cuda:7"], "device = 'cuda:7': allowed here are"),
+    (["run", "pressure", "--precision", "16"], "precision = 16: allowed are 32, 64"),
+    (["run", "pressure", "--out", "/proc/nowhere"], "out = '/proc/nowhere': allowed is a folder that can be written"),
+    (["run", "nothing.py"], "the file does not exist"),
+    (["info", "nothing.usd"], "it does not exist"),
+    (["info", __file__], "allowed are .vtkhdf, .usd and .json"),
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"), WRONG_LINES, ids=[" ".join(map(os.path.basename, a)) for a, _ in WRONG_LINES]
+)
+def test_wrong_input_ends_with_one_line(arguments, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = cli(*arguments)
+    assert done.exit_code == 2, done.output
+    lines = [line for line in done.output.splitlines() if line.startswith("warp-pd:")]
+    assert len(lines) == 1 and text in lines[0]
+    left = list(tmp_path.rglob("*"))
+    assert not [p for p in left if p.is_file()]
+
+
+def cloud(**changes):
+    points = square(5).points.copy()
+    return points, {"thickness": 1e-3, "density": 1.0, **changes}
+
+
+NAN = float("nan")
+WRONG_PARTS = [
+    (lambda: Sheet.rectangle(0.0, 1.0, thickness=1.0, density=1.0), "width = 0.0"),
+    (lambda: Sheet.rectangle(1.0, -1.0, thickness=1.0, density=1.0), "height = -1.0"),
+    (lambda: Sheet.rectangle(NAN, 1.0, thickness=1.0, density=1.0), "width = nan"),
+    (lambda: square(5, thickness=0.0), "thickness = 0.0"),
+    (lambda: square(5, density=NAN), "density = nan"),
+    (lambda: square(5).cut((2.0, 2.0), (3.0, 3.0)), "crosses no bond"),
+    (lambda: square(5).cut((0.01, 0.01), (0.01, 0.01)), "segment of some length"),
+    (lambda: square(5).hole((5.0, 5.0), 0.01), "holds no point"),
+    (lambda: square(5).hole((0.05, 0.05), 1.0), "leaves no sheet"),
+    (lambda: square(5).inclusion((0.0, 0.0), 1e-3), "holds 1 points"),
+    (lambda: square(5).edges("middle"), "edge = 'middle'"),
+    (
+        lambda: Sheet.from_points(np.vstack([cloud()[0], cloud()[0][3]]), **cloud()[1]),
+        r"points\[3\] and points\[25\] coincide",
+    ),
+    (lambda: Sheet.from_points(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), **cloud()[1]), "one line"),
+    (lambda: Sheet.from_points(np.full((4, 2), NAN), **cloud()[1]), r"points\[0\]"),
+    (lambda: Sheet.from_points(np.zeros((4, 3)), **cloud()[1]), r"shape \(4, 3\)"),
+    (lambda: RigidBall(0.0, (0, 0, 0)), "diameter = 0.0"),
+    (lambda: RigidBall(1.0, (0, NAN, 0)), "start"),
+    (lambda: CriticalStretch(1.0), "stretch = 1.0"),
+    (lambda: Explicit(0.0), "duration = 0.0"),
+    (lambda: Explicit(1.0, frames=0), "frames = 0"),
+    (lambda: Explicit(1.0, damping=-1.0), "damping = -1.0"),
+    (lambda: Explicit(1.0, safety=2.0), "safety = 2.0"),
+    (lambda: QuasiStatic(tolerance=0.0), "tolerance = 0.0"),
+    (lambda: BodyForce((1.0, NAN, 0.0)), "BodyForce.value"),
+    (lambda: Motion([0], [0.0, 1.0]).mask(), "at least one prescribed"),
+    (lambda: Motion([0], [1.0, 0.0], x=1.0).schedule(), "rising"),
+    (lambda: Motion([0], [0.0, 1.0], x=[1.0, 2.0, 3.0]).schedule(), "3 values"),
+    (lambda: Fixed([0], "xw").mask(), "'xw'"),
+    (lambda: BondAssociated(NEO, influence="cubic"), "influence = 'cubic'"),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), WRONG_PARTS, ids=[t for _, t in WRONG_PARTS])
+def test_wrong_parts_are_named(make, text):
+    with pytest.raises(InputError, match=text) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_point_without_neighbours_is_named():
+    points = np.vstack([square(5).points, [[0.4, 0.05]]])
+    sheet = Sheet.from_points(points, thickness=1e-3, density=1.0, areas=np.full(26, 6e-4),
+                              triangles=square(5).triangles, spacing=0.025)  # fmt: skip
+    with pytest.raises(InputError, match=r"points\[25\] at \[0.4, 0.05\] has no neighbour"):
+        Simulation(sheet, BondAssociated(NEO, weights="plain"), Explicit(1.0)).build("cpu")
+
+
+def test_a_point_cannot_be_held_twice():
+    sheet = square(5)
+    loads = [Fixed([3]), Motion([3], [0.0], x=1.0)]
+    with pytest.raises(InputError, match="point 3"):
+        Simulation(sheet, BondAssociated(NEO), Explicit(1.0), loads=loads).build("cpu")
+
+
+def names_of(plan):
+    return {line.split()[0] for line in plan.splitlines() if line.startswith("  ")}
+
+
+def test_the_plan_leaves_out_what_a_scene_does_not_use():
+    sheet = square(9)
+    law = BondAssociated(NEO, weights="plain")
+    bare = names_of(Simulation(sheet, law, Explicit(1.0)).plan("cpu"))
+    absent = {"alive", "damage", "released", "held", "external", "work", "dissipated", "damping", "impulse", "reference",  # noqa: E501
+              "time", "scheduled", "tick", "prescribe", "project", "separate", "break_bonds", "begin_loads"}  # fmt: skip  # noqa: E501
+    assert not bare & absent
+    assert {"displacement", "velocity", "force", "mass", "drift", "kick"} <= bare
+    full = names_of(
+        Simulation(
+            sheet, law, Explicit(1.0, damping=1.0), damage=CriticalStretch(2.0), contact=RigidBall(0.01, (0, 0, 1)),
+            loads=[Fixed(sheet.edges()), Pressure(1.0, ramp=[(0, 0), (1, 1)])],
+        ).plan("cpu")
+    )  # fmt: skip
+    assert full >= absent - {"prescribe"}
+
+
+def test_the_plan_counts_bytes():
+    done = cli("plan", "ball_penetration", "--points", "21", "--device", "cpu")
+    assert done.exit_code == 0 and "a point" in done.output and "break_bonds" in done.output
+
+
+def test_list_and_info(ball):
+    listed = cli("list").output
+    assert {"ball_penetration", "pressure", "tension"} <= {line.split()[0] for line in listed.splitlines()}
+    told = cli("info", str(ball))
+    assert told.exit_code == 0 and "25 frames" in told.output and "/World/Sheet" in told.output
+
+
+def test_a_scene_of_ones_own(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from warp_pd import *\n"
+        "def build(points=9, speed=0.1):\n"
+        "    sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points)\n"
+        "    return Simulation(sheet, BondAssociated(NeoHookean(1e3, 1e5), weights='plain'), Explicit(0.1, frames=2),\n"
+        "                      loads=[Fixed(sheet.edges('left'))])\n"
+    )
+    done = cli("run", str(tmp_path / "mine.py"), "--set", "speed=0.2", "--quiet", "--out", str(tmp_path / "out"))
+    assert done.exit_code == 0, done.output
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["settings"] == {"points": 9, "speed": 0.2}
+
+
+def test_import_is_lean():
+    """Importing the package pulls neither torch nor pxr, h5py or matplotlib."""
+    code = "import sys, warp_pd; print([m for m in ('torch', 'pxr', 'h5py', 'matplotlib') if m in sys.modules])"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    )
