@@ -1,0 +1,31 @@
+"""The wheel holds kernels and scenes under warp_pd, and works where it is installed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_wheel_works_away_from_the_sources(tmp_path):
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
+    source = tmp_path / "source"
+    source.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE", "warp_pd", "kernels", "scenes"):
+        subprocess.run(["cp", "-r", str(ROOT / name), str(source)], check=True)
+    build = [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), str(source)]
+    subprocess.run(build, check=True, capture_output=True)
+    wheel = next(tmp_path.glob("*.whl"))
+    site = tmp_path / "site"
+    subprocess.run([*pip, "install", "--no-deps", "--no-index", "--target", str(site), str(wheel)], check=True)
+    code = (
+        "import warp_pd, warp_pd.kernels.materials, warp_pd.scenes.pressure as scene; "
+        "print(warp_pd.__file__); print(scene.build(points=5).plan('cpu').count('drift'))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env={"PYTHONPATH": str(site), "HOME": str(tmp_path)},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    where, count = done.stdout.split("\n")[-3:-1]
+    assert Path(where).is_relative_to(site)
+    assert int(count) == 1

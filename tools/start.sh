@@ -1,0 +1,25 @@
+#!/usr/bin/env bash
+# Sets up an environment in .venv on the first call, then runs. No torch, no CUDA packages: Warp brings what it
+# needs for a GPU and for a CPU.
+#   tools/start.sh test               lint, types, tests
+#   tools/start.sh run SCENE ...      warp-pd run SCENE ..., and so for plan, list, info
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+extras=""
+if [ "${1:-}" = test ]; then extras="[test]"; fi
+stamp=".venv/installed${extras}-$(cksum < pyproject.toml | cut -d' ' -f1)"
+if [ ! -e "$stamp" ]; then
+  if [ ! -x .venv/bin/python ]; then "${PYTHON:-python3}" -m venv .venv; fi
+  .venv/bin/python -m pip install --quiet --editable ".$extras"
+  touch "$stamp"
+fi
+
+if [ "${1:-}" = test ]; then
+  shift
+  .venv/bin/ruff check .
+  .venv/bin/ruff format --check .
+  .venv/bin/mypy
+  exec .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" "$@"
+fi
+exec .venv/bin/warp-pd "$@"
