@@ -84,7 +84,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
     @wp.func(module=module)
     def is_whole(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
         """Whether the tables of the undamaged sheet hold for the family of i."""
-        answer = True
+        answer = bool(True)
         if wp.static(damaged):
             for word in range(family.words):
                 if alive[word, i] != f.whole(family, i, word):

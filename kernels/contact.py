@@ -78,7 +78,7 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        free = True
+        free = bool(True)
         if wp.static(held):
             free = held_mask[i] == wp.uint8(0)
         X = reference[i]
@@ -112,7 +112,7 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        free = True
+        free = bool(True)
         if wp.static(held):
             free = held_mask[i] == wp.uint8(0)
         X = reference[i]

@@ -75,7 +75,7 @@ def critical_stretch(layout, bits, tracked, earlier_energy, module):
         released: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        breaks = False
+        breaks = bool(False)
         back = real(0.5) * step[0]
         for word in range(family.words):
             standing = alive[word, i]
