@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from .checks import InputError, finite, one_of
 from .kernels.bond_associated import DEGENERATE
@@ -286,6 +285,8 @@ def _near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
 
 
 def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction) -> Families:
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(sheet.points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
     severed = np.zeros(sheet.size, bool)
     for segment in sheet.cuts:

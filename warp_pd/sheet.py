@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import Delaunay, cKDTree
 
 from .checks import InputError, count, finite, positive, vector
 
@@ -366,11 +365,11 @@ def _point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def _delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
+    from scipy.spatial import Delaunay, QhullError
+
     try:
         triangles = Delaunay(points).simplices
-    except Exception as error:  # scipy raises its own QhullError, not exported under one stable name
-        if type(error).__name__ != "QhullError":
-            raise
+    except QhullError:
         raise InputError("points lie on one line: allowed are points that span an area") from None
     signed = np.abs(_signed_areas(points, triangles))
     sides = [
@@ -384,6 +383,8 @@ def _delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
 
 
 def _refuse_coincident(points: np.ndarray) -> None:
+    from scipy.spatial import cKDTree
+
     extent = float(np.ptp(points, axis=0).max())
     pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
     if len(pairs):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,14 +20,9 @@ from ..checks import InputError, one_of, positive
 from ..launches import Workspace
 from ..materials import Material, padded_constants
 from ..sheet import Sheet
-from ..weights import (
-    CorrectedWeights,
-    RectangleWeights,
-    corrected_weights,
-    edge_vectors,
-    reached_points,
-    rectangle_corrected,
-)
+
+if TYPE_CHECKING:
+    from ..weights import CorrectedWeights, RectangleWeights
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 BROKEN = ("redistribute", "drop")
@@ -230,6 +225,8 @@ def _require_correctable(law: BondAssociated, sheet: Sheet) -> None:
 
 
 def _rectangle(families: Families, sheet: Sheet) -> RectangleWeights:
+    from ..weights import rectangle_corrected
+
     assert sheet.lattice is not None and families.steps is not None
     lattice = sheet.lattice
     return rectangle_corrected(
@@ -243,6 +240,8 @@ def _rectangle(families: Families, sheet: Sheet) -> RectangleWeights:
 
 
 def _cloud_correction(families: Families, sheet: Sheet, plain: np.ndarray) -> CorrectedWeights:
+    from ..weights import corrected_weights, edge_vectors, reached_points
+
     assert families.neighbours is not None and families.severed is not None
     return corrected_weights(
         sheet.points,
