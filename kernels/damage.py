@@ -16,13 +16,14 @@ from .numeric import numeric
 
 
 @functools.cache
-def critical_stretch(layout, bits, tracked, earlier_energy, module):
+def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
     """Kernels `break_bonds` and `damage`.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
         tracked: Whether the energy that breaking releases is summed up, per point.
+        spared: Whether the bonds of some points never break.
         earlier_energy: Warp function of the force law (None if not tracked).
         module: Name of the Warp module.
     """
@@ -38,6 +39,7 @@ def critical_stretch(layout, bits, tracked, earlier_energy, module):
         displacement: wp.array(dtype=vec3),
         horizon: real,
         critical_squared: real,
+        spared_mask: wp.array(dtype=wp.uint8),
         i: int,
         word: int,
         standing: wp.uint32,
@@ -50,9 +52,13 @@ def critical_stretch(layout, bits, tracked, earlier_energy, module):
         while members != wp.uint32(0):
             if (members & wp.uint32(1)) != wp.uint32(0):
                 X = horizon * f.bond(family, i, k)
-                U = displacement[f.neighbour(family, i, k)] - displacement[i]
+                m = f.neighbour(family, i, k)
+                U = displacement[m] - displacement[i]
                 Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
-                if wp.dot(Y, Y) > critical_squared * wp.dot(X, X):
+                over = wp.dot(Y, Y) > critical_squared * wp.dot(X, X)
+                if wp.static(spared):
+                    over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
+                if over:
                     survivors = survivors & ~bit
             members = members >> wp.uint32(1)
             bit = bit << wp.uint32(1)
@@ -67,6 +73,7 @@ def critical_stretch(layout, bits, tracked, earlier_energy, module):
         step: wp.array(dtype=real),
         horizon: real,
         critical_squared: real,
+        spared_mask: wp.array(dtype=wp.uint8),
         constants: parameters,
         inverse_horizon: real,
         unit_volume: real,
@@ -79,32 +86,33 @@ def critical_stretch(layout, bits, tracked, earlier_energy, module):
         back = real(0.5) * step[0]
         for word in range(family.words):
             standing = alive[word, i]
-            if surviving(family, displacement, horizon, critical_squared, i, word, standing) != standing:
+            if surviving(family, displacement, horizon, critical_squared, spared_mask, i, word, standing) != standing:
                 breaks = True
         if breaks:
             before = real(0.0)
             if wp.static(tracked):
                 before = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
             for word in range(family.words):
-                alive[word, i] = surviving(family, displacement, horizon, critical_squared, i, word, alive[word, i])
+                alive[word, i] = surviving(
+                    family, displacement, horizon, critical_squared, spared_mask, i, word, alive[word, i]
+                )
             if wp.static(tracked):
                 after = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))
 
     @wp.kernel(module=module, enable_backward=False)
     def damage(family: Family, alive: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
-        """1 - (area of the members still bonded) / (area of the initial family)."""
+        """Area of the members that were lost over that of the initial family."""
         i = wp.tid() + first
-        standing = real(0.0)
+        lost = real(0.0)
         for word in range(family.words):
-            members = alive[word, i]
+            members = f.whole(family, i, word) & ~alive[word, i]
             k = word * word_size
             while members != wp.uint32(0):
                 if (members & wp.uint32(1)) != wp.uint32(0):
-                    standing += f.area(family, f.neighbour(family, i, k))
+                    lost += f.area(family, f.neighbour(family, i, k))
                 members = members >> wp.uint32(1)
                 k += 1
-        lost = real(1.0) - standing / f.family_area(family, i)
-        out[i] = wp.float32(wp.max(lost, real(0.0)))
+        out[i] = wp.float32(wp.min(lost / f.family_area(family, i), real(1.0)))
 
     return break_bonds, damage

@@ -337,7 +337,9 @@ def test_a_scene_of_ones_own(tmp_path):
 
 def test_import_is_lean():
     """Importing the package pulls neither torch nor pxr, h5py or matplotlib."""
-    code = "import sys, warp_pd; print([m for m in ('torch', 'pxr', 'h5py', 'matplotlib', 'scipy') if m in sys.modules])"
+    code = (
+        "import sys, warp_pd; print([m for m in ('torch', 'pxr', 'h5py', 'matplotlib', 'scipy') if m in sys.modules])"
+    )
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
     )

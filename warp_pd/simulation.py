@@ -246,7 +246,8 @@ class Built:
         named = [getattr(part, "__module__", "") + "." + part.__qualname__ if callable(part) else part for part in law]
         key = (
             precision, named, self.has_held, self.has_loads, self.damped, self.tracked, type(s.solver).__name__,
-            sorted(set(kinds)), s.contact is not None, bool(s.sheet.inclusions), bool(self.schedules.schedules),
+            sorted(set(kinds)), s.contact is not None, s.damage is not None and s.damage.spared is not None,
+            bool(s.sheet.inclusions), bool(self.schedules.schedules),
         )  # fmt: skip
         return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
@@ -453,16 +454,20 @@ class Built:
     def _add_break(self, damage: CriticalStretch) -> None:
         from .kernels.damage import critical_stretch
 
-        force = self.force
+        force, spared = self.force, None
+        if damage.spared is not None:
+            mask = np.zeros(self.simulation.sheet.size, np.uint8)
+            mask[point_indices("CriticalStretch.spared", damage.spared, len(mask))] = 1
+            spared = self.workspace.array("spared", "CriticalStretch", wp.uint8, mask)
         self._break, self._damage = critical_stretch(
-            force.families.layout, self.types.bits, self.tracked,
+            force.families.layout, self.types.bits, self.tracked, spared is not None,
             force.kernels.earlier_energy if self.tracked else None, self.workspace.module,
         )  # fmt: skip
         self.workspace.launch(
             "step", "CriticalStretch", self._break, self.simulation.sheet.size,
             family=force.struct, displacement=self.state.displacement, velocity=self.state.velocity,
             step=self.step, horizon=force.families.horizon,
-            critical_squared=damage.stretch**2, constants=force.constants,
+            critical_squared=damage.stretch**2, spared_mask=spared, constants=force.constants,
             inverse_horizon=force.inverse_horizon, unit_volume=force.unit_volume, alive=force.alive,
             released=self.state.released,
         )  # fmt: skip
