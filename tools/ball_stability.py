@@ -46,7 +46,8 @@ def row(
 @click.option("--safety", default=0.1, show_default=True)
 @click.option("--device", default=None)
 @click.option("--only", default=None, help="Run one case, counted from 0.", type=int)
-def main(out: Path | None, points: int, safety: float, device: str | None, only: int | None) -> None:
+@click.option("--commit", "stand", default=None, help="Commit to name, where there is no repository.")
+def main(out: Path | None, points: int, safety: float, device: str | None, only: int | None, stand: str | None) -> None:
     """Run the cases and write the table."""
     lines, name = [], "none"
     for case in CASES if only is None else [CASES[only]]:
@@ -56,7 +57,7 @@ def main(out: Path | None, points: int, safety: float, device: str | None, only:
     head = (
         f"# The ball scene at {points} x {points} points\n\n"
         f"`tools/ball_stability.py --points {points} --safety {safety}`, float32, {name}, "
-        f"{datetime.date.today()}, commit {commit()}. Scene: NN 6.4, critical stretch 1.3, to 4 s.\n\n"
+        f"{datetime.date.today()}, commit {stand or commit()}. Scene: NN 6.4, critical stretch 1.3, to 4 s.\n\n"
         "| weights | horizon | damping (1/s) | end | time reached (s) | steps | step (ms) | "
         "worst energy balance (%) | torn triangles (%) | seconds |\n|---|---|---|---|---|---|---|---|---|---|\n"
     )
