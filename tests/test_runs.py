@@ -1,5 +1,6 @@
 """Whole runs: files, restart, wrong input, the command line, the plan."""
 
+import csv
 import json
 import os
 import shutil
@@ -52,12 +53,42 @@ def test_the_ball_scene_leaves_what_it_promises(ball):
     assert not [n for n in names if n.endswith(".part") or n.startswith(".")]
     summary = json.loads((ball / "summary.json").read_text())
     assert summary["status"] == "finished"
-    assert summary["measures"]["lowest_point"]["value"] < -0.2
+    with (ball / "history.csv").open() as stream:
+        assert min(float(row["lowest_point"]) for row in csv.DictReader(stream)) < -0.1
     assert summary["measures"]["torn_area_share"]["value"] > 0.0
     assert abs(summary["energy"]["balance_error"]) < 0.01
     expected = ("scene section device precision force horizon points bonds steps dt stable_dt wall_s setup_s "
                 "point_steps_per_s bytes_per_point energy measures status")  # fmt: skip
     assert set(expected.split()) <= set(summary)
+
+
+def test_wrong_input_leaves_an_earlier_run_alone(ball, tmp_path):
+    folder = tmp_path / "earlier"
+    shutil.copytree(ball, folder)
+    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+    for wrong in (["--device", "gpu"], ["--horizon", "0.5"], ["--precision", "16"], ["--resume", "--set", "damping=9"]):
+        assert cli("run", "ball_penetration", "--points", "21", "--out", str(folder), *wrong).exit_code == 2
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_path):
+    folder = tmp_path / "earlier"
+    shutil.copytree(ball, folder)
+    (folder / "mine.png").write_bytes(b"mine")
+    done = cli("run", "pressure", "--points", "9", "--device", "cpu", "--quiet", "--no-pictures", "--out", str(folder))
+    assert done.exit_code == 0, done.output
+    assert {p.name for p in folder.glob("*.png")} == {"mine.png"}
+
+
+def test_broken_scene_files_end_with_one_line(tmp_path):
+    for text, said in (
+        ("def build(:\n", "line 1"),
+        ("build = 3\n", "no function build"),
+        ("def build(): return 3\n", "int"),
+    ):
+        (tmp_path / "mine.py").write_text(text)
+        done = cli("run", str(tmp_path / "mine.py"))
+        assert done.exit_code == 2 and said in done.output and "Traceback" not in done.output
 
 
 def test_the_ball_scene_in_vtk(ball):
@@ -207,6 +238,8 @@ WRONG_LINES = [
     (["run", "pressure", "--precision", "16"], "precision = 16: allowed are 32, 64"),
     (["run", "pressure", "--out", "/proc/nowhere"], "out = '/proc/nowhere': allowed is a folder that can be written"),
     (["run", "nothing.py"], "the file does not exist"),
+    (["run", "ball_penetration", "--points", "-5"], "points = -5: allowed is a whole number of 3 or more"),
+    (["run", "ball_penetration", "--horizon", "nan"], "horizon = nan"),
     (["info", "nothing.usd"], "it does not exist"),
     (["info", __file__], "allowed are .vtkhdf, .usd and .json"),
 ]

@@ -71,7 +71,8 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     choices = list(allowed)
     if value in choices:
         return value
-    nearest = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.4)
+    words = [c for c in choices if isinstance(c, str)]
+    nearest = difflib.get_close_matches(str(value), words, n=1, cutoff=0.5)
     hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
     raise InputError(f"{name} = {value!r}: allowed are {', '.join(repr(c) for c in choices)}{hint}")
 

@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from .checks import InputError, one_of
+from .simulation import Simulation
 
 WRONG_INPUT, DIVERGED = 2, 3
 
@@ -59,8 +60,11 @@ def _load_file(path: Path) -> Any:
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    if not hasattr(module, "build"):
+    try:
+        spec.loader.exec_module(module)
+    except SyntaxError as error:
+        raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None
+    if not callable(getattr(module, "build", None)):
         raise InputError(f"scene = {str(path)!r}: the file has no function build(...) that returns a Simulation")
     return module
 
@@ -75,6 +79,8 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     parameters = inspect.signature(scene.build).parameters
     values = {key: _convert(key, value, parameters) for key, value in settings.items()}
     simulation = scene.build(**values)
+    if not isinstance(simulation, Simulation):
+        raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; allowed is a Simulation")
     simulation.scene = Path(name).stem
     used = {key: values.get(key, p.default) for key, p in parameters.items()}
     simulation.settings = {k: v for k, v in used.items() if isinstance(v, str | int | float | bool | type(None))}
@@ -84,9 +90,9 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
 def _convert(key: str, value: Any, parameters: Any) -> Any:
     """`value` in the type of the argument's default."""
     if key not in parameters:
-        nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.4)
+        nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
         hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
-        raise InputError(f"--set {key}: this scene knows {', '.join(parameters)}{hint}")
+        raise InputError(f"{key}: this scene knows {', '.join(parameters)}{hint}")
     default = parameters[key].default
     if not isinstance(value, str) or isinstance(default, str):
         return value
@@ -188,7 +194,7 @@ def run(
 
 def _report(result: Any) -> None:
     for name, m in result.summary["measures"].items():
-        line = f"{name} = {m['value']:.6g} {m['unit']}"
+        line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
         if m["reference"] is not None:
             line += f"   reference {m['reference']:.6g} {m['unit']} ({m['source']}), error {100 * m['error']:+.3f} %"
         click.echo(line)

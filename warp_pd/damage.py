@@ -12,6 +12,9 @@ from .checks import InputError, finite
 class CriticalStretch:
     """A bond breaks for good when its stretch |Y|/|X| passes a critical one. Source: BA and NN papers.
 
+    The energy that breaking releases is the drop of the strain energy at the moment of breaking. It is mostly
+    positive; where a torn family is left with its most strained intersections it can be slightly negative.
+
     Attributes:
         stretch: Critical stretch s_c, above 1.
         spared: Points whose bonds never break, such as those in a clamp; None spares none.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import os
@@ -276,10 +277,12 @@ def run(
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
     begin = perf_counter()
-    folder = _prepare_folder(out, resume)
     built = simulation.build(device, precision)
+    folder = _writable_folder(out, resume)
     digest = restart.digest(simulation, built)
     saved = restart.load(folder / restart.NAME, digest) if resume and folder is not None else None
+    if saved is None and folder is not None:
+        _clear(folder)
     if reporter is not None:
         reporter.begin(built)
     compile_seconds = built.workspace.compile()
@@ -315,28 +318,36 @@ def run(
         if reporter is not None:
             reporter.close()
     summary = _summary(recorder, status, message, setup_seconds, compile_seconds, perf_counter() - begin)
-    assert recorder.last is not None
+    if recorder.last is None:
+        raise KeyboardInterrupt
     result = Result(summary, recorder.history, built, recorder.last, folder)
     if folder is not None:
-        write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+        before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
         if pictures and simulation.pictures is not None:
             simulation.pictures(result, folder)
+        summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
+        write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return result
 
 
 def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
-    """Make Ctrl-C end the run at the next frame, and a second one at once; returns what undoes this."""
+    """Make Ctrl-C (or SIGTERM) end the run at the next frame, a second one at once; returns what undoes this."""
     if threading.current_thread() is not threading.main_thread():
         return lambda: None
-    earlier = signal.getsignal(signal.SIGINT)
+    earlier = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
 
     def ask(number: int, stack: Any) -> None:
         if recorder.stop_asked:
             raise KeyboardInterrupt
         recorder.stop_asked = True
 
-    signal.signal(signal.SIGINT, ask)
-    return lambda: (signal.signal(signal.SIGINT, earlier), None)[1]
+    def undo() -> None:
+        for number, handler in earlier.items():
+            signal.signal(number, handler)
+
+    for number in earlier:
+        signal.signal(number, ask)
+    return undo
 
 
 def _resumed_frame(recorder: Recorder) -> Frame:
@@ -344,7 +355,7 @@ def _resumed_frame(recorder: Recorder) -> Frame:
     return snapshot(recorder.built, recorder.frame_index, recorder.time)
 
 
-def _prepare_folder(out: str | Path | None, resume: bool) -> Path | None:
+def _writable_folder(out: str | Path | None, resume: bool) -> Path | None:
     if out is None:
         if resume:
             raise InputError("resume = True: allowed only with a folder that holds a restart file")
@@ -357,12 +368,16 @@ def _prepare_folder(out: str | Path | None, resume: bool) -> Path | None:
         probe.unlink()
     except OSError as error:
         raise InputError(f"out = {str(folder)!r}: allowed is a folder that can be written ({error.strerror})") from None
-    if resume:
-        return folder
-    # What an earlier run left must not pass for this one's.
-    for name in ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd"):
-        (folder / name).unlink(missing_ok=True)
     return folder
+
+
+def _clear(folder: Path) -> None:
+    """Remove what an earlier run left: it must not pass for this one's."""
+    drawn: list[str] = []
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        drawn = json.loads((folder / "summary.json").read_text()).get("pictures", [])
+    for name in ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd", *drawn):
+        (folder / Path(name).name).unlink(missing_ok=True)
 
 
 def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None) -> list[Writer]:

@@ -126,12 +126,13 @@ def find_device(name: str | None) -> Any:
     wp.config.log_level = wp.config.log_level if wp.config.log_level > wp.LOG_WARNING else wp.LOG_WARNING
     wp.init()
     present = [d.alias for d in wp.get_devices()]
+    allowed = ", ".join(repr(alias) for alias in present)
     if name is None:
         return wp.get_device("cuda:0" if wp.is_cuda_available() else "cpu")
     if name == "cuda" and not wp.is_cuda_available():
-        raise InputError(f"device = {name!r}: no CUDA device was found; allowed here are {present}")
+        raise InputError(f"device = {name!r}: no CUDA device was found; allowed here are {allowed}")
     if name != "cuda" and name not in present:
-        raise InputError(f"device = {name!r}: allowed here are {present}")
+        raise InputError(f"device = {name!r}: allowed here are {allowed}")
     return wp.get_device(name)
 
 

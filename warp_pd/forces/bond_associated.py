@@ -44,6 +44,8 @@ class BondAssociated:
             "plain": in proportion to |D_ij|; conserves energy, exact for uniform stress inside the sheet.
             "corrected": the nearest weights for which uniform stress is in equilibrium up to the edges too.
             "auto": "plain" once anything can break or at horizons above 4.5, "corrected" otherwise.
+            With rupture, "corrected" holds as long as the family of a point is whole; what a damaged family
+            does is up to `broken`.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
             1/r^2, or a function of an array.
         broken: What becomes of the area of broken bonds. "drop" loses it: the stable step does not fall

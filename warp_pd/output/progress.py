@@ -75,7 +75,7 @@ class Progress:
         if self.quiet or self._bar is None:
             return
         if self._bar.disable:
-            if self._rounds % every == 0:
+            if self._rounds % every == 0 or share >= 100.0:
                 self._say(f"{share:5.1f} %  {text}")
             self._rounds += 1
             return
