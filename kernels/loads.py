@@ -49,11 +49,10 @@ def dead_load(bits, module):
 
 
 @functools.cache
-def follower_pressure(layout, bits, breakable, scheduled, module):
-    """Kernel that adds p a_i (F e1 x F e2), with F of the whole family of the point.
+def surface_vector(layout, bits, breakable, module):
+    """Warp function of F e1 x F e2, with F of the whole family of a point: normal times area ratio (Nanson).
 
-    F e1 x F e2 is the surface normal times the area ratio (Nanson). A point whose remaining family
-    determines no F takes no pressure.
+    It is zero where the remaining family determines no F.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -62,19 +61,14 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
     word_size = WORD
     degenerate = DEGENERATE
 
-    @wp.kernel(module=module, enable_backward=False)
-    def add_follower_pressure(
+    @wp.func(module=module)
+    def surface(
         family: Family,
         alive: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         inverse_horizon: real,
-        unit_pressure: real,
-        factors: wp.array(dtype=vec3),
-        schedule: int,
-        first: int,
-        external: wp.array(dtype=vec3),
+        i: int,
     ):
-        i = wp.tid() + first
         ui = displacement[i]
         G1 = vec3(real(0.0), real(0.0), real(0.0))
         G2 = vec3(real(0.0), real(0.0), real(0.0))
@@ -97,13 +91,45 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
                 k += 1
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         half_trace = real(0.5) * (shape[0] + shape[2])
+        answer = vec3(real(0.0), real(0.0), real(0.0))
         if determinant > real(degenerate) * half_trace * half_trace:
             scale = inverse_horizon / determinant
             F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
             F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
-            p = unit_pressure * f.area(family, i)
-            if wp.static(scheduled):
-                p = p * factors[schedule][0]
-            external[i] = external[i] + p * wp.cross(F1, F2)
+            answer = wp.cross(F1, F2)
+        return answer
+
+    return surface
+
+
+@functools.cache
+def follower_pressure(layout, bits, breakable, scheduled, module):
+    """Kernel that adds p a_i (F e1 x F e2), with F of the whole family of the point.
+
+    A point whose remaining family determines no F takes no pressure.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    surface = surface_vector(layout, bits, breakable, module)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def add_follower_pressure(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        unit_pressure: real,
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        external: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        p = unit_pressure * f.area(family, i)
+        if wp.static(scheduled):
+            p = p * factors[schedule][0]
+        external[i] = external[i] + p * surface(family, alive, displacement, inverse_horizon, i)
 
     return add_follower_pressure

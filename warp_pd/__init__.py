@@ -10,7 +10,7 @@ from .contact import RigidBall
 from .damage import CriticalStretch
 from .forces.bond_associated import BondAssociated
 from .frame import Frame, Surface
-from .loads import BodyForce, Fixed, Motion, PointForce, Pressure
+from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
 from .materials import Gent, Material, NeoHookean
 from .runner import Result
 from .sheet import Sheet
@@ -22,6 +22,7 @@ __version__ = "0.1.0"
 __all__ = [
     "BodyForce",
     "BondAssociated",
+    "BoundaryForce",
     "Built",
     "CriticalStretch",
     "Explicit",

@@ -27,7 +27,7 @@ from .damage import CriticalStretch
 from .forces.bond_associated import BondAssociated
 from .frame import Frame, Surface
 from .launches import Workspace
-from .loads import BodyForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
+from .loads import BodyForce, BoundaryForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
 from .sheet import Sheet
 
 if TYPE_CHECKING:
@@ -213,7 +213,7 @@ class Built:
     @property
     def has_loads(self) -> bool:
         """Whether external forces act."""
-        return any(isinstance(load, Pressure | BodyForce | PointForce) for load in self.simulation.loads)
+        return any(not isinstance(load, Fixed | Motion) for load in self.simulation.loads)
 
     @property
     def damped(self) -> bool:
@@ -241,7 +241,9 @@ class Built:
     def _module_name(self, precision: int) -> str:
         """One Warp module a configuration, named by everything that decides its kernels."""
         s = self.simulation
-        kinds = [type(load).__name__ + str(id(load) in self._schedule_ids) for load in s.loads]
+        kinds = [
+            type(load).__name__ + str(id(load) in self._schedule_ids) + getattr(load, "form", "") for load in s.loads
+        ]
         layout = "lattice" if s.sheet.lattice is not None else "cloud"
         law = s.force.signature(layout, self.breakable)
         named = [getattr(part, "__module__", "") + "." + part.__qualname__ if callable(part) else part for part in law]
@@ -305,7 +307,7 @@ class Built:
         """Sum of the loads that never change [N], shape (N, 3)."""
         total = np.zeros((self.simulation.sheet.size, 3))
         for load in self.simulation.loads:
-            if isinstance(load, Fixed | Motion) or id(load) in self._schedule_ids:
+            if isinstance(load, Fixed | Motion | BoundaryForce) or id(load) in self._schedule_ids:
                 continue
             if isinstance(load, Pressure) and load.follower:
                 continue
@@ -483,7 +485,10 @@ class Built:
             p for p in s.loads
             if isinstance(p, Pressure | BodyForce | PointForce) and p not in follower and id(p) in self._schedule_ids
         ]  # fmt: skip
-        if not follower and not ramped:
+        boundary = [p for p in s.loads if isinstance(p, BoundaryForce)]
+        if len(boundary) > 1:
+            raise InputError(f"loads holds {len(boundary)} of BoundaryForce: allowed is one, with all its points")
+        if not follower and not ramped and not boundary:
             return
         constant = self._constant_loads()
         if not hasattr(self, "_constant"):
@@ -507,6 +512,8 @@ class Built:
             )  # fmt: skip
         for load in follower:
             self._add_follower(stage, load)
+        for law in boundary:
+            self.add_boundary_force(stage, law, self.state.displacement, self.state.external)
 
     def _add_follower(self, stage: str, load: Pressure) -> None:
         from .kernels.loads import follower_pressure
@@ -521,6 +528,45 @@ class Built:
             inverse_horizon=force.inverse_horizon, unit_pressure=load.value * force.families.reference_area,
             factors=self.scheduled, schedule=self._schedule_ids.get(id(load), 0), external=self.state.external,
         )  # fmt: skip
+
+    def add_boundary_force(self, stage: str, load: BoundaryForce, displacement: Any, out: Any) -> None:
+        """Add the launches that add the boundary force at a displacement [m] to `out` [N], both (N,) vec3."""
+        from .kernels.boundary_force import boundary_force
+
+        w, force, n = self.workspace, self.force, self.simulation.sheet.size
+        if not hasattr(self, "_edges"):
+            self._edges = self._edge_arrays(load)
+        normals, points, reach, mask = self._edges
+        find, push = boundary_force(force.families.layout, self.types.bits, self.breakable, load.form, w.module)
+        w.launch(
+            stage, "BoundaryForce", find, n if self.breakable else points.size,
+            family=force.struct, alive=force.alive, displacement=displacement, points=points, marked=mask,
+            inverse_horizon=force.inverse_horizon, normals=normals,
+        )  # fmt: skip
+        w.launch(
+            stage, "BoundaryForce", push, n if self.breakable else reach.size,
+            family=force.struct, alive=force.alive, displacement=displacement, normals=normals, points=reach,
+            horizon=force.families.horizon, unit_force=load.value * force.unit_volume**2, external=out,
+        )  # fmt: skip
+
+    def _edge_arrays(self, load: BoundaryForce) -> tuple[Any, ...]:
+        """Normals, the points that carry the force, those and their neighbours, mask; None where not needed."""
+        from .off_plane import family_members
+
+        w, n, families, owner = self.workspace, self.simulation.sheet.size, self.force.families, "BoundaryForce"
+        carriers = load.carriers(self.simulation.sheet, families.horizon)
+        normals = w.array("edge_normals", owner, self.types.vec3, shape=n)
+        if self.breakable:
+            mask = np.zeros(n, np.uint8)
+            mask[carriers] = 1
+            return normals, None, None, w.array("edge_mask", owner, wp.uint8, mask)
+        reach = np.unique(np.append(family_members(families, carriers), carriers))
+        return (
+            normals,
+            w.array("edge_points", owner, wp.int32, carriers),
+            w.array("edge_reach", owner, wp.int32, reach[reach >= 0]),
+            None,
+        )
 
     def _add_setup(self) -> None:
         """What makes the forces fit the displacement before the first step, or after a restart."""

@@ -1,0 +1,105 @@
+"""The empirical boundary force: bonds of edge points push them back to the local plane (BA eq. 45).
+
+    T_ij = w_ij A (Y_ij . d_i) n,     force on i from the pair:  V_i V_j (T_ij - T_ji),
+
+with d_i the unit normal of F e1 x F e2, F of the whole family of i, and d_i = 0 for points that carry none.
+"normal" takes n = d_i; "printed" takes n = Y_ij / |Y_ij|. Y_ji = -Y_ij turns the second term of the pair
+around, so that both ends compute the same words with opposite signs: momentum is conserved to round-off.
+"""
+
+import functools
+
+import warp as wp
+
+from .families import WORD, family_functions
+from .loads import surface_vector
+from .numeric import numeric
+
+
+@functools.cache
+def boundary_force(layout, bits, breakable, form, module):
+    """Kernels `edge_normals` and `add_boundary_force`.
+
+    Where nothing can break, a thread is an entry of `points`: the rest of the sheet has no part in it. Where
+    bonds can break, a thread is a point, since any may come to lie at a crack; `points` is then None.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        breakable: Whether bonds can break; points that lost one carry the force too.
+        form: "normal" or "printed".
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    surface = surface_vector(layout, bits, breakable, module)
+    printed = form == "printed"
+    word_size = WORD
+
+    @wp.kernel(module=module, enable_backward=False)
+    def edge_normals(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        points: wp.array(dtype=wp.int32),
+        marked: wp.array(dtype=wp.uint8),
+        inverse_horizon: real,
+        first: int,
+        normals: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        carries = bool(True)
+        if wp.static(breakable):
+            carries = marked[i] != wp.uint8(0)
+            for word in range(family.words):
+                if alive[word, i] != f.whole(family, i, word):
+                    carries = True
+        else:
+            i = points[i]
+        normal = vec3(real(0.0), real(0.0), real(0.0))
+        if carries:
+            normal = wp.normalize(surface(family, alive, displacement, inverse_horizon, i))
+        normals[i] = normal
+
+    @wp.kernel(module=module, enable_backward=False)
+    def add_boundary_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        normals: wp.array(dtype=vec3),
+        points: wp.array(dtype=wp.int32),
+        horizon: real,
+        unit_force: real,
+        first: int,
+        external: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        if wp.static(not breakable):
+            i = points[i]
+        ui = displacement[i]
+        own = normals[i]
+        total = vec3(real(0.0), real(0.0), real(0.0))
+        for word in range(family.words):
+            members = f.whole(family, i, word)
+            if wp.static(breakable):
+                members = alive[word, i]
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    m = f.neighbour(family, i, k)
+                    other = normals[m]
+                    X = horizon * f.bond(family, i, k)
+                    U = displacement[m] - ui
+                    Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+                    c = f.area(family, i) * f.area(family, m) * f.influence(family, i, k)
+                    if wp.static(printed):
+                        total += c * (wp.dot(Y, own) - wp.dot(Y, other)) * wp.normalize(Y)
+                    else:
+                        total += c * (wp.dot(Y, own) * own + wp.dot(Y, other) * other)
+                members = members >> wp.uint32(1)
+                k += 1
+        external[i] = external[i] + unit_force * total
+
+    return edge_normals, add_boundary_force
