@@ -40,8 +40,8 @@ def build(
     )
 
 
-def pictures(result, folder):
+def pictures(history, folder):
     from warp_pd.output import plots
 
-    shown = plots.frames_at(folder, [result.frame.time])
+    shown = plots.frames_at(folder, [history[-1]["time"]])
     plots.surfaces(folder / "deflection.png", shown, field="u3", label="deflection (m)")

@@ -49,8 +49,8 @@ def build(
     )
 
 
-def pictures(result, folder):
+def pictures(history, folder):
     from warp_pd.output import plots
 
-    shown = plots.frames_at(folder, [result.frame.time])
-    plots.from_above(folder / "contraction.png", shown[-1], field="u2", label="displacement along y (m)")
+    shown = plots.frames_at(folder, [history[-1]["time"]])
+    plots.from_above(folder / "contraction.png", shown, field="u2", label="displacement along y (m)")

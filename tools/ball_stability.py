@@ -5,23 +5,16 @@
 Writes a table with device, date and commit. Minutes on a GPU, about an hour on two CPU cores at 101 points.
 """
 
-import datetime
-import subprocess
 from pathlib import Path
 
 import click
+from stamp import stamp
 
 from warp_pd.cli import build_scene
 
 CASES = [("plain", m, c) for m in (2.015, 3.15, 4.15) for c in (0.0, 2.0)] + [
     ("published", 3.15, c) for c in (0.0, 2.0)
 ]
-
-
-def commit() -> str:
-    """Short hash of the commit that this tree stands on."""
-    done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
-    return done.stdout.strip() or "unknown"
 
 
 def row(
@@ -56,8 +49,8 @@ def main(out: Path | None, points: int, safety: float, device: str | None, only:
         lines.append(line)
     head = (
         f"# The ball scene at {points} x {points} points\n\n"
-        f"`tools/ball_stability.py --points {points} --safety {safety}`, float32, {name}, "
-        f"{datetime.date.today()}, commit {stand or commit()}. Scene: NN 6.4, critical stretch 1.3, to 4 s.\n\n"
+        f"`tools/ball_stability.py --points {points} --safety {safety}`, float32, "
+        f"{stamp(name, stand)}. Scene: NN 6.4, critical stretch 1.3, to 4 s.\n\n"
         "| weights | horizon | damping (1/s) | end | time reached (s) | steps | step (ms) | "
         "worst energy balance (%) | torn triangles (%) | seconds |\n|---|---|---|---|---|---|---|---|---|---|\n"
     )

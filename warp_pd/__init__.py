@@ -14,7 +14,7 @@ from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
 from .materials import Gent, Material, NeoHookean
 from .runner import Result
 from .sheet import Sheet
-from .simulation import Built, Measure, Simulation
+from .simulation import Built, Measure, Outcome, Simulation
 from .solvers import Explicit, QuasiStatic
 
 __version__ = "0.1.0"
@@ -34,6 +34,7 @@ __all__ = [
     "Measure",
     "Motion",
     "NeoHookean",
+    "Outcome",
     "PointForce",
     "Pressure",
     "QuasiStatic",

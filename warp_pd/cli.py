@@ -1,4 +1,4 @@
-"""Command line: warp-pd list, run, plan, info."""
+"""Command line: warp-pd list, run, plan, draw, info."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import difflib
 import importlib
 import importlib.util
 import inspect
+import json
 import pkgutil
 import sys
 from pathlib import Path
@@ -194,6 +195,9 @@ def run(
 
 def _report(result: Any) -> None:
     for name, m in result.summary["measures"].items():
+        if m["value"] is None:
+            click.echo(f"{name} = none: the run did not come that far")
+            continue
         line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
         if m["reference"] is not None:
             line += f"   reference {m['reference']:.6g} {m['unit']} ({m['source']}), error {100 * m['error']:+.3f} %"
@@ -212,6 +216,32 @@ def plan(
     """Show the arrays and launches of SCENE, and which part asked for each."""
     simulation = build_scene(scene, _settings(points, horizon, weights, duration, frames, assignments))
     click.echo(simulation.plan(device, precision))
+
+
+@main.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--scene", help="The scene's file, for a run of a Python file of your own.")
+def draw(folder: Path, scene: str | None) -> None:
+    """Draw the pictures of a run from its FOLDER, for runs made with --no-pictures or changed pictures."""
+    from .runner import read_history
+
+    summary = _read_summary(folder / "summary.json")
+    simulation = build_scene(scene or summary["scene"], summary["settings"])
+    if simulation.pictures is None:
+        raise InputError(f"scene = {simulation.scene!r}: it draws no pictures")
+    simulation.pictures(read_history(folder / "history.csv"), folder)
+    for path in sorted(folder.glob("*.png")):
+        click.echo(f"  {path.name}")
+
+
+def _read_summary(path: Path) -> dict[str, Any]:
+    try:
+        summary = json.loads(path.read_text())
+    except (OSError, ValueError):
+        summary = None
+    if not isinstance(summary, dict) or not {"scene", "settings"} <= set(summary):
+        raise InputError(f"folder = {str(path.parent)!r}: allowed is one with the summary.json of a run")
+    return summary
 
 
 @main.command()

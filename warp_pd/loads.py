@@ -221,10 +221,6 @@ class BoundaryForce:
     of the deformation gradient of the whole family of i. As ever, it acts on both points with opposite signs.
     The energy balance counts its work as external.
 
-    The estimate of the stable step is of the force law alone. Measured on a 9 x 9 sheet with a lifted corner:
-    at 0.9 of that step dt, A h dt^2 sum_j w_ij a_j / density = 0.4 (whole family of i) is harmless and 1.7 is the
-    limit of the force by itself; beyond, lower `Explicit.safety`.
-
     Attributes:
         value: A [N/m^7], 0 or more; empirical, the paper gives none.
         points: Indices of the points that carry it, or None: those less than one horizon away from an edge,

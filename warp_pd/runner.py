@@ -20,7 +20,7 @@ from . import restart
 from .checks import InputError
 from .frame import Frame
 from .launches import run_once
-from .simulation import Built, Simulation
+from .simulation import Built, Measure, Outcome, Simulation
 
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
 
@@ -143,7 +143,7 @@ class Recorder:
 
     def _restart_due(self, index: int) -> bool:
         """At the first and last frame, when the user stops the run, and some forty times in between."""
-        frames = self.built.simulation.solver.frames
+        frames = self.built.simulation.solver.frame_count
         return self.stop_asked or index in (0, frames) or index % max(1, frames // RESTARTS) == 0
 
     def _require_finite(self, index: int, now: float, dt: float) -> None:
@@ -324,7 +324,7 @@ def run(
     if folder is not None:
         before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
         if pictures and simulation.pictures is not None:
-            simulation.pictures(result, folder)
+            simulation.pictures(result.history, folder)
         summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
         write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return result
@@ -389,11 +389,28 @@ def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None
         from .output.usd import UsdAnimation
 
         solver = built.simulation.solver
-        per_frame = solver.duration / solver.frames
+        equal = solver.frame_count == 1 or isinstance(getattr(solver, "frames", None), int)
+        per_frame = solver.duration / solver.frame_count if equal else None
         writers.append(
             UsdAnimation(folder / "animation.usd", surface, seconds_per_frame=per_frame, append_from=append_from)
         )
     return writers
+
+
+def read_history(path: Path) -> list[dict[str, float]]:
+    """What `write_history` wrote.
+
+    Raises:
+        InputError: if it is not there or not whole.
+    """
+    try:
+        with path.open(newline="") as stream:
+            history = [{key: float(text) for key, text in row.items()} for row in csv.DictReader(stream)]
+    except (OSError, ValueError, TypeError):
+        history = []
+    if not history:
+        raise InputError(f"file = {str(path)!r}: allowed is the history.csv of a run")
+    return history
 
 
 def write_aside(path: Path, text: str) -> None:
@@ -413,6 +430,20 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
     os.replace(aside, path)
 
 
+def _compared(item: Measure | Outcome, value: float | None) -> dict[str, Any]:
+    """Value, unit and reference of a reported number; a number that does not exist (yet) is None."""
+    if value is not None and not np.isfinite(value):
+        value = None
+    known = item.reference is not None and value is not None
+    return {
+        "value": value,
+        "unit": item.unit,
+        "reference": item.reference,
+        "source": item.source,
+        "error": value / item.reference - 1.0 if known else None,  # type: ignore[operator]
+    }
+
+
 def _summary(
     recorder: Recorder, status: str, message: str, setup: float, compiling: float, wall: float
 ) -> dict[str, Any]:
@@ -426,17 +457,8 @@ def _summary(
         "dissipated": {"damping": row.get("damping"), "rupture": row.get("rupture")} if built.tracked else None,
         "balance_error": row.get("balance_error"),
     }
-    measures = {}
-    for measure in simulation.measures:
-        value = row.get(measure.name)
-        known = measure.reference is not None and value is not None
-        measures[measure.name] = {
-            "value": value,
-            "unit": measure.unit,
-            "reference": measure.reference,
-            "source": measure.source,
-            "error": value / measure.reference - 1.0 if known else None,  # type: ignore[operator]
-        }
+    measures = {m.name: _compared(m, row.get(m.name)) for m in simulation.measures}
+    measures |= {o.name: _compared(o, o.value(recorder.history)) for o in simulation.outcomes}
     rate = built.simulation.sheet.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
     return {
         "scene": simulation.scene,

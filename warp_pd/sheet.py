@@ -106,6 +106,69 @@ class Sheet:
         )
 
     @staticmethod
+    def filled(
+        width: float,
+        height: float,
+        *,
+        thickness: float,
+        density: float,
+        points: int | tuple[int, int] = 101,
+        origin: tuple[float, float] = (0.0, 0.0),
+        turn: float = 0.0,
+        jitter: float = 0.0,
+        seed: int = 0,
+    ) -> Sheet:
+        """A rectangle whose inside is a grid turned against its edges, or a jittered one: cracks must not see which.
+
+        The edges carry the points of `rectangle`. With no turn and no jitter it is `rectangle` itself, a lattice;
+        otherwise a cloud.
+
+        Args:
+            width: Length along x [m].
+            height: Length along y [m].
+            thickness: [m].
+            density: [kg/m^3].
+            points: As for `rectangle`; they set the spacing.
+            origin: Position of the lower left corner [m].
+            turn: Angle of the grid about the middle of the rectangle [degrees].
+            jitter: Largest shift of a point along x and along y, in spacings, below one half.
+            seed: Of the generator of the jitter.
+
+        Raises:
+            InputError: as `rectangle`, or for a jitter outside [0, 0.5).
+        """
+        square = Sheet.rectangle(width, height, thickness=thickness, density=density, points=points, origin=origin)
+        if not 0.0 <= finite("jitter", jitter) < 0.5:
+            raise InputError(f"jitter = {jitter!r}: allowed are shares of the spacing from 0 up to below 0.5")
+        if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
+            return square
+        assert square.lattice is not None
+        dx, dy = square.lattice.dx, square.lattice.dy
+        low, high = square.points.min(axis=0), square.points.max(axis=0)
+        reach = int(np.ceil(np.hypot(width, height) / min(dx, dy))) + 1
+        # The middle of the sheet is a point of the grid, or the middle of a cell, as it is without a turn.
+        half = 0.5 * (np.array([square.lattice.columns, square.lattice.rows]) - 1) % 1.0
+        step = np.arange(-reach, reach + 1)
+        u, v = np.meshgrid((step + half[0]) * dx, (step + half[1]) * dy)
+        angle = np.deg2rad(turn)
+        inside = np.column_stack(
+            [
+                np.cos(angle) * u.ravel() - np.sin(angle) * v.ravel(),
+                np.sin(angle) * u.ravel() + np.cos(angle) * v.ravel(),
+            ]
+        )
+        inside += np.random.default_rng(seed).uniform(-jitter, jitter, inside.shape) * (dx, dy)
+        inside += 0.5 * (low + high)
+        clear = 0.55 * np.array([dx, dy])
+        inside = inside[((inside > low + clear) & (inside < high - clear)).all(axis=1)]
+        return Sheet.from_points(
+            np.vstack([square.points[square.edges("all")], inside]),
+            thickness=thickness,
+            density=density,
+            spacing=square.spacing,
+        )
+
+    @staticmethod
     def from_points(
         points: np.ndarray,
         *,

@@ -57,6 +57,25 @@ class Measure:
     source: str = ""
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """A number that a scene reports of its whole run, such as a peak load.
+
+    Attributes:
+        name: Key in summary.json.
+        unit: SI unit.
+        value: Function of the history, one row a frame, in order; None where there is no such number yet.
+        reference: What it is compared with, in the same unit, or None.
+        source: Where the reference comes from.
+    """
+
+    name: str
+    unit: str
+    value: Callable[[list[dict[str, float]]], float | None]
+    reference: float | None = None
+    source: str = ""
+
+
 @dataclass(eq=False)
 class Simulation:
     """A sheet and everything that acts on it. Nothing is allocated before `build` or `run`.
@@ -68,13 +87,15 @@ class Simulation:
         loads: Supports and loads.
         contact: A rigid ball, or None.
         damage: Rupture criterion, or None: nothing can break.
-        measures: Numbers to report.
+        measures: Numbers to report, at every frame; the summary has those of the last one.
+        outcomes: Numbers to report of the whole run.
         initial_displacement: [m], shape (N, 3), or None for zero.
         initial_velocity: [m/s], shape (N, 3), or None for zero.
         track_energy: Whether external work and dissipation are summed up for the energy balance.
         scene: Name of the scene.
         section: Part of the paper that it rebuilds.
-        pictures: Function (result, folder) that draws the scene's pictures, or None.
+        pictures: Function (history, folder) that draws the scene's pictures into the folder of the results,
+            or None.
     """
 
     sheet: Sheet
@@ -84,12 +105,13 @@ class Simulation:
     contact: RigidBall | None = None
     damage: CriticalStretch | None = None
     measures: Sequence[Measure] = ()
+    outcomes: Sequence[Outcome] = ()
     initial_displacement: np.ndarray | None = None
     initial_velocity: np.ndarray | None = None
     track_energy: bool = True
     scene: str = "simulation"
     section: str = ""
-    pictures: Callable[[Result, Any], None] | None = None
+    pictures: Callable[[list[dict[str, float]], Any], None] | None = None
     settings: dict[str, Any] = field(default_factory=dict)
 
     def build(self, device: str | None = None, precision: int | None = None) -> Built:

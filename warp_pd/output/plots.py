@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from .vtkhdf import read_frame, read_series
 
 COLOURS = "inferno_r"
+ENERGIES = ("kinetic", "strain", "external", "damping", "rupture")
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +23,14 @@ class Shown:
     Attributes:
         time: [s].
         points: Deformed positions [m], shape (N, 3).
+        reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
         fields: Point fields by name; u1, u2, u3 are the components of the displacement.
     """
 
     time: float
     points: np.ndarray
+    reference: np.ndarray
     triangles: np.ndarray
     fields: dict[str, np.ndarray]
 
@@ -44,70 +47,144 @@ def _shown(path: Path, index: int) -> Shown:
     time, points, triangles, fields = read_frame(path, index)
     for c in range(3):
         fields[f"u{c + 1}"] = fields["displacement"][:, c]
-    return Shown(time, points, triangles, fields)
+    return Shown(time, points, points - fields["displacement"], triangles, fields)
 
 
 def surfaces(
-    path: Path, frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None = None
+    path: Path,
+    frames: Sequence[Shown],
+    field: str,
+    label: str,
+    limits: tuple[float, float] | None = None,
+    view: tuple[float, float] = (28.0, -60.0),
 ) -> None:
-    """The deformed sheet in space at some times, coloured by a field and shaded."""
-    plt, figure_size = _pyplot(), (5.2 * min(2, len(frames)), 4.2 * -(-len(frames) // 2))
-    low, high = limits or _range(frames, field)
-    colours = plt.get_cmap(COLOURS)
-    norm = plt.Normalize(low, high)
-    figure = plt.figure(figsize=figure_size, layout="constrained")
+    """The deformed sheet in space at some times, coloured by a field and shaded.
+
+    Args:
+        path: Of the picture.
+        frames: One panel each.
+        field: Name of the field.
+        label: Its name and unit.
+        limits: Of the colours; by default those of the field.
+        view: Elevation and azimuth of the eye [degrees].
+    """
+    plt = _pyplot()
+    columns = _columns(len(frames))
+    rows = -(-len(frames) // columns)
+    colours, norm = _colours(plt, frames, field, limits)
+    figure = plt.figure(figsize=(5.2 * columns, 4.2 * rows), layout="constrained")
     axes_list = []
     bounds = np.array([[f.points[_used(f)].min(axis=0), f.points[_used(f)].max(axis=0)] for f in frames])
-    low_corner, high_corner = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    extent = np.maximum(high - low, 1e-12)
+    shown_extent = np.maximum(extent, 0.25 * extent.max())
     for k, frame in enumerate(frames):
-        axes = figure.add_subplot(-(-len(frames) // 2), min(2, len(frames)), k + 1, projection="3d")
+        axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
         values = frame.fields[field][frame.triangles].mean(axis=1)
         face = colours(norm(values))
         face[:, :3] *= _shade(frame)[:, None]
         axes.add_collection3d(_polygons(frame, face))
-        axes.set(title=f"t = {frame.time:.3g} s")
+        axes.set(title=f"t = {frame.time:.4g} s")
         for c, name in enumerate("xyz"):
-            getattr(axes, f"set_{name}lim")(low_corner[c], max(high_corner[c], low_corner[c] + 1e-12))
-            getattr(axes, f"set_{name}label")(f"{name} (m)")
-        axes.set_box_aspect(np.maximum(high_corner - low_corner, 0.25 * (high_corner - low_corner).max()))
-        axes.view_init(elev=28, azim=-60)
+            getattr(axes, f"set_{name}lim")(low[c], low[c] + extent[c])
+            grown = shown_extent[c] / extent[c]
+            drawn = f", drawn {grown:.2g} times as large" if grown > 1.05 else ""
+            getattr(axes, f"set_{name}label")(f"{name} (m){drawn}")
+            getattr(axes, f"{name}axis").set_major_locator(plt.MaxNLocator(4 if grown <= 1.05 else 3))
+        axes.set_box_aspect(shown_extent)
+        axes.view_init(elev=view[0], azim=view[1])
         axes_list.append(axes)
     figure.colorbar(plt.cm.ScalarMappable(norm, colours), ax=axes_list, label=label, shrink=0.7)
     _save(figure, path)
 
 
-def from_above(path: Path, frame: Shown, field: str, label: str, limits: tuple[float, float] | None = None) -> None:
-    """The deformed sheet seen from +z, lower triangles drawn first."""
+def from_above(
+    path: Path, frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None = None
+) -> None:
+    """The deformed sheet at some times, seen from +z, lower triangles drawn first."""
     plt = _pyplot()
     from matplotlib.collections import PolyCollection
 
-    low, high = limits or _range([frame], field)
-    colours, norm = plt.get_cmap(COLOURS), plt.Normalize(low, high)
-    order = np.argsort(frame.points[frame.triangles, 2].mean(axis=1))
-    triangles = frame.triangles[order]
-    values = frame.fields[field][triangles].mean(axis=1)
-    face = colours(norm(values))
-    face[:, :3] *= _shade(frame)[order][:, None]
-    figure, axes = plt.subplots(figsize=(6.4, 5.4), layout="constrained")
-    axes.add_collection(PolyCollection(list(frame.points[triangles][:, :, :2]), facecolors=face, edgecolors=face))
-    axes.autoscale_view()
-    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title=f"from above, t = {frame.time:.3g} s")
-    figure.colorbar(plt.cm.ScalarMappable(norm, colours), ax=axes, label=label)
+    columns = _columns(len(frames))
+    rows = -(-len(frames) // columns)
+    colours, norm = _colours(plt, frames, field, limits)
+    corners = np.concatenate([f.points[_used(f), :2] for f in frames])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = 0.03 * (high - low).max()
+    width = 6.0 if columns == 1 else 4.2
+    height = min(max(width * (high - low)[1] / (high - low)[0], 1.0), 1.5 * width)
+    figure, axes_grid = plt.subplots(
+        rows, columns, figsize=(width * columns + 1.4, (height + 0.5) * rows + 0.4),
+        layout="constrained", squeeze=False, sharex=True, sharey=True,
+    )  # fmt: skip
+    for axes, frame in zip(axes_grid.flat, frames, strict=False):
+        order = np.argsort(frame.points[frame.triangles, 2].mean(axis=1))
+        triangles = frame.triangles[order]
+        face = colours(norm(frame.fields[field][triangles].mean(axis=1)))
+        face[:, :3] *= _shade(frame)[order][:, None]
+        axes.add_collection(PolyCollection(list(frame.points[triangles][:, :, :2]), facecolors=face, edgecolors=face))
+        axes.set(aspect="equal", title=f"t = {frame.time:.4g} s")
+        axes.xaxis.set_major_locator(plt.MaxNLocator(5))
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
+    for axes in axes_grid.flat[len(frames) :]:
+        axes.set_visible(False)
+    figure.supxlabel("x (m)")
+    figure.supylabel("y (m)")
+    figure.colorbar(plt.cm.ScalarMappable(norm, colours), ax=axes_grid, label=label)
     _save(figure, path)
 
 
-def curves(path: Path, history: Sequence[dict[str, float]], names: Sequence[str], ylabel: str) -> None:
-    """Columns of the history against time."""
+def reference(
+    path: Path, frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None = None
+) -> None:
+    """A field on the reference sheet at some times: where cracks run, whatever the sheet does in space."""
+    from_above(path, [replace(f, points=f.reference) for f in frames], field, label, limits)
+
+
+def curves(
+    path: Path,
+    history: Sequence[dict[str, float]],
+    names: Sequence[str],
+    ylabel: str,
+    against: str = "time",
+    xlabel: str = "time (s)",
+    marks: Sequence[tuple[float, float]] = (),
+    marks_label: str = "reference",
+) -> None:
+    """Columns of the history against another one.
+
+    Args:
+        path: Of the picture.
+        history: One row a frame.
+        names: Columns to draw; one that is missing is left out.
+        ylabel: Their name and unit.
+        against: The column on the horizontal axis.
+        xlabel: Its name and unit.
+        marks: Reference values (x, y).
+        marks_label: What they are.
+    """
     plt = _pyplot()
     figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
-    times = [row["time"] for row in history]
+    across = [row[against] for row in history]
     for name in names:
         if all(name in row for row in history):
-            axes.plot(times, [row[name] for row in history], label=name.replace("_", " "))
-    axes.set(xlabel="time (s)", ylabel=ylabel)
+            axes.plot(across, [row[name] for row in history], label=name.replace("_", " "))
+    if marks:
+        axes.plot(*zip(*marks, strict=True), "k+", markersize=10, label=marks_label)
+    axes.set(xlabel=xlabel, ylabel=ylabel)
     axes.grid(alpha=0.3)
     axes.legend()
     _save(figure, path)
+
+
+def _columns(panels: int) -> int:
+    """One panel alone, two side by side, up to four in a square, more in rows of three."""
+    return 1 if panels == 1 else 2 if panels <= 4 else 3
+
+
+def _colours(plt: Any, frames: Sequence[Shown], field: str, limits: tuple[float, float] | None) -> tuple[Any, Any]:
+    return plt.get_cmap(COLOURS), plt.Normalize(*(limits or _range(frames, field)))
 
 
 def _pyplot() -> Any:

@@ -57,7 +57,7 @@ class Progress:
             text += f", energy balance {100.0 * row['balance_error']:+.2f} %"
         if "largest_damage" in row:
             text += f", damage {row['largest_damage']:.2f}"
-        self._show(share, text, every=max(1, solver.frames // 10))
+        self._show(share, text, every=max(1, solver.frame_count // 10))
 
     def residual(self, steps: int, residual: float, tolerance: float) -> None:
         """A quasi-static run on its way: the share is that of the decades to go."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,14 +29,15 @@ class Explicit:
 
     Attributes:
         duration: Time to simulate [s].
-        frames: Number of frames after the first one, equally spaced.
+        frames: Number of frames after the first one, equally spaced; or their times [s], rising, the last one
+            the duration: frames close together show what happens fast.
         damping: Mass damping c [1/s]: a force -c m v on every point.
         safety: dt over the estimated stable step 2 / omega_max.
         step: A fixed dt [s] instead; refused if it is above the stable step.
     """
 
     duration: float
-    frames: int = 100
+    frames: int | Sequence[float] = 100
     damping: float = 0.0
     safety: float = 0.9
     step: float | None = None
@@ -45,12 +47,31 @@ class Explicit:
 
     def __post_init__(self) -> None:
         positive("duration", self.duration)
-        count("frames", self.frames, 1)
+        if isinstance(self.frames, Sequence):
+            times = np.asarray(self.frames, dtype=np.float64)
+            if times.size == 0 or not (np.diff(times, prepend=0.0) > 0.0).all() or times[-1] != self.duration:
+                raise InputError(
+                    f"frames = {list(self.frames)!r}: allowed are rising times above 0, the last one the duration, "
+                    f"{self.duration!r}"
+                )
+        else:
+            count("frames", self.frames, 1)
         not_negative("damping", self.damping)
         if not 0.0 < positive("safety", self.safety) <= 1.2:
             raise InputError(f"safety = {self.safety!r}: allowed is a share above 0, up to 1.2")
         if self.step is not None:
             positive("step", self.step)
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames after the first one."""
+        return len(self.frames) if isinstance(self.frames, Sequence) else self.frames
+
+    def frame_time(self, index: int) -> float:
+        """Time of a frame [s]; that of frame 0 is 0."""
+        if isinstance(self.frames, Sequence):
+            return float(self.frames[index - 1]) if index > 0 else 0.0
+        return self.duration * index / self.frames
 
     def add(self, built: Built) -> None:
         """Add what this solver needs besides the common step."""
@@ -68,11 +89,11 @@ class Explicit:
             self._check_step(recorder.stable_dt)
         else:
             since = recorder.since_estimate
-        for index in range(recorder.frame_index + 1, self.frames + 1):
+        for index in range(recorder.frame_index + 1, self.frame_count + 1):
             if since >= STEPS_BETWEEN:
                 recorder.stable_dt = self._estimate(built, LATER_ITERATIONS)
                 since = 0
-            begin, end = self.duration * (index - 1) / self.frames, self.duration * index / self.frames
+            begin, end = self.frame_time(index - 1), self.frame_time(index)
             wanted = self.step if self.step is not None else self.safety * recorder.stable_dt
             steps = max(1, math.ceil((end - begin) / wanted * (1.0 - 1e-12)))
             self._set_step(built, (end - begin) / steps, begin)

@@ -38,10 +38,9 @@ class QuasiStatic:
     safety: float = 0.9
     duration: float = 1.0
     precision: int = 64
-    frames: int = 1
-
     damping = 0.0
     adaptive_damping = True
+    frame_count = 1
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:

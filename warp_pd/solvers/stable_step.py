@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..loads import BoundaryForce
+
 if TYPE_CHECKING:
     from ..simulation import Built
 
@@ -51,6 +53,10 @@ class StableStep:
                 out=trial,
             )  # fmt: skip
             built.force.add_force("estimate", trial, force)
+            # A boundary force is a stiffness too.
+            for load in built.simulation.loads:
+                if isinstance(load, BoundaryForce):
+                    built.add_boundary_force("estimate", load, trial, force)
         w.launch(
             "estimate", owner, respond, blocks,
             mass=built.mass, held_mask=built.held_mask, plus=plus, minus=minus, reach=self._reach,

@@ -1,0 +1,96 @@
+"""A sheet with a notch in either side is pulled until it comes apart. BA paper, section 6.3 (figures 9 and 10).
+
+Gent sheet of 20 x 10 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 60 x 30 points. Top and bottom edge
+move apart at 1.2 mm/s each; bonds break at a stretch of 2. The paper shows the damage as the crack runs from
+both notches straight to the middle, and gives no numbers.
+
+The paper leaves open how long the notches are (here 2.5 mm, `notch`), how the edges are held (here so that
+they neither contract nor tear), and its damping (here 20 /s, which settles waves but is far below the load).
+The crack crosses the sheet in some hundredths of a second: frames from `slow_from` to `slow_to` are 1 ms apart.
+"""
+
+import numpy as np
+
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
+from warp_pd.checks import InputError, positive
+from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
+
+
+def build(
+    points: int = 60,
+    horizon: float = 3.15,
+    weights: str = "auto",
+    critical_stretch: float = 2.0,
+    notch: float = 2.5e-3,
+    speed: float = 1.2e-3,
+    damping: float = 20.0,
+    duration: float = 3.0,
+    frames: int = 40,
+    slow_from: float = 1.1,
+    slow_to: float = 1.22,
+    safety: float = 0.3,
+    turn: float = 0.0,
+    jitter: float = 0.0,
+    seed: int = 0,
+) -> Simulation:
+    width, height = 20e-3, 10e-3
+    if not 0.0 < positive("notch", notch) < 0.5 * width:
+        raise InputError(f"notch = {notch!r}: allowed are lengths up to below {0.5 * width:g} m, half the width")
+    sheet = Sheet.filled(
+        width, height, thickness=1e-3, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed
+    )
+    slow = [t for t in np.arange(slow_from, slow_to, 1e-3).round(9).tolist() if 0.0 < t < duration]
+    times = sorted({*slow, *(duration * np.arange(1, frames + 1) / frames).tolist()})
+    middle = 0.5 * height
+    sheet = sheet.cut((0.0, middle), (notch, middle)).cut((width - notch, middle), (width, middle))
+    top, bottom = sheet.edges("top"), sheet.edges("bottom")
+    travel = speed * duration
+    line = TearLine(sheet)
+    left, right = line.centres[:, 0] < 0.5 * width, line.centres[:, 0] >= 0.5 * width
+    return Simulation(
+        sheet,
+        force=BondAssociated(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), horizon=horizon, weights=weights),
+        loads=[
+            Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
+            Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
+        ],
+        damage=CriticalStretch(critical_stretch, spared=sheet.edges("top", "bottom")),
+        solver=Explicit(duration=duration, frames=times, damping=damping, safety=safety),
+        measures=[
+            Measure("extension", "m", lambda built, frame: 2.0 * speed * frame.time),
+            Measure("load", "N", lambda built, frame: support_force(built, top)[1]),
+            Measure("crack_length", "m", lambda built, frame: line.length(frame.intact_faces)),
+            Measure("left_crack_length", "m", lambda built, frame: line.length(frame.intact_faces | right)),
+            Measure("right_crack_length", "m", lambda built, frame: line.length(frame.intact_faces | left)),
+            Measure("crack_direction", "degrees", lambda built, frame: line.direction(frame.intact_faces)),
+            Measure("crack_alignment", "1", lambda built, frame: line.alignment(frame.intact_faces, turn)),
+            Measure(
+                "crack_deviation",
+                "m",
+                lambda built, frame: line.deviation(frame.intact_faces, (0.0, middle), (width, middle)),
+            ),
+            Measure("pieces", "1", lambda built, frame: line.pieces(frame.intact_faces)),
+        ],
+        outcomes=[
+            Outcome("largest_load", "N", largest("load")),
+            Outcome("tear_begins", "s", time_above("crack_length", 0.0)),
+            Outcome("two_pieces", "s", time_above("pieces", 1.5)),
+            Outcome("worst_energy_balance", "1", worst_balance),
+        ],
+        section="BA 6.3",
+        pictures=pictures,
+    )
+
+
+def pictures(history, folder):
+    from warp_pd.measures import time_above
+    from warp_pd.output import plots
+
+    begin = time_above("crack_length", 0.0)(history) or history[-1]["time"]
+    end = time_above("pieces", 1.5)(history) or history[-1]["time"]
+    shown = plots.frames_at(folder, [begin + share * (end - begin) for share in (0.0, 0.33, 0.67, 1.0)])
+    plots.from_above(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.curves(folder / "load.png", history, ["load"], ylabel="load (N)", against="extension", xlabel="extension (m)")
+    names = ["crack_length", "left_crack_length", "right_crack_length"]
+    plots.curves(folder / "crack_length.png", history, names, ylabel="crack length (m)")
+    plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

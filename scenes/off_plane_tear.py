@@ -1,0 +1,86 @@
+"""A cut sheet is torn by pulling its two legs apart, out of its plane. BA paper, section 6.5 (figures 14 and 15).
+
+Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 80 x 80 points, with a cut of 30 mm
+in from the middle of the right edge. The left edge is held; the two halves of the right edge move up and
+down at 0.4 mm/s; bonds break at a stretch of 2. The paper shows the damage while the crack runs straight on
+from the cut "for some distance", as experiments do, and gives no numbers.
+
+Held points do not tear out. The paper leaves open whether the pulled halves may come nearer to the left edge
+(here they may not) and its damping (here 20 /s). The pull is slow: waves cross the sheet in a tenth of a second.
+`--set speed=4e-3` gives the same tear ten times sooner (docs/tearing.md).
+"""
+
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Gent, Measure, Motion, Outcome, Sheet, Simulation
+from warp_pd.checks import InputError, positive
+from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
+
+
+def build(
+    points: int = 80,
+    horizon: float = 3.15,
+    weights: str = "auto",
+    critical_stretch: float = 2.0,
+    cut: float = 0.03,
+    speed: float = 0.4e-3,
+    travel: float = 0.1,
+    damping: float = 20.0,
+    frames: int = 100,
+    safety: float = 0.5,
+    turn: float = 0.0,
+    jitter: float = 0.0,
+    seed: int = 0,
+) -> Simulation:
+    side = 0.1
+    if not 0.0 < positive("cut", cut) < side:
+        raise InputError(f"cut = {cut!r}: allowed are lengths up to below {side:g} m, the width")
+    sheet = Sheet.filled(side, side, thickness=1e-3, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed)
+    middle, tip = 0.5 * side, (side - cut, 0.5 * side)
+    sheet = sheet.cut((side, middle), tip)
+    right = sheet.edges("right")
+    upper, lower = right[sheet.points[right, 1] > middle], right[sheet.points[right, 1] <= middle]
+    duration = travel / positive("speed", speed)
+    line = TearLine(sheet)
+    ahead = (0.0, middle)
+    return Simulation(
+        sheet,
+        force=BondAssociated(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), horizon=horizon, weights=weights),
+        loads=[
+            Fixed(sheet.edges("left")),
+            Motion(upper, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, travel]),
+            Motion(lower, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, -travel]),
+        ],
+        damage=CriticalStretch(critical_stretch, spared=sheet.edges("left", "right")),
+        solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
+        measures=[
+            Measure("separation", "m", lambda built, frame: 2.0 * speed * frame.time),
+            Measure("load", "N", lambda built, frame: support_force(built, upper)[2]),
+            Measure("crack_length", "m", lambda built, frame: line.length(frame.intact_faces)),
+            Measure("crack_reach", "m", lambda built, frame: line.reach(frame.intact_faces, tip, ahead)),
+            Measure("crack_direction", "degrees", lambda built, frame: line.direction(frame.intact_faces)),
+            Measure("crack_alignment", "1", lambda built, frame: line.alignment(frame.intact_faces, turn)),
+            Measure("crack_deviation", "m", lambda built, frame: line.deviation(frame.intact_faces, tip, ahead)),
+            Measure("pieces", "1", lambda built, frame: line.pieces(frame.intact_faces)),
+        ],
+        outcomes=[
+            Outcome("largest_load", "N", largest("load")),
+            Outcome("tear_begins", "s", time_above("crack_length", 0.0)),
+            Outcome("worst_energy_balance", "1", worst_balance),
+        ],
+        section="BA 6.5",
+        pictures=pictures,
+    )
+
+
+def pictures(history, folder):
+    from warp_pd.measures import time_above
+    from warp_pd.output import plots
+
+    begin, end = time_above("crack_length", 0.0)(history) or 0.0, history[-1]["time"]
+    shown = plots.frames_at(folder, [begin + share * (end - begin) for share in (0.0, 0.33, 0.67, 1.0)])
+    plots.surfaces(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.reference(folder / "crack_path.png", shown[-1:], field="damage", label="damage", limits=(0.0, 1.0))
+    plots.curves(
+        folder / "load.png", history, ["load"], ylabel="load (N)", against="separation", xlabel="separation (m)"
+    )
+    plots.curves(folder / "crack_length.png", history, ["crack_length", "crack_reach"], ylabel="crack length (m)")
+    plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

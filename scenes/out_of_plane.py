@@ -1,0 +1,52 @@
+"""A sheet held at its left edge and lifted at the middle of its right one. NN paper, section 6.2 (figures 10, 11).
+
+1 x 1 x 0.01 m, neo-Hookean mu 1 kPa, K 100 kPa, rho 1000 kg/m^3. The points within 0.04 m of the middle of the
+right edge move by u1 = 0.025 t, u3 = 0.05 t until 2 s, and then stay. The paper shows u3 at 1.5, 2.5, 3.5 and
+4.5 s, no numbers. The other edges are free.
+"""
+
+import numpy as np
+
+from warp_pd import BondAssociated, Explicit, Fixed, Measure, Motion, NeoHookean, Sheet, Simulation
+from warp_pd.measures import support_force
+
+SHOWN = (1.5, 2.5, 3.5, 4.5)
+
+
+def build(
+    points: int = 101,
+    horizon: float = 3.15,
+    weights: str = "auto",
+    damping: float = 0.1,
+    duration: float = 4.5,
+    frames: int = 90,
+    safety: float = 0.5,
+    patch: float = 0.04,
+) -> Simulation:
+    sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points)
+    pulled = sheet.within((1.0, 0.5), patch)
+    return Simulation(
+        sheet,
+        force=BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=horizon, weights=weights),
+        loads=[
+            Fixed(sheet.edges("left")),
+            Motion(pulled, times=[0.0, 2.0], x=[0.0, 0.05], y=0.0, z=[0.0, 0.1]),
+        ],
+        solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
+        measures=[
+            Measure("largest_u3", "m", lambda built, frame: frame.displacement[:, 2].max()),
+            Measure("smallest_u3", "m", lambda built, frame: frame.displacement[:, 2].min()),
+            Measure("pull", "N", lambda built, frame: float(np.linalg.norm(support_force(built, pulled)))),
+        ],
+        section="NN 6.2",
+        pictures=pictures,
+    )
+
+
+def pictures(history, folder):
+    from warp_pd.output import plots
+
+    shown = plots.frames_at(folder, SHOWN)
+    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)")
+    plots.from_above(folder / "from_above.png", shown, field="u3", label="u3 (m)")
+    plots.curves(folder / "pull.png", history, ["pull"], ylabel="pull (N)")

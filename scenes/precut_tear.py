@@ -1,0 +1,106 @@
+"""A slit in the middle of a sheet runs as the sheet is pulled and lifted. NN paper, section 6.3 (figures 13 to 15).
+
+1 x 1 x 0.01 m, neo-Hookean mu 1 kPa, K 100 kPa, rho 1000 kg/m^3, 120 x 120 points, the left edge fixed. The points
+within 0.04 m of the middle of the right edge move by u1 = 0.0125 t, u3 = 0.025 t; bonds break at a stretch of
+1.3. Initial displacements that vary as sines seed the wrinkles that form along the slit. The paper shows u3 at
+3, 4.5, 6, 7.5, 9 and 10.5 s, and crack length and speed against time.
+
+The paper leaves open the slit (here 0.3 m along y through the middle, `slit` and `slit_at`), the seed (here
+0.1 mm, four waves along either side, `seed_height`), its damping (here 0.1 /s, as in 6.1), and why the sheet
+does not tear where it is pulled (here the bonds of the pulled points do not break).
+"""
+
+import numpy as np
+
+from warp_pd import (
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Measure,
+    Motion,
+    NeoHookean,
+    Outcome,
+    Sheet,
+    Simulation,
+)
+from warp_pd.checks import InputError, positive
+from warp_pd.measures import TearLine, largest, rate, support_force, time_above, worst_balance
+
+SHOWN = (3.0, 4.5, 6.0, 7.5, 9.0, 10.5)
+
+
+def build(
+    points: int = 120,
+    horizon: float = 3.15,
+    weights: str = "auto",
+    critical_stretch: float = 1.3,
+    slit: float = 0.3,
+    slit_at: float = 0.5,
+    seed_height: float = 1e-4,
+    pull: float = 0.0125,
+    lift: float = 0.025,
+    patch: float = 0.04,
+    damping: float = 0.1,
+    duration: float = 10.5,
+    frames: int = 210,
+    safety: float = 0.1,
+    turn: float = 0.0,
+    jitter: float = 0.0,
+    seed: int = 0,
+) -> Simulation:
+    for name, value in (("slit", slit), ("slit_at", slit_at)):
+        if not 0.0 < positive(name, value) < 1.0:
+            raise InputError(f"{name} = {value!r}: allowed are lengths up to below 1 m, the width")
+    sheet = Sheet.filled(1.0, 1.0, thickness=0.01, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed)
+    lower, upper = (slit_at, 0.5 - 0.5 * slit), (slit_at, 0.5 + 0.5 * slit)
+    sheet = sheet.cut(lower, upper)
+    left, pulled = sheet.edges("left"), sheet.within((1.0, 0.5), patch)
+    line = TearLine(sheet)
+    x, y = sheet.points.T
+    wrinkles = np.zeros((sheet.size, 3))
+    wrinkles[:, 2] = seed_height * np.sin(8.0 * np.pi * x) * np.sin(8.0 * np.pi * y)
+    wrinkles[np.concatenate([left, pulled])] = 0.0
+    return Simulation(
+        sheet,
+        force=BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=horizon, weights=weights),
+        loads=[
+            Fixed(left),
+            Motion(pulled, times=[0.0, duration], x=[0.0, pull * duration], y=0.0, z=[0.0, lift * duration]),
+        ],
+        damage=CriticalStretch(critical_stretch, spared=np.concatenate([left, pulled])),
+        initial_displacement=wrinkles,
+        solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
+        measures=[
+            Measure("crack_growth", "m", lambda built, frame: line.length(frame.intact_faces)),
+            Measure("crack_length", "m", lambda built, frame: slit + line.length(frame.intact_faces)),
+            Measure("crack_direction", "degrees", lambda built, frame: line.direction(frame.intact_faces)),
+            Measure("crack_alignment", "1", lambda built, frame: line.alignment(frame.intact_faces, turn)),
+            Measure("crack_deviation", "m", lambda built, frame: line.deviation(frame.intact_faces, lower, upper)),
+            Measure("pull", "N", lambda built, frame: float(np.linalg.norm(support_force(built, pulled)))),
+            Measure("pieces", "1", lambda built, frame: line.pieces(frame.intact_faces)),
+        ],
+        outcomes=[
+            Outcome("largest_pull", "N", largest("pull")),
+            Outcome("tear_begins", "s", time_above("crack_growth", 0.0)),
+            Outcome("largest_crack_speed", "m/s", lambda history: float(rate(history, "crack_length").max())),
+            Outcome("two_pieces", "s", time_above("pieces", 1.5)),
+            Outcome("worst_energy_balance", "1", worst_balance),
+        ],
+        section="NN 6.3",
+        pictures=pictures,
+    )
+
+
+def pictures(history, folder):
+    from warp_pd.output import plots
+
+    shown = plots.frames_at(folder, [t for t in SHOWN if t <= history[-1]["time"]])
+    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)", view=(35.0, -70.0))
+    plots.from_above(folder / "from_above.png", shown, field="u3", label="u3 (m)")
+    plots.reference(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    speed = rate(history, "crack_length")
+    rows = [{**row, "crack_speed": v} for row, v in zip(history, speed, strict=True)]
+    plots.curves(folder / "crack_length.png", rows, ["crack_length"], ylabel="crack length (m)")
+    plots.curves(folder / "crack_speed.png", rows, ["crack_speed"], ylabel="crack speed (m/s)")
+    plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

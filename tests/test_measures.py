@@ -1,0 +1,106 @@
+import math
+
+import numpy as np
+import pytest
+
+from warp_pd import InputError, Sheet
+from warp_pd.measures import TearLine, at_time, largest, rate, time_above, worst_balance
+from warp_pd.sheet import crosses
+
+
+def sheet_of(turn, jitter, points=61):
+    return Sheet.filled(1.0, 1.0, thickness=0.01, density=1.0, points=points, turn=turn, jitter=jitter)
+
+
+def torn_by(sheet, segment):
+    """Faces whole, but for those that a straight segment crosses."""
+    intact = np.ones(len(sheet.triangles), bool)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        tail, head = sheet.points[sheet.triangles[:, a]], sheet.points[sheet.triangles[:, b]]
+        intact &= ~crosses(tail, head, segment)
+    return intact
+
+
+@pytest.mark.parametrize(("turn", "jitter"), [(0.0, 0.0), (15.0, 0.0), (30.0, 0.0), (45.0, 0.0), (0.0, 0.25)])
+@pytest.mark.parametrize("angle", [0.0, 8.0, 22.5, 45.0, 70.0])
+def test_a_straight_crack_has_its_length_and_direction_on_any_grid(turn, jitter, angle):
+    sheet = sheet_of(turn, jitter)
+    line = TearLine(sheet)
+    along = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+    middle = np.array([0.503, 0.497])
+    segment = (tuple(middle - 0.3 * along), tuple(middle + 0.3 * along))
+    intact = torn_by(sheet, segment)
+    assert line.length(intact) == pytest.approx(0.6, rel=0.03)
+    assert line.direction(intact) == pytest.approx(angle, abs=0.6)
+    assert line.deviation(intact, *segment) < 0.6 / 60
+    assert line.reach(intact, tuple(middle), segment[1]) == pytest.approx(0.3, abs=1.0 / 60)
+    assert line.pieces(intact) == 1
+
+
+def test_two_cracks_count_twice_and_a_shattered_band_once():
+    sheet = sheet_of(0.0, 0.0)
+    line = TearLine(sheet)
+    first, second = (torn_by(sheet, ((0.2, y), (0.8, y))) for y in (0.304, 0.704))
+    assert line.length(first & second) == pytest.approx(line.length(first) + line.length(second), rel=1e-12)
+    y, x = line.centres[:, 1], line.centres[:, 0]
+    band = ~((abs(y - 0.5) < 0.026) & (abs(x - 0.5) < 0.3))
+    assert line.length(band) == pytest.approx(0.6, abs=0.06)
+
+
+def test_a_crack_through_the_sheet_makes_two_pieces_and_cuts_do_not_count():
+    sheet = sheet_of(0.0, 0.0)
+    line = TearLine(sheet)
+    through = torn_by(sheet, ((-0.1, 0.404), (1.1, 0.404)))
+    assert line.pieces(through) == 2
+    assert line.length(through) == pytest.approx(1.0, abs=0.03)
+    cut = sheet.cut((0.2, 0.404), (0.8, 0.404))
+    assert TearLine(cut).length(np.ones(len(cut.triangles), bool)) == 0.0
+    assert math.isnan(line.direction(np.ones(len(sheet.triangles), bool)))
+
+
+def test_a_filled_sheet_covers_the_rectangle_with_about_the_same_points():
+    square = sheet_of(0.0, 0.0)
+    for turn, jitter in ((15.0, 0.0), (45.0, 0.0), (0.0, 0.3)):
+        sheet = Sheet.filled(1.0, 1.0, thickness=0.01, density=1.0, points=61, turn=turn, jitter=jitter)
+        assert sheet.lattice is None
+        assert sheet.areas.sum() == pytest.approx(1.0, rel=1e-12)
+        assert sheet.size == pytest.approx(square.size, rel=0.03)
+        assert len(sheet.edges("left")) == len(square.edges("left"))
+    assert square.lattice is not None
+    assert Sheet.filled(1.0, 1.0, thickness=0.01, density=1.0, points=61, turn=90.0).lattice is not None
+
+
+@pytest.mark.parametrize("jitter", [-0.1, 0.5, float("nan")])
+def test_filled_refuses_a_jitter_that_lets_points_meet(jitter):
+    with pytest.raises(InputError, match="jitter = "):
+        Sheet.filled(1.0, 1.0, thickness=0.01, density=1.0, points=11, jitter=jitter)
+
+
+def test_numbers_of_a_history():
+    history = [{"time": t, "a": t * t, "balance_error": 0.1 - t} for t in (0.0, 1.0, 2.0)]
+    assert at_time("a", 0.5)(history) == pytest.approx(0.5)
+    assert at_time("a", 3.0)(history) is None
+    assert largest("a")(history) == 4.0
+    assert time_above("a", 0.5)(history) == 1.0
+    assert time_above("a", 9.0)(history) is None
+    assert worst_balance(history) == pytest.approx(1.9)
+    assert worst_balance([{"time": 0.0}]) is None
+    assert rate(history, "a")[1] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("turn", "jitter"), [(0.0, 0.0), (30.0, 0.0), (0.0, 0.25)])
+def test_alignment_tells_cracks_along_a_grid_from_cracks_that_ignore_it(turn, jitter):
+    sheet = sheet_of(turn, jitter)
+    line = TearLine(sheet)
+
+    def crack(angle):
+        along = 0.3 * np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+        return torn_by(sheet, (tuple(0.503 - along), tuple(0.503 + along)))
+
+    assert np.mean([line.alignment(crack(turn + a), turn) for a in np.arange(0.0, 180.0, 5.0)]) == pytest.approx(
+        0.0, abs=0.12
+    )
+    if jitter == 0.0:
+        assert line.alignment(crack(turn), turn) > 0.85
+        assert line.alignment(crack(turn + 22.5), turn) < -0.3
+    assert math.isnan(line.alignment(np.ones(len(sheet.triangles), bool)))

@@ -1,0 +1,272 @@
+"""Do cracks know the grid, does a tear converge, does its energy balance? Runs every scene that breaks, many times.
+
+    python tools/tearing.py --device cuda:0 --jobs 6 --out docs/tearing.md
+
+Each scene runs on a square grid turned by 0, 15, 30 and 45 degrees against the sheet and on a jittered one, at
+three horizons; then at three spacings. Runs that are complete in the work folder are not repeated. On one
+H200 all of it takes about 15 minutes, on two CPU cores most of a day: `--scenes` and `--share` make it less.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from stamp import stamp
+
+GRIDS: dict[str, dict[str, float]] = {
+    "0°": {},
+    "15°": {"turn": 15.0},
+    "30°": {"turn": 30.0},
+    "45°": {"turn": 45.0},
+    "jittered": {"jitter": 0.25},
+}
+HORIZONS = (2.015, 3.15, 4.15)
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is asked of one scene.
+
+    Attributes:
+        scene: Its name.
+        points: At which the grids are compared.
+        spacings: Numbers of points for the convergence, each twice as fine.
+        settings: What differs from the scene's defaults, and why it may: see `notes`.
+        length: Measure of the crack length.
+        load: Outcome that stands for the load.
+        scalar: Outcome whose convergence is reported.
+        notes: For the page.
+    """
+
+    scene: str
+    points: int
+    spacings: tuple[int, int, int]
+    settings: dict[str, float] = field(default_factory=dict)
+    length: str = "crack_length"
+    load: str = "largest_load"
+    scalar: str = "largest_load"
+    notes: str = ""
+
+
+STUDIES = (
+    Study(
+        "double_notch", 60, (31, 61, 121), {"duration": 4.0, "frames": 200},
+        notes="A clean cut across would be 15 mm long.",
+    ),
+    Study(
+        "off_plane_tear", 80, (41, 81, 161), {"speed": 8e-3}, scalar="tear_begins",
+        notes="Pulled at 8 mm/s, twenty times as fast as in the scene, still slow against waves of 1 m/s.",
+    ),
+    Study("precut_tear", 120, (61, 121, 241), length="crack_growth", load="largest_pull", scalar="largest_pull"),
+    Study("ball_penetration", 101, (51, 101, 201), load="largest_ball_force", scalar="largest_ball_force"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run and where its results are."""
+
+    scene: str
+    points: int
+    horizon: float
+    settings: dict[str, float]
+    folder: Path
+
+    def summary(self) -> dict[str, Any] | None:
+        """Its summary.json, or None if it has not come to an end."""
+        path = self.folder / "summary.json"
+        return json.loads(path.read_text()) if path.is_file() else None
+
+    def execute(self, device: str) -> None:
+        """Run it, unless it has been run."""
+        if self.summary() is not None:
+            return
+        command = [
+            sys.executable, "-m", "warp_pd.cli", "run", self.scene, "--points", str(self.points),
+            "--horizon", str(self.horizon), "--device", device, "--out", str(self.folder), "--no-usd",
+            "--no-pictures", "--quiet",
+        ]  # fmt: skip
+        for key, value in self.settings.items():
+            command += ["--set", f"{key}={value:g}"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        print(f"{self.folder.name}: exit {done.returncode} {done.stderr.strip()[-200:]}", flush=True)
+
+    def value(self, name: str) -> float:
+        """A measure or outcome; NaN if there is none."""
+        summary = self.summary()
+        value = summary["measures"].get(name, {}).get("value") if summary else None
+        return float("nan") if value is None else float(value)
+
+
+def grid_runs(study: Study, work: Path, share: float) -> dict[tuple[float, str], Run]:
+    """Runs of a scene by horizon and grid."""
+    points = max(15, round(share * study.points))
+    return {
+        (m, grid): Run(
+            study.scene, points, m, {**study.settings, **change}, work / f"{study.scene}-{points}-{m}-{grid[:-1]}"
+        )
+        for m in HORIZONS
+        for grid, change in GRIDS.items()
+    }
+
+
+def spacing_runs(study: Study, work: Path, share: float) -> list[Run]:
+    """Runs of a scene at its default horizon and three spacings."""
+    return [
+        Run(study.scene, points, 3.15, dict(study.settings), work / f"{study.scene}-{points}-spacing")
+        for points in (max(15, round(share * p)) for p in study.spacings)
+    ]
+
+
+def spread(values: Sequence[float]) -> float:
+    """(Largest - smallest) / mean."""
+    known = [v for v in values if math.isfinite(v)]
+    return (max(known) - min(known)) / (sum(known) / len(known)) if known and sum(known) else float("nan")
+
+
+def turn_between(a: float, b: float) -> float:
+    """Smallest angle between two undirected directions [degrees]."""
+    return abs((a - b + 90.0) % 180.0 - 90.0)
+
+
+def grid_table(study: Study, runs: dict[tuple[float, str], Run]) -> list[str]:
+    """One row a run, and one line a horizon about the spread."""
+    rows = [
+        "| horizon | grid | crack length (m) | direction (degrees) | along the grid | load (N) | tear begins (s) "
+        "| energy balance | end |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for (m, grid), run in runs.items():
+        summary = run.summary()
+        ended = f"{summary['status']} at {summary['time']:.3g} s" if summary else "not run"
+        rows.append(
+            f"| {m} | {grid} | {run.value(study.length):.4g} | {run.value('crack_direction'):.1f} "
+            f"| {run.value('crack_alignment'):+.2f} | {run.value(study.load):.4g} | {run.value('tear_begins'):.4g} "
+            f"| {100.0 * run.value('worst_energy_balance'):.2f} % | {ended} |"
+        )
+    rows.append("")
+    for m in HORIZONS:
+        here = [runs[m, grid] for grid in GRIDS]
+        directions = [r.value("crack_direction") for r in here if math.isfinite(r.value("crack_direction"))]
+        turned = max((turn_between(a, b) for a in directions for b in directions), default=float("nan"))
+        alignment = [r.value("crack_alignment") for r in here[:-1] if math.isfinite(r.value("crack_alignment"))]
+        rows.append(
+            f"- horizon {m}: spread of the crack length {100 * spread([r.value(study.length) for r in here]):.1f} %, "
+            f"of the load {100 * spread([r.value(study.load) for r in here]):.1f} %, of the direction {turned:.1f}°; "
+            f"mean alignment with the four turned grids {sum(alignment) / max(1, len(alignment)):+.2f}."
+        )
+    return rows
+
+
+def convergence_row(study: Study, runs: list[Run]) -> str:
+    """Values at three spacings, and the order that their differences show."""
+    values = [run.value(study.scalar) for run in runs]
+    first, second = values[1] - values[0], values[2] - values[1]
+    order = math.log2(abs(first / second)) if first * second != 0.0 and math.isfinite(first * second) else float("nan")
+    cells = " | ".join(f"{r.points}: {v:.5g}" for r, v in zip(runs, values, strict=True))
+    return f"| {study.scene} | {study.scalar} | {cells} | {order:.2f} |"
+
+
+def page(studies: Sequence[Study], work: Path, share: float, device: str, stand: str | None) -> str:
+    """The whole page as markdown."""
+    summaries = [r.summary() for s in studies for r in grid_runs(s, work, share).values()]
+    name = next((s["device"] for s in summaries if s), device)
+    lines = [
+        "# Tearing: what the grid, the horizon and the spacing do to it",
+        "",
+        f"Made by `tools/tearing.py` {stamp(name, stand)}.",
+        "Plain weights, float32.",
+        "",
+        "Crack length: half the length of the free edges that tearing made, stairs averaged out",
+        "(`warp_pd/measures.py`). *Along the grid*: mean of cos 8(angle) of the crack faces to the grid; 1 along its",
+        "axes and diagonals, 0 without preference. *Load*: the largest force. *Energy balance*: the largest error of",
+        "external work = kinetic + strain + damping + broken bonds, at any frame, over the largest energy.",
+        "",
+    ]
+    for study in studies:
+        lines += [
+            f"## {study.scene}",
+            "",
+            *([study.notes, ""] if study.notes else []),
+            f"![crack paths](tearing-{study.scene}.png)",
+            "",
+        ]
+        lines += [*grid_table(study, grid_runs(study, work, share)), ""]
+    lines += [
+        "## Spacing",
+        "",
+        "Horizon 3.15 spacings: horizon and spacing shrink together. Order: from the differences of neighbours.",
+        "",
+        "| scene | number | coarse | middle | fine | order |",
+        "|---|---|---|---|---|---|",
+        *[convergence_row(s, spacing_runs(s, work, share)) for s in studies],
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def draw_paths(study: Study, runs: dict[tuple[float, str], Run], path: Path) -> None:
+    """Damage on the reference sheet at the end, one row a horizon, one column a grid."""
+    import matplotlib.pyplot as plt
+    from matplotlib.collections import PolyCollection
+
+    from warp_pd.output.vtkhdf import read_frame, read_series
+
+    figure, axes = plt.subplots(len(HORIZONS), len(GRIDS), figsize=(3.0 * len(GRIDS), 3.0 * len(HORIZONS)))
+    for axis, ((m, grid), run) in zip(axes.flat, runs.items(), strict=True):
+        axis.set(aspect="equal", xticks=[], yticks=[], title=f"m = {m}, grid {grid}")
+        if run.summary() is None:
+            continue
+        file = run.folder / "frames.vtkhdf"
+        _, points, triangles, fields = read_frame(file, read_series(file).frames - 1)
+        flat = (points - fields["displacement"])[:, :2]
+        values = fields["damage"][triangles].mean(axis=1)
+        axis.add_collection(PolyCollection(list(flat[triangles]), array=values, cmap="inferno_r", clim=(0.0, 1.0)))
+        axis.autoscale_view()
+    figure.tight_layout()
+    figure.savefig(path, dpi=70)
+    plt.close(figure)
+
+
+def main() -> None:
+    """Run what is missing, then write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
+    parser.add_argument("--scenes", nargs="*", default=[s.scene for s in STUDIES])
+    parser.add_argument("--share", type=float, default=1.0, help="share of the points along a side")
+    parser.add_argument("--work", type=Path, default=Path("runs/tearing"), help="folder of the runs")
+    parser.add_argument("--out", type=Path, default=Path("docs/tearing.md"), help="the page; pictures go beside it")
+    parser.add_argument("--stand", help="name of the commit, where there is no repository")
+    options = parser.parse_args()
+    studies = [s for s in STUDIES if s.scene in options.scenes]
+    runs = [
+        run
+        for study in studies
+        for run in [
+            *grid_runs(study, options.work, options.share).values(),
+            *spacing_runs(study, options.work, options.share),
+        ]
+    ]
+    with ThreadPoolExecutor(options.jobs) as pool:
+        list(pool.map(lambda run: run.execute(options.device), runs))
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    for study in studies:
+        draw_paths(
+            study, grid_runs(study, options.work, options.share), options.out.parent / f"tearing-{study.scene}.png"
+        )
+    options.out.write_text(page(studies, options.work, options.share, options.device, options.stand))
+    print(f"wrote {options.out}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,191 @@
+"""What scenes measure: cracks, reactions, and numbers of a whole history."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .checks import InputError
+from .sheet import Sheet
+
+if TYPE_CHECKING:
+    from .frame import Frame
+    from .simulation import Built
+
+# Rounds of averaging along a crack face, enough to take the stairs of the triangulation out of its length:
+# straight cracks at any angle to any grid then measure within 3 % (tests/test_measures.py).
+SMOOTHING_ROUNDS = 3
+
+
+class TearLine:
+    """Length, direction and place of the cracks that a run has torn, on lattices and clouds alike.
+
+    A face (a triangle of the reference sheet) is torn when a bond along one of its edges broke. Its edges
+    that it shared with faces still whole are then free: they form the two faces of the crack. The crack
+    length is half the length of these free edges in the reference configuration, their stairs averaged
+    out. What a cut opened beforehand does not count, nor do the sheet's own edges. A band of shattered
+    faces counts once, as it has two faces, whatever its width; a loose shred counts half its outline.
+
+    Attributes:
+        sheet: The sheet.
+        centres: Centre of each face [m], shape (F, 2).
+        areas: Area of each face [m^2], shape (F,).
+    """
+
+    def __init__(self, sheet: Sheet) -> None:
+        self.sheet = sheet
+        corners = sheet.points[sheet.triangles]
+        self.centres = corners.mean(axis=1)
+        side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        self.areas = 0.5 * np.abs(side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0])
+        self._edges, self._beside = _shared_edges(sheet.triangles)
+
+    def length(self, intact: np.ndarray) -> float:
+        """Crack length [m]; `intact`, shape (F,), says which faces are whole."""
+        return 0.5 * float(np.linalg.norm(self._crack_faces(intact), axis=1).sum())
+
+    def alignment(self, intact: np.ndarray, turn: float = 0.0) -> float:
+        """How far cracks follow a grid: the mean of cos 8 (angle - turn) along them [-]; NaN while nothing is torn.
+
+        1: all along the axes and diagonals of a square grid turned by `turn` degrees; -1: all halfway between
+        them; 0: no preference.
+        """
+        along = self._crack_faces(intact)
+        length = np.linalg.norm(along, axis=1)
+        if length.sum() == 0.0:
+            return float("nan")
+        angle = np.arctan2(along[:, 1], along[:, 0]) - np.deg2rad(turn)
+        return float((length * np.cos(8.0 * angle)).sum() / length.sum())
+
+    def _crack_faces(self, intact: np.ndarray) -> np.ndarray:
+        """Vectors along the free edges [m], their stairs averaged out, shape (E, 2)."""
+        free = self._edges[intact[self._beside].sum(axis=1) == 1]
+        return _smoothed_edges(self.sheet.points, free)
+
+    def direction(self, intact: np.ndarray) -> float:
+        """Angle of the cracks' principal axis to the x axis [degrees], in (-90, 90]; NaN while nothing is torn."""
+        torn = ~intact
+        if not torn.any():
+            return float("nan")
+        weights = self.areas[torn] / self.areas[torn].sum()
+        offset = self.centres[torn] - weights @ self.centres[torn]
+        axis = np.linalg.eigh((offset.T * weights) @ offset)[1][:, 1]
+        angle = float(np.rad2deg(np.arctan2(axis[1], axis[0])))
+        return angle - 180.0 if angle > 90.0 else angle + 180.0 if angle <= -90.0 else angle
+
+    def deviation(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
+        """Root mean square distance of the torn faces from a straight line [m]; 0 while nothing is torn."""
+        torn = ~intact
+        if not torn.any():
+            return 0.0
+        along = np.subtract(towards, start) / np.linalg.norm(np.subtract(towards, start))
+        offset = self.centres[torn] - start
+        distance = along[0] * offset[:, 1] - along[1] * offset[:, 0]
+        return float(np.sqrt((distance**2 * self.areas[torn]).sum() / self.areas[torn].sum()))
+
+    def reach(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
+        """How far the torn faces reach from `start` in the direction of `towards` [m]; 0 while nothing is torn."""
+        torn = ~intact
+        if not torn.any():
+            return 0.0
+        along = np.subtract(towards, start) / np.linalg.norm(np.subtract(towards, start))
+        return max(0.0, float(((self.centres[torn] - start) @ along).max()))
+
+    def pieces(self, intact: np.ndarray, least_share: float = 0.01) -> int:
+        """Number of pieces with at least `least_share` of the sheet's area, joined through whole faces."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        joined = self._beside[intact[self._beside].all(axis=1)]
+        n = len(intact)
+        graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
+        count, label = connected_components(graph, directed=False)
+        area = np.bincount(label[intact], self.areas[intact], minlength=count)
+        return int((area >= least_share * self.areas.sum()).sum())
+
+
+def _shared_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges that two triangles share, shape (E, 2), and those triangles, shape (E, 2)."""
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    faces = np.tile(np.arange(len(triangles)), 3)
+    order = np.lexsort((sides[:, 1], sides[:, 0]))
+    sides, faces = sides[order], faces[order]
+    first = np.flatnonzero((sides[:-1] == sides[1:]).all(axis=1))
+    return sides[first], np.column_stack([faces[first], faces[first + 1]])
+
+
+def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Vectors of a net of edges after each of its points with two neighbours was averaged with them."""
+    if len(edges) == 0:
+        return np.zeros((0, 2))
+    used, local = np.unique(edges, return_inverse=True)
+    a, b = local.reshape(edges.shape).T
+    place = points[used].copy()
+    degree = np.bincount(np.concatenate([a, b]), minlength=len(used))
+    chain = degree == 2
+    for _ in range(SMOOTHING_ROUNDS):
+        around = np.zeros_like(place)
+        np.add.at(around, a, place[b])
+        np.add.at(around, b, place[a])
+        place[chain] = 0.5 * place[chain] + 0.25 * around[chain]
+    return place[b] - place[a]
+
+
+def support_force(built: Built, points: np.ndarray) -> np.ndarray:
+    """Force of a support on the points that it holds [N], shape (3,); their inertia left out."""
+    return -built.to_numpy(built.state.force)[points].sum(axis=0)
+
+
+def torn(frame: Frame) -> np.ndarray:
+    """Which faces are torn, shape (F,).
+
+    Raises:
+        InputError: if nothing can break.
+    """
+    if frame.intact_faces is None:
+        raise InputError("damage = None: a crack is measured only where bonds can break")
+    return ~frame.intact_faces
+
+
+History = list[dict[str, float]]
+
+
+def at_time(name: str, time: float) -> Callable[[History], float | None]:
+    """Function of a history: column `name` at a time [s], linear between frames; None before it is reached."""
+
+    def value(history: History) -> float | None:
+        times = [row["time"] for row in history]
+        if times[-1] < time * (1.0 - 1e-9):
+            return None
+        return float(np.interp(time, times, [row[name] for row in history]))
+
+    return value
+
+
+def largest(name: str) -> Callable[[History], float | None]:
+    """Function of a history: the largest value of column `name`."""
+    return lambda history: max(row[name] for row in history)
+
+
+def time_above(name: str, threshold: float) -> Callable[[History], float | None]:
+    """Function of a history: the time [s] of the first frame in which column `name` is above a threshold."""
+
+    def value(history: History) -> float | None:
+        return next((row["time"] for row in history if row[name] > threshold), None)
+
+    return value
+
+
+def worst_balance(history: History) -> float | None:
+    """The largest energy balance error of a history, in either direction [-]; None where it is not tracked."""
+    errors = [abs(row["balance_error"]) for row in history if "balance_error" in row]
+    return max(errors) if errors else None
+
+
+def rate(history: History, name: str) -> np.ndarray:
+    """Time derivative of column `name` by central differences over neighbouring frames, one value a frame."""
+    times = np.array([row["time"] for row in history])
+    values: Any = np.array([row[name] for row in history])
+    return np.gradient(values, times) if len(times) > 1 else np.zeros(len(times))
