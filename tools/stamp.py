@@ -15,5 +15,5 @@ def commit() -> str:
 
 
 def stamp(device: str, stand: str | None = None) -> str:
-    """ "on DEVICE, DATE, commit HASH"; `stand` names the commit where there is no repository."""
+    """Text like "on DEVICE, DATE, commit HASH"; `stand` names the commit where there is no repository."""
     return f"on {device}, {datetime.date.today()}, commit {stand or commit()}"
