@@ -10,7 +10,19 @@ Held points do not tear out. The paper leaves open whether the pulled halves may
 `--set speed=4e-3` gives the same tear ten times sooner (docs/tearing.md).
 """
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Gent, Measure, Motion, Outcome, Sheet, Simulation
+from warp_pd import (
+    BondAssociated,
+    BoundaryForce,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Gent,
+    Measure,
+    Motion,
+    Outcome,
+    Sheet,
+    Simulation,
+)
 from warp_pd.checks import InputError, positive
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
 
@@ -20,6 +32,7 @@ def build(
     horizon: float = 3.15,
     weights: str = "auto",
     critical_stretch: float = 2.0,
+    boundary_force: float = 0.0,
     cut: float = 0.03,
     speed: float = 0.4e-3,
     travel: float = 0.1,
@@ -41,14 +54,17 @@ def build(
     duration = travel / positive("speed", speed)
     line = TearLine(sheet)
     ahead = (0.0, middle)
+    loads = [
+        Fixed(sheet.edges("left")),
+        Motion(upper, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, travel]),
+        Motion(lower, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, -travel]),
+    ]
+    if boundary_force != 0.0:
+        loads.append(BoundaryForce(boundary_force))
     return Simulation(
         sheet,
         force=BondAssociated(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), horizon=horizon, weights=weights),
-        loads=[
-            Fixed(sheet.edges("left")),
-            Motion(upper, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, travel]),
-            Motion(lower, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, -travel]),
-        ],
+        loads=loads,
         damage=CriticalStretch(critical_stretch, spared=sheet.edges("left", "right")),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[

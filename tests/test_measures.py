@@ -45,6 +45,9 @@ def test_two_cracks_count_twice_and_a_shattered_band_once():
     y, x = line.centres[:, 1], line.centres[:, 0]
     band = ~((abs(y - 0.5) < 0.026) & (abs(x - 0.5) < 0.3))
     assert line.length(band) == pytest.approx(0.6, abs=0.06)
+    shreds = band | ((abs(y - 0.5) < 0.01) & (abs(np.sin(60.0 * x)) < 0.3))
+    assert shreds.sum() > band.sum() + 20
+    assert line.length(shreds) == line.length(band)
 
 
 def test_a_crack_through_the_sheet_makes_two_pieces_and_cuts_do_not_count():

@@ -20,7 +20,7 @@ from typing import Any
 from stamp import stamp
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
     """A scene with some settings.
 

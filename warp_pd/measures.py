@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 # Rounds of averaging along a crack face, enough to take the stairs of the triangulation out of its length:
 # straight cracks at any angle to any grid then measure within 3 % (tests/test_measures.py).
 SMOOTHING_ROUNDS = 3
+# Pieces below this area, in squared spacings, are shreds: they belong to the crack, not to its faces.
+SHRED = 16.0
 
 
 class TearLine:
@@ -26,7 +28,7 @@ class TearLine:
     that it shared with faces still whole are then free: they form the two faces of the crack. The crack
     length is half the length of these free edges in the reference configuration, their stairs averaged
     out. What a cut opened beforehand does not count, nor do the sheet's own edges. A band of shattered
-    faces counts once, as it has two faces, whatever its width; a loose shred counts half its outline.
+    faces counts once, as it has two faces, whatever its width, and so do shreds of a few faces in it.
 
     Attributes:
         sheet: The sheet.
@@ -61,7 +63,8 @@ class TearLine:
 
     def _crack_faces(self, intact: np.ndarray) -> np.ndarray:
         """Vectors along the free edges [m], their stairs averaged out, shape (E, 2)."""
-        free = self._edges[intact[self._beside].sum(axis=1) == 1]
+        whole = self._without_shreds(intact)
+        free = self._edges[whole[self._beside].sum(axis=1) == 1]
         return _smoothed_edges(self.sheet.points, free)
 
     def direction(self, intact: np.ndarray) -> float:
@@ -95,6 +98,15 @@ class TearLine:
 
     def pieces(self, intact: np.ndarray, least_share: float = 0.01) -> int:
         """Number of pieces with at least `least_share` of the sheet's area, joined through whole faces."""
+        label, area = self._joined(intact)
+        return int((area >= least_share * self.areas.sum()).sum())
+
+    def _without_shreds(self, intact: np.ndarray) -> np.ndarray:
+        label, area = self._joined(intact)
+        return intact & (area[label] >= SHRED * self.sheet.spacing**2)
+
+    def _joined(self, intact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Piece of each face, shape (F,), and area of each piece [m^2]; torn faces are in pieces of no area."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -102,8 +114,7 @@ class TearLine:
         n = len(intact)
         graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
         count, label = connected_components(graph, directed=False)
-        area = np.bincount(label[intact], self.areas[intact], minlength=count)
-        return int((area >= least_share * self.areas.sum()).sum())
+        return label, np.bincount(label[intact], self.areas[intact], minlength=count)
 
 
 def _shared_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
