@@ -98,7 +98,7 @@ class TearLine:
 
     def pieces(self, intact: np.ndarray, least_share: float = 0.01) -> int:
         """Number of pieces with at least `least_share` of the sheet's area, joined through whole faces."""
-        label, area = self._joined(intact)
+        _, area = self._joined(intact)
         return int((area >= least_share * self.areas.sum()).sum())
 
     def _without_shreds(self, intact: np.ndarray) -> np.ndarray:
