@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 SMOOTHING_ROUNDS = 3
 # Pieces below this area, in squared spacings, are shreds: they belong to the crack, not to its faces.
 SHRED = 16.0
+# Torn patches below this area, in squared spacings, are single broken bonds, not cracks: a slack sheet that
+# crumples has many.
+PATCH = 4.0
 
 
 class TearLine:
@@ -28,7 +31,8 @@ class TearLine:
     that it shared with faces still whole are then free: they form the two faces of the crack. The crack
     length is half the length of these free edges in the reference configuration, their stairs averaged
     out. What a cut opened beforehand does not count, nor do the sheet's own edges. A band of shattered
-    faces counts once, as it has two faces, whatever its width, and so do shreds of a few faces in it.
+    faces counts once, as it has two faces, whatever its width, and so do shreds of a few faces in it. A patch
+    of a few torn faces, less than about four spacings of crack, does not count yet.
 
     Attributes:
         sheet: The sheet.
@@ -63,13 +67,13 @@ class TearLine:
 
     def _crack_faces(self, intact: np.ndarray) -> np.ndarray:
         """Vectors along the free edges [m], their stairs averaged out, shape (E, 2)."""
-        whole = self._without_shreds(intact)
+        whole = self.without_specks(intact)
         free = self._edges[whole[self._beside].sum(axis=1) == 1]
         return _smoothed_edges(self.sheet.points, free)
 
     def direction(self, intact: np.ndarray) -> float:
         """Angle of the cracks' principal axis to the x axis [degrees], in (-90, 90]; NaN while nothing is torn."""
-        torn = ~intact
+        torn = ~self.without_specks(intact)
         if not torn.any():
             return float("nan")
         weights = self.areas[torn] / self.areas[torn].sum()
@@ -80,7 +84,7 @@ class TearLine:
 
     def deviation(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
         """Root mean square distance of the torn faces from a straight line [m]; 0 while nothing is torn."""
-        torn = ~intact
+        torn = ~self.without_specks(intact)
         if not torn.any():
             return 0.0
         along = np.subtract(towards, start) / np.linalg.norm(np.subtract(towards, start))
@@ -90,7 +94,7 @@ class TearLine:
 
     def reach(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
         """How far the torn faces reach from `start` in the direction of `towards` [m]; 0 while nothing is torn."""
-        torn = ~intact
+        torn = ~self.without_specks(intact)
         if not torn.any():
             return 0.0
         along = np.subtract(towards, start) / np.linalg.norm(np.subtract(towards, start))
@@ -101,12 +105,16 @@ class TearLine:
         _, area = self._joined(intact)
         return int((area >= least_share * self.areas.sum()).sum())
 
-    def _without_shreds(self, intact: np.ndarray) -> np.ndarray:
-        label, area = self._joined(intact)
-        return intact & (area[label] >= SHRED * self.sheet.spacing**2)
+    def without_specks(self, intact: np.ndarray) -> np.ndarray:
+        """Whole faces, shape (F,), with small torn patches taken as whole and then small whole pieces as torn."""
+        unit = self.sheet.spacing**2
+        label, area = self._joined(~intact)
+        whole = intact | (area[label] < PATCH * unit)
+        label, area = self._joined(whole)
+        return whole & (area[label] >= SHRED * unit)
 
     def _joined(self, intact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Piece of each face, shape (F,), and area of each piece [m^2]; torn faces are in pieces of no area."""
+        """Piece of each face, shape (F,), and area of each piece [m^2]; the other faces are in pieces of no area."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 

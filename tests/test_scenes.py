@@ -1,0 +1,177 @@
+"""The scenes of the papers on small sheets: what they report, draw and refuse."""
+
+import functools
+import inspect
+
+import numpy as np
+import pytest
+
+from warp_pd import Explicit, InputError
+from warp_pd.cli import build_scene, load_scene, scene_names
+from warp_pd.measures import worst_balance
+
+SMALL = {
+    "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0, "safety": 0.3},
+    "double_notch": {"points": 24, "horizon": 2.015, "safety": 0.4, "duration": 2.4, "frames": 60, "slow_to": 1.06},
+    "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12, "safety": 0.9},
+    "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40, "safety": 0.5},
+    "out_of_plane": {"points": 21, "horizon": 2.015, "duration": 2.5, "frames": 10},
+    "precut_tear": {"points": 30, "horizon": 2.015, "safety": 0.4, "frames": 60},
+    "pressure": {"points": 11},
+    "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
+    "pressure_static": {"points": 21, "horizon": 2.015},
+    "tension": {"points": 11},
+}
+BREAKING = ("ball_penetration", "double_notch", "off_plane_tear", "precut_tear")
+
+
+@functools.cache
+def ran(name):
+    """The small run of a scene, with its files in a temporary folder."""
+    import tempfile
+
+    folder = tempfile.mkdtemp(prefix=f"warp_pd_{name}_")
+    return build_scene(name, dict(SMALL[name])).run(device="cpu", out=folder, usd=False)
+
+
+def value(result, name):
+    return result.summary["measures"][name]["value"]
+
+
+def column(result, name):
+    return np.array([row[name] for row in result.history])
+
+
+def test_every_scene_has_a_small_run_here():
+    assert sorted(SMALL) == scene_names()
+
+
+@pytest.mark.parametrize("name", sorted(SMALL))
+def test_a_scene_runs_to_its_end_says_what_it_rebuilds_and_draws(name):
+    result = ran(name)
+    assert result.status == "finished", result.summary["message"]
+    assert result.summary["section"]
+    assert result.summary["section"].split()[1] in inspect.getdoc(load_scene(name))
+    assert result.summary["pictures"]
+    assert all((result.folder / picture).stat().st_size > 5000 for picture in result.summary["pictures"])
+
+
+@pytest.mark.parametrize("name", BREAKING)
+def test_energy_balances_through_rupture(name):
+    result = ran(name)
+    assert result.summary["measures"]["worst_energy_balance"]["value"] < 0.01
+    assert worst_balance(result.history) == value(result, "worst_energy_balance")
+    assert column(result, "rupture")[-1] > 0.0
+
+
+@pytest.mark.parametrize("weights", ["plain", "corrected"])
+@pytest.mark.parametrize(("pressure", "reference"), [(20.0, 0.302585)])
+def test_static_pressure_meets_the_finite_elements(weights, pressure, reference):
+    settings = {"points": 41, "horizon": 2.015, "weights": weights, "pressure": pressure}
+    result = build_scene("pressure_static", settings).run(device="cpu")
+    bound = {"plain": 0.02, "corrected": 0.002}[weights]
+    assert value(result, "center_deflection") == pytest.approx(reference, rel=bound)
+
+
+def test_sudden_pressure_meets_the_finite_elements():
+    result = ran("pressure_dynamic")
+    for time in ("0.25", "0.5", "0.75", "1"):
+        m = result.summary["measures"][f"largest_deflection_at_{time}_s"]
+        assert abs(m["error"]) < 0.05, (time, m)
+
+
+def test_the_lifted_sheet_follows_the_pull():
+    result = ran("out_of_plane")
+    assert 0.1 <= value(result, "largest_u3") < 0.15
+    assert value(result, "smallest_u3") < 0.0
+    pull = column(result, "pull")
+    assert pull[0] == 0.0
+    assert pull.max() > 0.1
+
+
+def test_both_notches_grow_alike_and_straight_until_they_meet():
+    result = ran("double_notch")
+    left, right = value(result, "left_crack_length"), value(result, "right_crack_length")
+    assert left == pytest.approx(right, rel=0.15)
+    assert value(result, "crack_length") == pytest.approx(0.015, rel=0.15)
+    assert abs(value(result, "crack_direction")) < 3.0
+    assert value(result, "pieces") == 2.0
+    assert value(result, "load") < 0.02 * value(result, "largest_load")
+    assert value(result, "tear_begins") <= value(result, "two_pieces")
+
+
+def test_the_tear_runs_straight_on_from_the_cut():
+    result = ran("off_plane_tear")
+    assert value(result, "crack_length") > 0.02
+    assert value(result, "crack_reach") == pytest.approx(value(result, "crack_length"), rel=0.2)
+    assert value(result, "crack_deviation") < 0.1 / 19
+    assert np.all(np.diff(column(result, "crack_length")) > -1e-3)
+
+
+def test_the_slit_runs_to_both_sides_and_its_length_counts_the_slit():
+    result = ran("precut_tear")
+    growth, length = column(result, "crack_growth"), column(result, "crack_length")
+    assert growth[0] == 0.0
+    assert np.allclose(length - growth, 0.3)
+    assert growth[-1] > 0.3
+    assert value(result, "largest_crack_speed") > 0.0
+    assert 60.0 < abs(value(result, "crack_direction")) <= 90.0
+
+
+def corner_distance(**settings):
+    """How far corner points are from the surface while the edges arrive, in spacings."""
+    small = {"points": 21, "horizon": 3.15, "speed": 1e-2, "travel": 0.03, "duration": 3.0, "frames": 6, "safety": 0.9}
+    return value(build_scene("off_plane_load", small | settings).run(device="cpu"), "corner_distance")
+
+
+def test_corners_leave_the_surface_with_plain_weights_and_what_brings_them_back():
+    plain = corner_distance(weights="plain")
+    assert plain > 0.7
+    assert corner_distance(weights="plain", boundary_force=1e15) < 0.3 * plain
+    assert corner_distance(weights="corrected") < 0.5 * plain
+    assert corner_distance(weights="plain", horizon=2.015) < 0.1 * plain
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "message"),
+    [
+        ("double_notch", {"notch": 0.02}, "notch = 0.02"),
+        ("double_notch", {"notch": float("nan")}, "notch = nan"),
+        ("off_plane_tear", {"cut": 0.2}, "cut = 0.2"),
+        ("off_plane_tear", {"speed": 0.0}, "speed = 0"),
+        ("precut_tear", {"slit": 1.5}, "slit = 1.5"),
+        ("precut_tear", {"slit_at": 0.0}, "slit_at = 0"),
+        ("off_plane_load", {"form": "up", "boundary_force": 1.0}, "'up'"),
+        ("off_plane_load", {"boundary_force": -1.0}, "-1.0"),
+        ("ball_penetration", {"jitter": 0.7}, "jitter = 0.7"),
+    ],
+)
+def test_a_scene_refuses_wrong_numbers_of_its_own(name, settings, message):
+    with pytest.raises(InputError, match="allowed") as refused:
+        build_scene(name, {"points": 20, **settings}).build(device="cpu")
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("frames", [[], [0.0, 1.0], [0.5, 0.4, 1.0], [0.5, 0.9], [float("nan"), 1.0], 0])
+def test_frame_times_must_rise_to_the_duration(frames):
+    with pytest.raises(InputError, match="frames = "):
+        Explicit(duration=1.0, frames=frames)
+
+
+def test_frames_come_at_the_times_asked_for():
+    times = [0.1, 0.11, 0.12, 0.5]
+    simulation = build_scene("out_of_plane", {"points": 9, "horizon": 2.015, "duration": 0.5})
+    simulation.solver = Explicit(duration=0.5, frames=times)
+    history = simulation.run(device="cpu").history
+    assert [row["time"] for row in history] == [0.0, *times]
+
+
+def test_turned_grids_have_the_same_scene():
+    for turn, jitter in ((30.0, 0.0), (0.0, 0.2)):
+        simulation = build_scene("double_notch", {"points": 20, "turn": turn, "jitter": jitter})
+        assert simulation.sheet.lattice is None
+        built = simulation.build(device="cpu")
+        tops = simulation.sheet.points[simulation.loads[0].points, 1]
+        assert np.allclose(tops, 0.01)
+        assert built.simulation.sheet.cuts
