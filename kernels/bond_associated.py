@@ -32,6 +32,30 @@ DEGENERATE = 0.2
 
 
 @dataclass(frozen=True)
+class FamilyMechanics:
+    """Warp functions of one configuration; i is a point, j and k are members of its family.
+
+    Attributes:
+        present: (family, alive, i, word) -> bits of the members whose bonds stand.
+        is_whole: (family, alive, i) -> whether no bond of i is broken.
+        has: (family, alive, i, k) -> whether the bond stands.
+        intersection: (family, alive, field, field, 0, i, j, whole) -> gradient of the field over D_ij times
+            horizon (two columns), K^-1, |D_ij|.
+        green: (H1, H2) -> C - I.
+        area_weight: (family, i, j, whole, size) -> W_ij over the reference area.
+        family_scale: (family, i, whole, total) -> factor on the weights of a damaged family.
+    """
+
+    present: Any
+    is_whole: Any
+    has: Any
+    intersection: Any
+    green: Any
+    area_weight: Any
+    family_scale: Any
+
+
+@dataclass(frozen=True)
 class BondAssociatedKernels:
     """Kernels of one configuration.
 
@@ -40,12 +64,14 @@ class BondAssociatedKernels:
         gather: Sums bond_force to the internal force [points], N.
         strain_energy: Energy of each family [points], J.
         earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
+        mechanics: Warp functions that the tangent shares.
     """
 
     family_force: Any
     gather: Any
     strain_energy: Any
     earlier_energy: Any
+    mechanics: FamilyMechanics
 
 
 @functools.cache
@@ -349,4 +375,5 @@ def bond_associated(layout, bits, material, breakable, form, module):
         gather=gather,
         strain_energy=strain_energy,
         earlier_energy=earlier_energy,
+        mechanics=FamilyMechanics(present, is_whole, has, intersection, green, area_weight, family_scale),
     )

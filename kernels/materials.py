@@ -6,6 +6,13 @@ the sheet (2x2), and of at most four constants:
     stress(G, constants) -> S        second Piola stress of the sheet [Pa]; the first Piola stress is F S
     energy(G, constants) -> Psi      stored energy per reference volume [J/m^3]
 
+For Newton's method a material adds
+
+    response(G, constants) -> S, T   also the derivative T of (S11, S22, 2 S12) by (C11, C22, C12), vec6 [Pa]
+
+where C12 stands for both off-diagonal entries: T is then twice the Hessian of Psi, symmetric. It is a factory of
+its own, so that runs without Newton's method compile nothing of it.
+
 G, not C, is passed because C - I holds the digits that 1 + strain loses in float32. The thickness stretch
 C33 follows from a vanishing through-thickness stress; it is found as the volume change z = J^2 - 1, for
 which the residual of both materials here is monotone, so Newton's iteration cannot leave its bracket.
@@ -60,15 +67,68 @@ def invariants(bits):
 
 
 @functools.cache
-def neo_hookean(bits):
-    """Slightly compressible neo-Hookean material; constants: mu [Pa], K [Pa].
+def condensation(bits):
+    """Function that turns derivatives of an energy U1(I1b) + U2(ln q), q = J^2 = C33 det C, into moduli.
 
-    Psi = mu/2 (I1b - 3) + K/8 (J^2 + J^-2 - 2), I1b = J^(-2/3) (tr C + C33), J^2 = C33 det C.
-    Source: NN paper's neo-Hookean sheet.
+    With x = (C11, C22, C12, C33) and l = ln q, I1b = tau exp(-l/3), tau = tr C + C33:
+        I_x = e (tau_x - tau l_x/3),   I_xy = e (-(tau_x l_y + l_x tau_y)/3 + tau l_x l_y/9 - tau l_xy/3),
+        Psi_xy = U1'' I_x I_y + U1' I_xy + U2'' l_x l_y + U2' l_xy.
+    sigma_33 = 0 makes C33 a function of the others; differentiating it implicitly gives the plane-stress
+    Hessian Psi_xy - Psi_x3 Psi_3y / Psi_33.
     """
     types = numeric(bits)
+    real, mat22, vec6, vec4 = types.real, types.mat22, types.vec6, types.parameters
+    mat44 = wp.types.matrix(shape=(4, 4), dtype=real)
+
+    @wp.func
+    def condensed(G: mat22, z: real, first: real, second: real, volume_first: real, volume_second: real):
+        """T from the volume change z, U1', U1'', and U2', U2'' by ln q."""
+        c11 = real(1.0) + G[0, 0]
+        c22 = real(1.0) + G[1, 1]
+        c12 = G[0, 1]
+        d = c11 * c22 - c12 * c12
+        c33 = (real(1.0) + z) / d
+        tau = c11 + c22 + c33
+        e = real(1.0) / wp.cbrt(real(1.0) + z)
+        third = real(1.0) / real(3.0)
+        T = vec4(real(1.0), real(1.0), real(0.0), real(1.0))
+        L = vec4(c22 / d, c11 / d, -real(2.0) * c12 / d, real(1.0) / c33)
+        H = mat44()
+        for x in range(4):
+            for y in range(4):
+                # Second derivative of ln q: of ln det C among the first three, of ln C33 for the last.
+                bend = real(0.0)
+                if x < 3 and y < 3:
+                    bend = -L[x] * L[y]
+                    if x + y == 1:
+                        bend += real(1.0) / d
+                    if x == 2 and y == 2:
+                        bend -= real(2.0) / d
+                elif x == 3 and y == 3:
+                    bend = -L[3] * L[3]
+                slope_x = e * (T[x] - third * tau * L[x])
+                slope_y = e * (T[y] - third * tau * L[y])
+                curve = e * (third * (third * tau * L[x] * L[y] - T[x] * L[y] - L[x] * T[y]) - third * tau * bend)
+                H[x, y] = second * slope_x * slope_y + first * curve + volume_second * L[x] * L[y] + volume_first * bend
+        two = real(2.0)
+        return vec6(
+            two * (H[0, 0] - H[0, 3] * H[3, 0] / H[3, 3]),
+            two * (H[0, 1] - H[0, 3] * H[3, 1] / H[3, 3]),
+            two * (H[0, 2] - H[0, 3] * H[3, 2] / H[3, 3]),
+            two * (H[1, 1] - H[1, 3] * H[3, 1] / H[3, 3]),
+            two * (H[1, 2] - H[1, 3] * H[3, 2] / H[3, 3]),
+            two * (H[2, 2] - H[2, 3] * H[3, 2] / H[3, 3]),
+        )
+
+    return condensed
+
+
+@functools.cache
+def neo_hookean_volume(bits):
+    """Function (G, constants) -> z of the neo-Hookean material."""
+    types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, excess_invariant, plane_stress = invariants(bits)
+    area_change, _, _ = invariants(bits)
     tolerance = 1e-6 if bits == 32 else 1e-13
     steps = NEWTON_STEPS
 
@@ -98,6 +158,21 @@ def neo_hookean(bits):
                 break
         return z
 
+    return volume_change
+
+
+@functools.cache
+def neo_hookean(bits):
+    """Slightly compressible neo-Hookean material; constants: mu [Pa], K [Pa].
+
+    Psi = mu/2 (I1b - 3) + K/8 (J^2 + J^-2 - 2), I1b = J^(-2/3) (tr C + C33), J^2 = C33 det C.
+    Source: NN paper's neo-Hookean sheet.
+    """
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    area_change, excess_invariant, plane_stress = invariants(bits)
+    volume_change = neo_hookean_volume(bits)
+
     @wp.func
     def stress(G: mat22, constants: parameters):
         z = volume_change(G, constants)
@@ -119,16 +194,33 @@ def neo_hookean(bits):
 
 
 @functools.cache
-def gent(bits):
-    """Slightly compressible Gent material; constants: mu [Pa], K = 2/D [Pa], Jm [-].
-
-    Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J).
-    At and beyond the lock, I1b - 3 >= Jm, the material has no stress: the functions return NaN there, which
-    the run reports as the lock reached. Source: BA paper's Gent sheet.
-    """
+def neo_hookean_response(bits):
+    """Stress and moduli of the neo-Hookean material: U1 = mu/2 I1b, U2 = K/8 (q + 1/q)."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, excess_invariant, plane_stress = invariants(bits)
+    area_change, _, plane_stress = invariants(bits)
+    volume_change = neo_hookean_volume(bits)
+    condensed = condensation(bits)
+
+    @wp.func
+    def response(G: mat22, constants: parameters):
+        z = volume_change(G, constants)
+        area = area_change(G)
+        S = plane_stress(G, (z - area) / (real(1.0) + area), constants[0] / wp.cbrt(real(1.0) + z))
+        q = real(1.0) + z
+        eighth = constants[1] / real(8.0)
+        slope = eighth * (z + z / q)
+        return S, condensed(G, z, real(0.5) * constants[0], real(0.0), slope, eighth * (q + real(1.0) / q))
+
+    return response
+
+
+@functools.cache
+def gent_volume(bits):
+    """Function (G, constants) -> z of the Gent material."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    area_change, excess_invariant, _ = invariants(bits)
     tolerance = 1e-6 if bits == 32 else 1e-13
     steps = NEWTON_STEPS
 
@@ -162,6 +254,22 @@ def gent(bits):
             if change <= real(tolerance) * (real(1.0) + z):
                 break
         return z
+
+    return volume_change
+
+
+@functools.cache
+def gent(bits):
+    """Slightly compressible Gent material; constants: mu [Pa], K = 2/D [Pa], Jm [-].
+
+    Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J).
+    At and beyond the lock, I1b - 3 >= Jm, the material has no stress: the functions return NaN there, which
+    the run reports as the lock reached. Source: BA paper's Gent sheet.
+    """
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    area_change, excess_invariant, plane_stress = invariants(bits)
+    volume_change = gent_volume(bits)
 
     @wp.func
     def stress(G: mat22, constants: parameters):
@@ -203,3 +311,28 @@ def gent(bits):
         return -real(0.5) * constants[0] * constants[2] * logarithm + real(0.5) * constants[1] * volume
 
     return stress, energy
+
+
+@functools.cache
+def gent_response(bits):
+    """Stress and moduli of the Gent material: U1 = -(mu Jm/2) ln(1 - (I1b - 3)/Jm), U2 = (K/4) (q - ln q)."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    area_change, excess_invariant, plane_stress = invariants(bits)
+    volume_change = gent_volume(bits)
+    condensed = condensation(bits)
+
+    @wp.func
+    def response(G: mat22, constants: parameters):
+        z = volume_change(G, constants)
+        area = area_change(G)
+        thinning = (z - area) / (real(1.0) + area)
+        room = constants[2] - excess_invariant(G[0, 0] + G[1, 1] + thinning, z)
+        if room <= real(0.0):
+            room = real(wp.nan)
+        first = real(0.5) * constants[0] * constants[2] / room
+        S = plane_stress(G, thinning, real(2.0) * first / wp.cbrt(real(1.0) + z))
+        quarter = real(0.25) * constants[1]
+        return S, condensed(G, z, first, first / room, quarter * z, quarter * (real(1.0) + z))
+
+    return response

@@ -18,6 +18,8 @@ class Numeric:
         vec3: Vector in space.
         mat22: Tensor on the reference sheet.
         mat32: Two-point tensor: columns are images of the sheet's two directions.
+        mat33: Tensor in space.
+        vec6: Symmetric 3x3 matrix, by rows: 11, 12, 13, 22, 23, 33.
         parameters: Material constants, at most four.
     """
 
@@ -27,6 +29,8 @@ class Numeric:
     vec3: Any
     mat22: Any
     mat32: Any
+    mat33: Any
+    vec6: Any
     parameters: Any
 
 
@@ -47,5 +51,7 @@ def numeric(bits):
         vec3=wp.types.vector(length=3, dtype=real),
         mat22=wp.types.matrix(shape=(2, 2), dtype=real),
         mat32=wp.types.matrix(shape=(3, 2), dtype=real),
+        mat33=wp.types.matrix(shape=(3, 3), dtype=real),
+        vec6=wp.types.vector(length=6, dtype=real),
         parameters=wp.types.vector(length=4, dtype=real),
     )

@@ -38,3 +38,37 @@ def evaluate(material, strain, bits):
     constants = types.parameters(*padded_constants(material))
     wp.launch(evaluator(material.functions, bits), dim=n, inputs=[given, constants, stress, energy], device="cpu")
     return stress.numpy().astype(float), energy.numpy().astype(float)
+
+
+@functools.cache
+def responder(material, bits):
+    types = numeric(bits)
+    response = material(bits)
+
+    @wp.kernel(module=f"test_response_{material.__name__}_{bits}", enable_backward=False)
+    def respond(
+        strain: wp.array(dtype=types.mat22),
+        constants: types.parameters,
+        out_stress: wp.array(dtype=types.mat22),
+        out_moduli: wp.array(dtype=types.vec6),
+    ):
+        i = wp.tid()
+        S, T = response(strain[i], constants)
+        out_stress[i] = S
+        out_moduli[i] = T
+
+    return respond
+
+
+def respond(material, strain, bits):
+    """Stress (n, 2, 2) and moduli (n, 6) at G = C - I, shape (n, 2, 2)."""
+    from warp_pd.materials import padded_constants
+
+    types = numeric(bits)
+    n = len(strain)
+    given = wp.array(strain, dtype=types.mat22, device="cpu")
+    stress = wp.zeros(n, dtype=types.mat22, device="cpu")
+    moduli = wp.zeros(n, dtype=types.vec6, device="cpu")
+    constants = types.parameters(*padded_constants(material))
+    wp.launch(responder(material.response, bits), dim=n, inputs=[given, constants, stress, moduli], device="cpu")
+    return stress.numpy().astype(float), moduli.numpy().astype(float)

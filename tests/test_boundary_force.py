@@ -16,7 +16,7 @@ from warp_pd import (
     InputError,
     NeoHookean,
     Pressure,
-    QuasiStatic,
+    Relaxation,
     Simulation,
 )
 from warp_pd.launches import run_once
@@ -338,7 +338,7 @@ def test_quasi_static_rest_with_it():
 
     def deflection(value):
         loads = [Fixed(sheet.edges()), Pressure(5.0), BoundaryForce(value)]
-        result = Simulation(sheet, law, QuasiStatic(most_steps=20_000), loads=loads).run(device="cpu")
+        result = Simulation(sheet, law, Relaxation(most_steps=20_000), loads=loads).run(device="cpu")
         assert result.status == "finished"
         return result.frame.displacement[sheet.nearest(0.05, 0.05), 2]
 

@@ -5,7 +5,7 @@ import pytest
 from helpers import MU, NEO, array, build, square
 from scipy.sparse.linalg import LinearOperator, eigs
 
-from warp_pd import BondAssociated, Explicit, Fixed, InputError, QuasiStatic, Sheet, Simulation
+from warp_pd import BondAssociated, Explicit, Fixed, InputError, Relaxation, Sheet, Simulation
 from warp_pd.launches import run_once
 
 
@@ -183,7 +183,7 @@ def test_quasi_static_rest_is_rest(precision):
 
     sheet = square(13)
     simulation = Simulation(
-        sheet, BondAssociated(NEO, horizon=2.015), QuasiStatic(), loads=[Fixed(sheet.edges()), Pressure(5.0)]
+        sheet, BondAssociated(NEO, horizon=2.015), Relaxation(), loads=[Fixed(sheet.edges()), Pressure(5.0)]
     )
     result = simulation.run(device="cpu", precision=precision)
     assert result.status == "finished"

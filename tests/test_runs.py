@@ -24,7 +24,7 @@ from warp_pd import (
     InputError,
     Motion,
     Pressure,
-    QuasiStatic,
+    Relaxation,
     RigidBall,
     Sheet,
     Simulation,
@@ -218,7 +218,7 @@ def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
 def test_not_converged_ends_with_code_3(tmp_path):
     sheet = square(9)
     simulation = Simulation(
-        sheet, BondAssociated(NEO), QuasiStatic(most_steps=50), [Fixed(sheet.edges()), Pressure(5.0)]
+        sheet, BondAssociated(NEO), Relaxation(most_steps=50), [Fixed(sheet.edges()), Pressure(5.0)]
     )
     assert simulation.run(device="cpu").status == "not converged"
 
@@ -290,7 +290,7 @@ WRONG_PARTS = [
     (lambda: Explicit(1.0, frames=0), "frames = 0"),
     (lambda: Explicit(1.0, damping=-1.0), "damping = -1.0"),
     (lambda: Explicit(1.0, safety=2.0), "safety = 2.0"),
-    (lambda: QuasiStatic(tolerance=0.0), "tolerance = 0.0"),
+    (lambda: Relaxation(tolerance=0.0), "tolerance = 0.0"),
     (lambda: BodyForce((1.0, NAN, 0.0)), "BodyForce.value"),
     (lambda: Motion([0], [0.0, 1.0]).mask(), "at least one prescribed"),
     (lambda: Motion([0], [1.0, 0.0], x=1.0).schedule(), "rising"),

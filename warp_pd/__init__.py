@@ -15,7 +15,7 @@ from .materials import Gent, Material, NeoHookean
 from .runner import Result
 from .sheet import Sheet
 from .simulation import Built, Measure, Outcome, Simulation
-from .solvers import Explicit, QuasiStatic
+from .solvers import Explicit, Newton, Relaxation
 
 __version__ = "0.1.0"
 
@@ -34,10 +34,11 @@ __all__ = [
     "Measure",
     "Motion",
     "NeoHookean",
+    "Newton",
     "Outcome",
     "PointForce",
     "Pressure",
-    "QuasiStatic",
+    "Relaxation",
     "Result",
     "RigidBall",
     "Sheet",

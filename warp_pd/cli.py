@@ -114,10 +114,13 @@ def _convert(key: str, value: Any, parameters: Any) -> Any:
 
 
 def _settings(
-    points: int | None, horizon: float | None, weights: str | None, duration: float | None, frames: int | None,
-    assignments: tuple[str, ...],
+    points: int | None, horizon: float | None, weights: str | None, solver: str | None, duration: float | None,
+    frames: int | None, assignments: tuple[str, ...],
 ) -> dict[str, Any]:  # fmt: skip
-    named = {"points": points, "horizon": horizon, "weights": weights, "duration": duration, "frames": frames}
+    named = {
+        "points": points, "horizon": horizon, "weights": weights, "solver": solver, "duration": duration,
+        "frames": frames,
+    }  # fmt: skip
     settings = {key: value for key, value in named.items() if value is not None}
     for text in assignments:
         key, separator, value = text.partition("=")
@@ -134,6 +137,7 @@ def _scene_options(command: Any) -> Any:
         click.option("--points", type=int, help="Points along x."),
         click.option("--horizon", type=float, help="Horizon in spacings, such as 1.5, 2.015 or 3.15."),
         click.option("--weights", help="published, plain, corrected or auto."),
+        click.option("--solver", help="explicit, relaxation or newton, in scenes at rest."),
         click.option("--duration", type=float, help="Simulated time [s]."),
         click.option("--frames", type=int, help="Number of frames after the first."),
         click.option(
@@ -163,16 +167,16 @@ def list_scenes() -> None:
 @click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
 @click.option("--quiet", is_flag=True, help="Show no progress.")
 def run(
-    scene: str, points: int | None, horizon: float | None, weights: str | None, duration: float | None,
-    frames: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None, out: Path | None,
-    resume: bool, no_usd: bool, no_pictures: bool, quiet: bool,
+    scene: str, points: int | None, horizon: float | None, weights: str | None, solver: str | None,
+    duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
+    precision: int | None, out: Path | None, resume: bool, no_usd: bool, no_pictures: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
     from .runner import DIVERGED as RUN_DIVERGED
     from .runner import NOT_CONVERGED, STOPPED
 
-    simulation = build_scene(scene, _settings(points, horizon, weights, duration, frames, assignments))
+    simulation = build_scene(scene, _settings(points, horizon, weights, solver, duration, frames, assignments))
     folder = out or Path("runs") / simulation.scene
     result = simulation.run(
         out=folder,
@@ -210,11 +214,11 @@ def _report(result: Any) -> None:
 @main.command()
 @_scene_options
 def plan(
-    scene: str, points: int | None, horizon: float | None, weights: str | None, duration: float | None,
-    frames: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None,
+    scene: str, points: int | None, horizon: float | None, weights: str | None, solver: str | None,
+    duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None,
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, and which part asked for each."""
-    simulation = build_scene(scene, _settings(points, horizon, weights, duration, frames, assignments))
+    simulation = build_scene(scene, _settings(points, horizon, weights, solver, duration, frames, assignments))
     click.echo(simulation.plan(device, precision))
 
 

@@ -10,7 +10,11 @@ from .checks import InputError, finite, positive
 
 
 class Material(Protocol):
-    """What a force law asks of a material; any object with these two is one."""
+    """What a force law asks of a material; any object with these two is one.
+
+    Newton's method asks for a third, `response`: a cached factory, precision in bits -> Warp function, see
+    kernels/materials.py.
+    """
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -56,6 +60,13 @@ class NeoHookean:
 
         return neo_hookean
 
+    @property
+    def response(self) -> Callable[[int], Any]:
+        """See `kernels.materials.neo_hookean_response`."""
+        from .kernels.materials import neo_hookean_response
+
+        return neo_hookean_response
+
 
 @dataclass(frozen=True)
 class Gent:
@@ -92,6 +103,13 @@ class Gent:
         from .kernels.materials import gent
 
         return gent
+
+    @property
+    def response(self) -> Callable[[int], Any]:
+        """See `kernels.materials.gent_response`."""
+        from .kernels.materials import gent_response
+
+        return gent_response
 
 
 def padded_constants(material: Material) -> tuple[float, float, float, float]:

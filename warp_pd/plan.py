@@ -11,7 +11,14 @@ STAGES = {
     "setup": "once at the start",
     "step": "every step",
     "estimate": "each iteration of the stable step",
-    "residual": "every 50 steps",
+    "density": "every 300 steps of relaxation",
+    "residual": "every 50 steps of relaxation",
+    "rupture": "whenever the sheet is at rest",
+    "evaluate": "every residual of Newton",
+    "linearise": "every tangent of Newton",
+    "product": "every iteration of the linear solve",
+    "down 0": "every V-cycle, downwards",
+    "up 0": "every V-cycle, upwards",
     "frame": "every frame",
 }
 

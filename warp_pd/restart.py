@@ -53,8 +53,9 @@ def save(path: Path, recorder: Recorder) -> None:
         arrays[f"body_{name}"] = array.numpy()
     if built.force.alive is not None:
         arrays["alive"] = built.force.alive.numpy()
-    arrays["direction"] = built.stable_step.direction.numpy()
-    arrays["noise"] = np.frombuffer(json.dumps(built.stable_step.noise_state()).encode(), np.uint8)
+    if built.stable_step is not None:
+        arrays["direction"] = built.stable_step.direction.numpy()
+        arrays["noise"] = np.frombuffer(json.dumps(built.stable_step.noise_state()).encode(), np.uint8)
     numbers = {
         "version": VERSION,
         "digest": recorder.digest,
@@ -86,7 +87,8 @@ def load(path: Path, wanted: str) -> dict[str, Any]:
         with np.load(path) as stored:
             data = {name: stored[name] for name in stored.files}
         numbers = json.loads(bytes(data.pop("numbers")))
-        data["noise"] = json.loads(bytes(data["noise"]))
+        if "noise" in data:
+            data["noise"] = json.loads(bytes(data["noise"]))
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"resume from {str(path)!r}: the file is damaged ({type(error).__name__})") from None
     if numbers.get("version") != VERSION:
@@ -109,7 +111,8 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
         array.assign(data[f"body_{name}"])
     if built.force.alive is not None:
         built.force.alive.assign(data["alive"])
-    built.stable_step.direction.assign(data["direction"])
-    built.stable_step.restore_noise(data["noise"])
+    if built.stable_step is not None:
+        built.stable_step.direction.assign(data["direction"])
+        built.stable_step.restore_noise(data["noise"])
     for name in ("frame_index", "time", "steps", "dt", "stable_dt", "since_estimate", "step_seconds", "history"):
         setattr(recorder, name, numbers[name])

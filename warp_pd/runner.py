@@ -99,6 +99,7 @@ class Recorder:
     stable_dt: float | None = None
     since_estimate: int = 0
     residual: float | None = None
+    solve: dict[str, Any] | None = None
     history: list[dict[str, float]] = field(default_factory=list)
     last: Frame | None = None
     step_seconds: float = 0.0
@@ -106,7 +107,9 @@ class Recorder:
     _clock: float = field(default_factory=perf_counter)
 
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
-        """Report a quasi-static run on its way."""
+        """Report a run at rest on its way; stops it if the user asked for that."""
+        if self.stop_asked:
+            raise KeyboardInterrupt
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance)
 
@@ -306,7 +309,7 @@ def run(
         recorder._clock = perf_counter()
         status = simulation.solver.march(built, recorder)
         if status == NOT_CONVERGED:
-            message = f"not converged: the residual is {recorder.residual:.3g} after {recorder.steps} steps"
+            message = _not_converged(recorder)
     except DivergedError as error:
         status, message = DIVERGED, str(error)
     except KeyboardInterrupt:
@@ -328,6 +331,14 @@ def run(
         summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
         write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return result
+
+
+def _not_converged(recorder: Recorder) -> str:
+    assert recorder.solve is not None
+    return (
+        f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
+        f"the last good load step is at {100.0 * recorder.solve['reached']:.4g} % of the path"
+    )
 
 
 def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
@@ -478,6 +489,7 @@ def _summary(
         "dt": recorder.dt,
         "stable_dt": recorder.stable_dt,
         "residual": recorder.residual,
+        "solve": recorder.solve,
         "wall_s": wall,
         "setup_s": setup,
         "compile_s": compiling,

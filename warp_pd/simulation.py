@@ -33,6 +33,7 @@ from .sheet import Sheet
 if TYPE_CHECKING:
     from .runner import Result
     from .solvers import Solver
+    from .solvers.newton import Search
     from .solvers.stable_step import StableStep
 
 RIGID = 8
@@ -83,7 +84,7 @@ class Simulation:
     Attributes:
         sheet: The sheet.
         force: Force law.
-        solver: Explicit or QuasiStatic.
+        solver: Explicit, Relaxation or Newton.
         loads: Supports and loads.
         contact: A rigid ball, or None.
         damage: Rupture criterion, or None: nothing can break.
@@ -197,16 +198,21 @@ class Built:
         force: The force law on the device.
         step: The time step [s], one real number.
         held: Bits of held components, uint8 a point, on the host.
-        stable_step: Estimate of the stable step; the solver adds it.
+        stable_step: Estimate of the stable step, or None; the solver adds it.
+        inertia: What resists acceleration in a step, shape (N,): the mass, or what the solver puts in its place.
+        newton: Newton's search; the solver Newton adds it.
     """
 
-    stable_step: StableStep
+    stable_step: StableStep | None = None
+    newton: Search
+    inertia: Any
     unbalanced: Any
     reaction: Any
 
     def __init__(self, simulation: Simulation, device: Any, precision: int) -> None:
         from .kernels.numeric import numeric
 
+        simulation.solver.check(simulation)
         self.simulation = simulation
         self.types = numeric(precision)
         self.held, self._motions = _constraints(simulation)
@@ -215,7 +221,16 @@ class Built:
         self.workspace = Workspace(device, precision, self._module_name(precision))
         self.force = simulation.force.build(self.workspace, simulation.sheet, simulation.damage is not None)
         self._allocate()
-        self._add_step()
+        from .kernels.integrate import integration
+
+        self.integration = integration(
+            self.types.bits, self.has_held, self.has_loads, self.damped, self.tracked, self.workspace.module
+        )
+        if self.schedules.schedules:
+            self._add_clock()
+        if simulation.solver.steps_explicitly:
+            self.inertia = simulation.solver.inertia(self)
+            self._add_step()
         self._add_setup()
         self._add_frame()
         simulation.solver.add(self)
@@ -246,7 +261,7 @@ class Built:
     @property
     def tracked(self) -> bool:
         """Whether work and dissipation are summed up."""
-        return self.simulation.track_energy and not self.simulation.solver.adaptive_damping
+        return self.simulation.track_energy and self.simulation.solver.in_time
 
     def _collect_schedules(self) -> dict[int, int]:
         """Index in the schedule table of each part that changes in time, by the part's id."""
@@ -283,7 +298,7 @@ class Built:
         n = s.sheet.size
         mass = s.sheet.areas * s.sheet.thickness * s.sheet.density
         self.mass = w.array("mass", "Simulation", t.real, mass)
-        self.step = w.array("step", "Simulation", t.real, shape=1)
+        self.step: Any = w.array("step", "Simulation", t.real, shape=1) if s.solver.steps_explicitly else None
         self.damping = w.array("damping", "solver", t.real, np.array([s.solver.damping])) if self.damped else None
         self.held_mask = w.array("held", "loads", wp.uint8, self.held) if self.has_held else None
         self.state = State(
@@ -366,39 +381,40 @@ class Built:
     # Launches ------------------------------------------------------------------------------------------
 
     def _add_step(self) -> None:
-        from .kernels.integrate import clock, integration
-
-        s, w, state, bits, module = self.simulation, self.workspace, self.state, self.types.bits, self.workspace.module
+        s, w, state = self.simulation, self.workspace, self.state
         n = s.sheet.size
-        self.integration = integration(bits, self.has_held, self.has_loads, self.damped, self.tracked, module)
         if self.schedules.schedules:
-            self._tick, self._prescribe = clock(bits, module)
             self._add_tick("step")
             self._add_prescribe()
         if s.sheet.inclusions:
             self._add_move_bodies()
         w.launch(
             "step", "solver", self.integration.drift, n,
-            mass=self.mass, held_mask=self.held_mask, step=self.step, damping=self.damping,
+            mass=self.inertia, held_mask=self.held_mask, step=self.step, damping=self.damping,
             force=state.force, external=state.external, displacement=state.displacement,
             velocity=state.velocity, work=state.work,
         )  # fmt: skip
         if s.contact is not None:
             self._add_project(s.contact)
         if s.damage is not None:
-            self._add_break(s.damage)
+            self._add_break("step" if s.solver.in_time else "rupture", s.damage)
         self.force.add_force("step", state.displacement, state.force)
         self.add_loads("step")
         s.solver.add_before_kick(self)
         w.launch(
             "step", "solver", self.integration.kick, n,
-            mass=self.mass, held_mask=self.held_mask, step=self.step, damping=self.damping, force=state.force,
+            mass=self.inertia, held_mask=self.held_mask, step=self.step, damping=self.damping, force=state.force,
             external=state.external, velocity=state.velocity, work=state.work, dissipated=state.dissipated,
         )  # fmt: skip
         if s.sheet.inclusions:
             self._add_kick_bodies()
         if s.contact is not None:
             self._add_separate(s.contact)
+
+    def _add_clock(self) -> None:
+        from .kernels.integrate import clock
+
+        self._tick, self._prescribe = clock(self.types.bits, self.workspace.module)
 
     def _add_tick(self, stage: str) -> None:
         self.workspace.launch(
@@ -459,7 +475,7 @@ class Built:
         )
         self.workspace.launch(
             "step", "RigidBall", self._project, self.simulation.sheet.size,
-            reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
+            reference=self.reference, mass=self.inertia, held_mask=self.held_mask, centre=self.scheduled,
             schedule=self._schedule_ids[id(ball)], radius=0.5 * ball.diameter, step=self.step,
             damping=self.damping, force=state.force, external=state.external, displacement=state.displacement,
             velocity=state.velocity, impulse=state.impulse, work=state.work,
@@ -469,14 +485,14 @@ class Built:
         state = self.state
         self.workspace.launch(
             "step", "RigidBall", self._separate, self.simulation.sheet.size,
-            reference=self.reference, mass=self.mass, held_mask=self.held_mask, centre=self.scheduled,
+            reference=self.reference, mass=self.inertia, held_mask=self.held_mask, centre=self.scheduled,
             ball_velocity=self.types.vec3(*ball.velocity), schedule=self._schedule_ids[id(ball)],
             radius=0.5 * ball.diameter, step=self.step, damping=self.damping, force=state.force,
             external=state.external, displacement=state.displacement, velocity=state.velocity,
             impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
-    def _add_break(self, damage: CriticalStretch) -> None:
+    def _add_break(self, stage: str, damage: CriticalStretch) -> None:
         from .kernels.damage import critical_stretch
 
         force, spared = self.force, None
@@ -489,7 +505,7 @@ class Built:
             force.kernels.earlier_energy if self.tracked else None, self.workspace.module,
         )  # fmt: skip
         self.workspace.launch(
-            "step", "CriticalStretch", self._break, self.simulation.sheet.size,
+            stage, "CriticalStretch", self._break, self.simulation.sheet.size,
             family=force.struct, displacement=self.state.displacement, velocity=self.state.velocity,
             step=self.step, horizon=force.families.horizon,
             critical_squared=damage.stretch**2, spared_mask=spared, constants=force.constants,

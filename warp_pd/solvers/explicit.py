@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from .stable_step import StableStep
 
 if TYPE_CHECKING:
     from ..runner import Recorder
-    from ..simulation import Built
+    from ..simulation import Built, Simulation
 
 # Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost
 # a few per cent of the steps between them.
@@ -44,6 +44,8 @@ class Explicit:
     precision: int = 32
 
     adaptive_damping = False
+    in_time = True
+    steps_explicitly = True
 
     def __post_init__(self) -> None:
         positive("duration", self.duration)
@@ -72,6 +74,13 @@ class Explicit:
         if isinstance(self.frames, Sequence):
             return float(self.frames[index - 1]) if index > 0 else 0.0
         return self.duration * index / self.frames
+
+    def check(self, simulation: Simulation) -> None:
+        """Nothing: any parts will do."""
+
+    def inertia(self, built: Built) -> Any:
+        """The mass [kg]."""
+        return built.mass
 
     def add(self, built: Built) -> None:
         """Add what this solver needs besides the common step."""
@@ -108,6 +117,7 @@ class Explicit:
 
     def _estimate(self, built: Built, iterations: int) -> float:
         """Stable step [s]; infinite if nothing resists."""
+        assert built.stable_step is not None
         omega = built.stable_step.omega(iterations)
         return 2.0 / omega if omega > 0.0 else math.inf
 

@@ -59,7 +59,7 @@ class StableStep:
                     built.add_boundary_force("estimate", load, trial, force)
         w.launch(
             "estimate", owner, respond, blocks,
-            mass=built.mass, held_mask=built.held_mask, plus=plus, minus=minus, reach=self._reach,
+            mass=built.inertia, held_mask=built.held_mask, plus=plus, minus=minus, reach=self._reach,
             direction=self.direction, block=BLOCK, response=response, sums=sums,
         )  # fmt: skip
         w.launch("estimate", owner, summarise, 1, sums=sums, scale=scale, squared_frequency=self._squared)

@@ -1,0 +1,239 @@
+"""What the search for equilibrium does to whole fields: residual, trial steps, smoothing, transfer of lattices.
+
+Held components (bits of `held_mask`) take no part: their residual, product and correction are zero.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .numeric import numeric
+
+
+@dataclass(frozen=True)
+class EquilibriumKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        imbalance: Unbalanced force [points], N, and the squared loads and reactions [points], N^2.
+        advance: displacement = base + share x direction.
+        hold: Turns the change of the force into the stiffness product: minus it, held components zero.
+        smooth: One sweep of block Jacobi, x += omega D^-1 (b - K x).
+        combine: z = alpha x + beta y.
+        scale_blocks: z = D^-1 x.
+    """
+
+    imbalance: Any
+    advance: Any
+    hold: Any
+    smooth: Any
+    combine: Any
+    scale_blocks: Any
+
+
+@functools.cache
+def equilibrium(bits, held, loaded, module):
+    """Kernels of equilibrium.
+
+    Args:
+        bits: 32 or 64.
+        held: Whether any component is held.
+        loaded: Whether external forces act.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, mat33 = types.real, types.vec3, types.mat33
+
+    @wp.func(module=module)
+    def free_part(held_mask: wp.array(dtype=wp.uint8), i: int, value: vec3):
+        result = value
+        if wp.static(held):
+            for c in range(3):
+                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
+                    result[c] = real(0.0)
+        return result
+
+    @wp.kernel(module=module, enable_backward=False)
+    def imbalance(
+        held_mask: wp.array(dtype=wp.uint8),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+        first: int,
+        residual: wp.array(dtype=vec3),
+        reaction: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        load = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(loaded):
+            load = external[i]
+        total = force[i] + load
+        free = free_part(held_mask, i, total)
+        support = total - free
+        residual[i] = free
+        reaction[i] = wp.float64(wp.dot(support, support) + wp.dot(load, load))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def advance(
+        base: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        share: wp.array(dtype=real),
+        first: int,
+        displacement: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        displacement[i] = base[i] + share[0] * direction[i]
+
+    @wp.kernel(module=module, enable_backward=False)
+    def hold(held_mask: wp.array(dtype=wp.uint8), first: int, change: wp.array(dtype=vec3)):
+        i = wp.tid() + first
+        change[i] = -free_part(held_mask, i, change[i])
+
+    @wp.kernel(module=module, enable_backward=False)
+    def smooth(
+        inverse_blocks: wp.array(dtype=mat33),
+        right_side: wp.array(dtype=vec3),
+        image: wp.array(dtype=vec3),
+        omegas: wp.array(dtype=real),
+        sweep: int,
+        fresh: int,
+        first: int,
+        solution: wp.array(dtype=vec3),
+    ):
+        """A fresh sweep starts from zero."""
+        i = wp.tid() + first
+        if fresh != 0:
+            solution[i] = omegas[sweep] * (inverse_blocks[i] * right_side[i])
+        else:
+            solution[i] = solution[i] + omegas[sweep] * (inverse_blocks[i] * (right_side[i] - image[i]))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def combine(
+        x: wp.array(dtype=vec3), alpha: real, y: wp.array(dtype=vec3), beta: real, first: int, z: wp.array(dtype=vec3)
+    ):
+        i = wp.tid() + first
+        result = alpha * x[i]
+        if beta != real(0.0):
+            result += beta * y[i]
+        z[i] = result
+
+    @wp.kernel(module=module, enable_backward=False)
+    def scale_blocks(
+        inverse_blocks: wp.array(dtype=mat33), x: wp.array(dtype=vec3), first: int, z: wp.array(dtype=vec3)
+    ):
+        i = wp.tid() + first
+        z[i] = inverse_blocks[i] * x[i]
+
+    return EquilibriumKernels(imbalance, advance, hold, smooth, combine, scale_blocks)
+
+
+@functools.cache
+def lattice_transfer(bits, held, module):
+    """Kernels between two lattices over the same rectangle.
+
+    interpolate: target += values of the source lattice at the points of the target, bilinear.
+    interpolate_smoothly: target = the same by cubic polynomials; a kink would cost Newton a step or two.
+    restrict_residual: coarse = P^T (b - K x), P the interpolation from coarse to fine; energies match, so the
+    transpose needs no factor.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.func(module=module)
+    def free_of(held_mask: wp.array(dtype=wp.uint8), i: int, value: vec3):
+        result = value
+        if wp.static(held):
+            for c in range(3):
+                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
+                    result[c] = real(0.0)
+        return result
+
+    @wp.kernel(module=module, enable_backward=False)
+    def interpolate(
+        source: wp.array(dtype=vec3),
+        source_columns: int,
+        source_rows: int,
+        columns: int,
+        rows: int,
+        held_mask: wp.array(dtype=wp.uint8),
+        first: int,
+        target: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        x = real(i % columns) * real(source_columns - 1) / real(columns - 1)
+        y = real(i / columns) * real(source_rows - 1) / real(rows - 1)
+        cx = wp.min(int(x), source_columns - 2)
+        cy = wp.min(int(y), source_rows - 2)
+        sx = x - real(cx)
+        sy = y - real(cy)
+        p = cx + cy * source_columns
+        one = real(1.0)
+        value = (one - sy) * ((one - sx) * source[p] + sx * source[p + 1])
+        value += sy * ((one - sx) * source[p + source_columns] + sx * source[p + source_columns + 1])
+        target[i] = target[i] + free_of(held_mask, i, value)
+
+    @wp.func(module=module)
+    def cubic_weight(place: real, begin: int, k: int):
+        """Lagrange polynomial of node begin + k among the four from `begin` on."""
+        weight = real(1.0)
+        for n in range(4):
+            if n != k:
+                weight *= (place - real(begin + n)) / real(k - n)
+        return weight
+
+    @wp.kernel(module=module, enable_backward=False)
+    def interpolate_smoothly(
+        source: wp.array(dtype=vec3),
+        source_columns: int,
+        source_rows: int,
+        columns: int,
+        rows: int,
+        first: int,
+        target: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        x = real(i % columns) * real(source_columns - 1) / real(columns - 1)
+        y = real(i / columns) * real(source_rows - 1) / real(rows - 1)
+        cx = wp.clamp(int(x) - 1, 0, source_columns - 4)
+        cy = wp.clamp(int(y) - 1, 0, source_rows - 4)
+        value = vec3(real(0.0), real(0.0), real(0.0))
+        for b in range(4):
+            wy = cubic_weight(y, cy, b)
+            for a in range(4):
+                value += (wy * cubic_weight(x, cx, a)) * source[cx + a + (cy + b) * source_columns]
+        target[i] = value
+
+    @wp.kernel(module=module, enable_backward=False)
+    def restrict_residual(
+        right_side: wp.array(dtype=vec3),
+        image: wp.array(dtype=vec3),
+        columns: int,
+        rows: int,
+        coarse_columns: int,
+        coarse_rows: int,
+        held_mask: wp.array(dtype=wp.uint8),
+        first: int,
+        coarse: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        cx = i % coarse_columns
+        cy = i / coarse_columns
+        per_x = real(columns - 1) / real(coarse_columns - 1)
+        per_y = real(rows - 1) / real(coarse_rows - 1)
+        begin_x = wp.max(0, int(wp.floor(real(cx - 1) * per_x)))
+        end_x = wp.min(columns - 1, int(wp.ceil(real(cx + 1) * per_x)))
+        begin_y = wp.max(0, int(wp.floor(real(cy - 1) * per_y)))
+        end_y = wp.min(rows - 1, int(wp.ceil(real(cy + 1) * per_y)))
+        total = vec3(real(0.0), real(0.0), real(0.0))
+        for iy in range(begin_y, end_y + 1):
+            wy = real(1.0) - wp.abs(real(iy) / per_y - real(cy))
+            if wy > real(0.0):
+                for ix in range(begin_x, end_x + 1):
+                    wx = real(1.0) - wp.abs(real(ix) / per_x - real(cx))
+                    if wx > real(0.0):
+                        p = ix + iy * columns
+                        total += (wx * wy) * (right_side[p] - image[p])
+        coarse[i] = free_of(held_mask, i, total)
+
+    return interpolate, interpolate_smoothly, restrict_residual
