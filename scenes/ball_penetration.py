@@ -53,10 +53,9 @@ def build(
     positive("horizon", horizon)
     # The clamp goes on outside the sheet for one horizon, so that no family inside is cut off.
     layer = math.ceil(horizon)
-    margin = layer / (points - 1)
     sheet = Sheet.filled(
-        1.0 + 2 * margin, 1.0 + 2 * margin, thickness=0.01, density=1000.0, points=points + 2 * layer,
-        origin=(-margin, -margin), turn=turn, jitter=jitter, seed=seed,
+        1.0, 1.0, thickness=0.01, density=1000.0, points=points, layers=(layer, layer), turn=turn, jitter=jitter,
+        seed=seed,
     )  # fmt: skip
     clamp = sheet.where(lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) > 0.5 - 1e-9)
     line = TearLine(sheet)

@@ -15,6 +15,10 @@ Held points do not tear out. The paper leaves open whether the pulled halves may
 `--set speed=4e-3` gives the same tear ten times sooner (docs/tearing.md).
 """
 
+import math
+
+import numpy as np
+
 from warp_pd import (
     BondAssociated,
     BoundaryForce,
@@ -51,16 +55,20 @@ def build(
     side = 0.1
     if not 0.0 < positive("cut", cut) < side:
         raise InputError(f"cut = {cut!r}: allowed are lengths up to below {side:g} m, the width")
-    sheet = Sheet.filled(side, side, thickness=1e-3, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed)
+    # The grips go on outside the sheet for one horizon: families cut off beside them fold out and tear first.
+    sheet = Sheet.filled(
+        side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(positive("horizon", horizon)), 0),
+        turn=turn, jitter=jitter, seed=seed,
+    )  # fmt: skip
     middle, tip = 0.5 * side, (side - cut, 0.5 * side)
-    sheet = sheet.cut((side, middle), tip)
-    right = sheet.edges("right")
+    sheet = sheet.cut((2.0 * side, middle), tip)
+    left, right = sheet.where(lambda x, y: x < 1e-9), sheet.where(lambda x, y: x > side - 1e-9)
     upper, lower = right[sheet.points[right, 1] > middle], right[sheet.points[right, 1] <= middle]
     duration = travel / positive("speed", speed)
     line = TearLine(sheet)
     ahead = (0.0, middle)
     loads = [
-        Fixed(sheet.edges("left")),
+        Fixed(left),
         Motion(upper, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, travel]),
         Motion(lower, times=[0.0, duration], x=0.0, y=0.0, z=[0.0, -travel]),
     ]
@@ -70,7 +78,7 @@ def build(
         sheet,
         force=BondAssociated(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), horizon=horizon, weights=weights),
         loads=loads,
-        damage=CriticalStretch(critical_stretch, spared=sheet.edges("left", "right")),
+        damage=CriticalStretch(critical_stretch, spared=np.concatenate([left, right])),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("separation", "m", lambda built, frame: 2.0 * speed * frame.time),

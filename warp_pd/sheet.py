@@ -66,6 +66,7 @@ class Sheet:
         density: float,
         points: int | tuple[int, int] = 101,
         origin: tuple[float, float] = (0.0, 0.0),
+        layers: tuple[int, int] = (0, 0),
     ) -> Sheet:
         """A rectangle on a regular grid whose outer points lie on its edges.
 
@@ -77,9 +78,12 @@ class Sheet:
             points: Points along x and y, or along x alone: then the spacing along y is as near to that along
                 x as whole points allow.
             origin: Position of the lower left corner [m].
+            layers: Rows of points outside the left and right edges, and outside the bottom and top edges: a clamp
+                as wide as the horizon leaves every family in the rectangle whole there (HE section 4.3).
 
         Raises:
-            InputError: for a size, thickness or density that is not above zero, or fewer than 3 points.
+            InputError: for a size, thickness or density that is not above zero, fewer than 3 points, or layers
+                below zero.
         """
         width, height = positive("width", width), positive("height", height)
         x0, y0 = vector("origin", origin, 2)
@@ -91,6 +95,8 @@ class Sheet:
             columns = count("points", points, 3)
             rows = max(3, round(height / width * (columns - 1)) + 1)
         dx, dy = width / (columns - 1), height / (rows - 1)
+        across, along = count("layers[0]", layers[0], 0), count("layers[1]", layers[1], 0)
+        columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
         x, y = np.meshgrid(x0 + dx * np.arange(columns), y0 + dy * np.arange(rows))
         share_x, share_y = np.full(columns, dx), np.full(rows, dy)
         share_x[[0, -1]] *= 0.5
@@ -114,6 +120,7 @@ class Sheet:
         density: float,
         points: int | tuple[int, int] = 101,
         origin: tuple[float, float] = (0.0, 0.0),
+        layers: tuple[int, int] = (0, 0),
         turn: float = 0.0,
         jitter: float = 0.0,
         seed: int = 0,
@@ -130,6 +137,7 @@ class Sheet:
             density: [kg/m^3].
             points: As for `rectangle`; they set the spacing.
             origin: Position of the lower left corner [m].
+            layers: As for `rectangle`.
             turn: Angle of the grid about the middle of the rectangle [degrees].
             jitter: Largest shift of a point along x and along y, in spacings, below one half.
             seed: Of the generator of the jitter.
@@ -137,7 +145,9 @@ class Sheet:
         Raises:
             InputError: as `rectangle`, or for a jitter outside [0, 0.5).
         """
-        square = Sheet.rectangle(width, height, thickness=thickness, density=density, points=points, origin=origin)
+        square = Sheet.rectangle(
+            width, height, thickness=thickness, density=density, points=points, origin=origin, layers=layers
+        )
         if not 0.0 <= finite("jitter", jitter) < 0.5:
             raise InputError(f"jitter = {jitter!r}: allowed are shares of the spacing from 0 up to below 0.5")
         if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
@@ -145,7 +155,7 @@ class Sheet:
         assert square.lattice is not None
         dx, dy = square.lattice.dx, square.lattice.dy
         low, high = square.points.min(axis=0), square.points.max(axis=0)
-        reach = int(np.ceil(np.hypot(width, height) / min(dx, dy))) + 1
+        reach = int(np.ceil(np.hypot(*(high - low)) / min(dx, dy))) + 1
         # The middle of the sheet is a point of the grid, or the middle of a cell, as it is without a turn.
         half = 0.5 * (np.array([square.lattice.columns, square.lattice.rows]) - 1) % 1.0
         step = np.arange(-reach, reach + 1)
