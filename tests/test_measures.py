@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warp_pd import InputError, Sheet
-from warp_pd.measures import TearLine, at_time, largest, rate, time_above, worst_balance
+from warp_pd.measures import TearLine, at_time, largest, rate, time_above, when_above, worst_balance
 from warp_pd.sheet import crosses
 
 
@@ -99,6 +99,8 @@ def test_numbers_of_a_history():
     assert largest("a")(history) == 4.0
     assert time_above("a", 0.5)(history) == 1.0
     assert time_above("a", 9.0)(history) is None
+    assert when_above("time", "a", 1.5)(history) == 2.0
+    assert when_above("time", "a", 9.0)(history) is None
     assert worst_balance(history) == pytest.approx(1.9)
     assert worst_balance([{"time": 0.0}]) is None
     assert rate(history, "a")[1] == pytest.approx(2.0)

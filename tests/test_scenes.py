@@ -12,7 +12,7 @@ from warp_pd.measures import worst_balance
 
 SMALL = {
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0, "safety": 0.3},
-    "double_notch": {"points": 24, "horizon": 2.015, "safety": 0.4, "duration": 2.4, "frames": 60, "slow_to": 1.06},
+    "double_notch": {"points": 24, "horizon": 2.015, "safety": 0.4, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12, "safety": 0.9},
     "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40, "safety": 0.5},
     "out_of_plane": {"points": 21, "horizon": 2.015, "duration": 2.5, "frames": 10},

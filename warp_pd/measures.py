@@ -197,6 +197,15 @@ def time_above(name: str, threshold: float) -> Callable[[History], float | None]
     return value
 
 
+def when_above(name: str, of: str, threshold: float) -> Callable[[History], float | None]:
+    """Function of a history: column `name` in the first frame in which column `of` is above a threshold."""
+
+    def value(history: History) -> float | None:
+        return next((row[name] for row in history if row[of] > threshold), None)
+
+    return value
+
+
 def worst_balance(history: History) -> float | None:
     """The largest energy balance error of a history, in either direction [-]; None where it is not tracked."""
     errors = [abs(row["balance_error"]) for row in history if "balance_error" in row]

@@ -84,13 +84,13 @@ def surfaces(
         face = colours(norm(values))
         face[:, :3] *= _shade(frame)[:, None]
         axes.add_collection3d(_polygons(frame, face))
-        axes.set(title=f"t = {frame.time:.4g} s")
+        grown = shown_extent / extent
+        stretched = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", grown, strict=True) if g > 1.05]
+        axes.set(title=", ".join([f"t = {frame.time:.4g} s", *stretched]))
         for c, name in enumerate("xyz"):
             getattr(axes, f"set_{name}lim")(low[c], low[c] + extent[c])
-            grown = shown_extent[c] / extent[c]
-            drawn = f", drawn {grown:.2g} times as large" if grown > 1.05 else ""
-            getattr(axes, f"set_{name}label")(f"{name} (m){drawn}")
-            getattr(axes, f"{name}axis").set_major_locator(plt.MaxNLocator(4 if grown <= 1.05 else 3))
+            getattr(axes, f"set_{name}label")(f"{name} (m)")
+            getattr(axes, f"{name}axis").set_major_locator(plt.MaxNLocator(4 if grown[c] <= 1.05 else 3))
         axes.set_box_aspect(shown_extent)
         axes.view_init(elev=view[0], azim=view[1])
         axes_list.append(axes)
