@@ -63,7 +63,9 @@ def build(
         sheet,
         force=BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=horizon, weights=weights),
         loads=[Fixed(clamp)],
-        contact=RigidBall(diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -ball_speed)),
+        contact=RigidBall(
+            diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -positive("ball_speed", ball_speed))
+        ),
         damage=CriticalStretch(critical_stretch, spared=None if clamp_can_tear else clamp),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
@@ -93,6 +95,7 @@ def pictures(history, folder):
     duration = history[-1]["time"]
     shown = plots.frames_at(folder, [share * duration for share in (0.25, 0.5, 0.75, 1.0)])
     plots.surfaces(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)")
     plots.from_above(folder / "torn_from_above.png", shown[-1:], field="damage", label="damage", limits=(0.0, 1.0))
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")
     plots.curves(folder / "ball_force.png", history, ["ball_force_z"], ylabel="force on the ball (N)")

@@ -17,6 +17,7 @@ blowing up) and its step; it says that a smaller step needs no force.
 import numpy as np
 
 from warp_pd import BondAssociated, BoundaryForce, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
+from warp_pd.checks import positive
 from warp_pd.measures import largest, support_force, worst_balance
 from warp_pd.off_plane import distance_from_local_plane
 
@@ -36,7 +37,7 @@ def build(
 ) -> Simulation:
     sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
     left, right = sheet.edges("left"), sheet.edges("right")
-    arrival = travel / speed
+    arrival = positive("travel", travel) / positive("speed", speed)
     loads = [
         Motion(left, times=[0.0, arrival], x=0.0, y=0.0, z=[0.0, -travel]),
         Motion(right, times=[0.0, arrival], x=0.0, y=0.0, z=[0.0, travel]),
@@ -75,6 +76,6 @@ def pictures(history, folder):
 
     end = history[-1]["time"]
     shown = plots.frames_at(folder, [share * end for share in (0.2, 0.4, 0.6, 1.0)])
-    plots.surfaces(folder / "sheet.png", shown, field="u3", label="u3 (m)")
+    plots.surfaces(folder / "sheet.png", shown, field="u3", label="u3 (m)", view=(25.0, -115.0))
     names = ["edge_distance", "corner_distance"]
     plots.curves(folder / "distance.png", history, names, ylabel="distance from the local plane (spacings)")

@@ -7,7 +7,8 @@ from the cut "for some distance", as experiments do, and gives no numbers.
 
 On a grid in line with the cut and symmetric to it the tear runs straight through; on turned or jittered ones it runs
 straight for 10 to 30 mm, then turns to one side and cuts off a leg (docs/tearing.md): by then the straight tear is
-no longer stable, and only the symmetry of the grid keeps it.
+no longer stable, and only the symmetry of the grid keeps it. The grid turned by 45 degrees is no exception: its points
+lie symmetric to the cut, but those on the cut itself belong to its lower side.
 
 The grips go on outside the sheet, and points in them do not tear out. The paper leaves open whether the pulled
 halves may come nearer to the left edge (here they may not) and its damping (here 20 /s). The pull is slow: waves
@@ -31,7 +32,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.checks import InputError, positive
+from warp_pd.checks import InputError, positive, resolved
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
 
 
@@ -60,10 +61,13 @@ def build(
         turn=turn, jitter=jitter, seed=seed,
     )  # fmt: skip
     middle, tip = 0.5 * side, (side - cut, 0.5 * side)
+    resolved("cut", cut, sheet.spacing)
     sheet = sheet.cut((2.0 * side, middle), tip)
     left, right = sheet.where(lambda x, y: x < 1e-9), sheet.where(lambda x, y: x > side - 1e-9)
-    upper, lower = right[sheet.points[right, 1] > middle], right[sheet.points[right, 1] <= middle]
-    duration = travel / positive("speed", speed)
+    # Points on the cut belong to its lower side; round-off must not decide.
+    above = sheet.points[right, 1] > middle + 1e-9
+    upper, lower = right[above], right[~above]
+    duration = positive("travel", travel) / positive("speed", speed)
     line = TearLine(sheet)
     ahead = (0.0, middle)
     loads = [
@@ -107,6 +111,7 @@ def pictures(history, folder):
     begin, end = time_above("crack_length", 0.0)(history) or 0.0, history[-1]["time"]
     shown = plots.frames_at(folder, [begin + share * (end - begin) for share in (0.0, 0.33, 0.67, 1.0)])
     plots.surfaces(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)")
     plots.reference(folder / "crack_path.png", shown[-1:], field="damage", label="damage", limits=(0.0, 1.0))
     plots.curves(
         folder / "load.png", history, ["load"], ylabel="load (N)", against="separation", xlabel="separation (m)"

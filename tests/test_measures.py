@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from warp_pd import InputError, Sheet
-from warp_pd.measures import TearLine, at_time, largest, rate, time_above, when_above, worst_balance
+from warp_pd.measures import (
+    TearLine,
+    at_time,
+    growth_rate,
+    largest,
+    time_above,
+    time_below,
+    when_above,
+    worst_balance,
+)
 from warp_pd.sheet import crosses
 
 
@@ -103,7 +112,26 @@ def test_numbers_of_a_history():
     assert when_above("time", "a", 9.0)(history) is None
     assert worst_balance(history) == pytest.approx(1.9)
     assert worst_balance([{"time": 0.0}]) is None
-    assert rate(history, "a")[1] == pytest.approx(2.0)
+    assert time_below("balance_error", -1.0)(history) == 2.0
+    assert time_below("balance_error", -9.0)(history) is None
+    assert growth_rate(history, "a")[1] == pytest.approx(2.0)
+
+
+def test_a_measured_length_that_falls_is_no_negative_speed():
+    history = [{"time": t, "a": a} for t, a in enumerate((0.0, 2.0, 1.0, 1.5, 4.0))]
+    assert growth_rate(history, "a") == pytest.approx([2.0, 1.0, 0.0, 1.0, 2.0])
+
+
+def test_what_hangs_at_points_that_tear_out():
+    sheet = sheet_of(0.0, 0.0)
+    line = TearLine(sheet)
+    held = sheet.within((1.0, 0.5), 0.04)
+    whole = np.ones(len(sheet.triangles), bool)
+    assert line.share_at(whole, held) == pytest.approx(1.0)
+    through = torn_by(sheet, ((0.703, -0.1), (0.703, 1.1)))
+    assert line.share_at(through, held) == pytest.approx(0.3, abs=0.02)
+    distance = np.hypot(line.centres[:, 0] - 1.0, line.centres[:, 1] - 0.5)
+    assert line.share_at(abs(distance - 0.08) > 0.02, held) < 0.01
 
 
 @pytest.mark.parametrize(("turn", "jitter"), [(0.0, 0.0), (30.0, 0.0), (0.0, 0.25)])

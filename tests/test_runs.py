@@ -29,7 +29,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.cli import main
+from warp_pd.cli import build_scene, main
 
 SMALL = ["--points", "21", "--horizon", "2.015", "--device", "cpu", "--quiet"]
 
@@ -197,7 +197,7 @@ def test_a_restart_file_of_other_settings_is_refused(ball, tmp_path):
     done = cli(
         "run", "ball_penetration", *SMALL, "--frames", "24", "--set", "damping=1", "--resume", "--out", str(tmp_path)
     )
-    assert done.exit_code == 2 and "other settings" in done.output
+    assert done.exit_code == 2 and "other settings (damping = 0.0, here 1.0)" in done.output
     done = cli("run", "ball_penetration", *SMALL, "--resume", "--out", str(tmp_path / "empty"))
     assert done.exit_code == 2 and "does not exist" in done.output
 
@@ -213,6 +213,43 @@ def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
     assert summary["status"] == "diverged"
     with h5py.File(tmp_path / "frames.vtkhdf") as file:
         assert np.isfinite(file["VTKHDF/Points"][:]).all()
+
+
+def test_a_start_that_is_not_finite_ends_with_code_3_and_leaves_nothing(tmp_path):
+    done = cli("run", "double_notch", "--points", "20", "--horizon", "2.015", "--set", "roughness=100", "--device",
+               "cpu", "--quiet", "--out", str(tmp_path))  # fmt: skip
+    assert done.exit_code == 3, done.output
+    assert "not finite at the start" in done.output and "initial displacement" in done.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_likely_cause_fits_the_scene():
+    """Nothing can tear here, and no step in time could be smaller."""
+    result = build_scene("pressure_static", {"points": 11, "pressure": 500.0}).run(device="cpu")
+    assert result.status == "diverged"
+    assert "try a smaller load" in result.summary["message"]
+    assert "torn" not in result.summary["message"] and "safety" not in result.summary["message"]
+
+
+def test_pictures_know_the_ball_and_say_when_nothing_happens(ball, tmp_path, monkeypatch):
+    from matplotlib.axes import Axes
+
+    from warp_pd.output import plots
+
+    first, last = plots.frames_at(ball, [0.0, 4.0])
+    assert first.ball == (pytest.approx([0.5, 0.5, 0.075]), 0.15)
+    assert last.ball == (pytest.approx([0.5, 0.5, -0.325]), 0.15)
+    said = []
+    monkeypatch.setattr(Axes, "text", lambda axes, x, y, text, **style: said.append(text))
+    for length in (0.0, 1.0):
+        history = [{"time": t, "crack_length": t * length} for t in (0.0, 1.0)]
+        plots.curves(tmp_path / "crack.png", history, ["crack_length"], ylabel="m")
+    assert said == ["zero throughout"]
+
+
+def test_draw_refuses_the_scene_of_another_run(ball):
+    done = cli("draw", str(ball), "--scene", "double_notch")
+    assert done.exit_code == 2 and "this run is of 'ball_penetration'" in done.output
 
 
 def test_not_converged_ends_with_code_3(tmp_path):
@@ -237,6 +274,12 @@ WRONG_LINES = [
     (["run", "pressure", "--device", "cuda:7"], "device = 'cuda:7': allowed here are"),
     (["run", "pressure", "--precision", "16"], "precision = 16: allowed are 32, 64"),
     (["run", "pressure", "--out", "/proc/nowhere"], "out = '/proc/nowhere': allowed is a folder that can be written"),
+    (["run", "pressure", "--out", ""], "out = '': allowed is a folder that can be written"),
+    (["run", "pressure", "--set", "points=31", "--points", "41"], "points = 41 is given already"),
+    (["run", "pressure", "--horizon", "200", "--points", "101"], "horizon = 200.0: allowed is up to 16 spacings"),
+    (["run", "pressure", "--horizon", "4.15", "--points", "4"], "horizon = 4.15: allowed is up to 3 spacings"),
+    (["run", "off_plane_tear", "--duration", "3"], "it lasts travel / speed"),
+    (["run", "double_notch", "--frames", "-3"], "frames = -3: allowed is a whole number of 1 or more"),
     (["run", "nothing.py"], "the file does not exist"),
     (["run", "ball_penetration", "--points", "-5"], "points = -5: allowed is a whole number of 3 or more"),
     (["run", "ball_penetration", "--horizon", "nan"], "horizon = nan"),

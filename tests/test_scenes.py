@@ -115,7 +115,19 @@ def test_the_slit_runs_to_both_sides_and_its_length_counts_the_slit():
     assert np.allclose(length - growth, 0.3)
     assert growth[-1] > 0.3
     assert value(result, "largest_crack_speed") > 0.0
+    assert value(result, "grip_tears_out") is None
+    assert value(result, "first_bond_breaks") <= value(result, "tear_begins")
     assert 60.0 < abs(value(result, "crack_direction")) <= 90.0
+    assert column(result, "grip_share").min() > 0.3
+
+
+def test_a_grip_that_tears_out_is_told():
+    """A short slit on a coarse sheet: the patch gives way first, and does not count as a crack of the slit."""
+    settings = {"points": 30, "horizon": 3.15, "safety": 0.4, "frames": 60, "slit": 0.1, "patch": 0.02}
+    result = build_scene("precut_tear", settings).run(device="cpu")
+    assert 0.0 < value(result, "grip_tears_out") < 10.5
+    assert value(result, "grip_share") < 0.02
+    assert value(result, "crack_growth") == 0.0
 
 
 def corner_distance(**settings):
@@ -137,7 +149,17 @@ def test_corners_leave_the_surface_with_plain_weights_and_what_brings_them_back(
     [
         ("double_notch", {"notch": 0.02}, "notch = 0.02"),
         ("double_notch", {"notch": float("nan")}, "notch = nan"),
+        ("double_notch", {"points": 3}, "notch = 0.0025"),
+        ("double_notch", {"seed": -1}, "seed = -1"),
+        ("double_notch", {"slow_from": float("nan")}, "slow_from = nan"),
+        ("double_notch", {"speed": -1.0}, "speed = -1.0"),
+        ("double_notch", {"frames": 0}, "frames = 0"),
         ("off_plane_tear", {"cut": 0.2}, "cut = 0.2"),
+        ("off_plane_tear", {"travel": -1.0}, "travel = -1"),
+        ("off_plane_load", {"speed": 0.0}, "speed = 0"),
+        ("precut_tear", {"points": 3}, "slit = 0.3"),
+        ("pressure_static", {"points": 3, "horizon": 2.015}, "horizon = 2.015"),
+        ("ball_penetration", {"ball_speed": -0.1}, "ball_speed = -0.1"),
         ("off_plane_tear", {"speed": 0.0}, "speed = 0"),
         ("precut_tear", {"slit": 1.5}, "slit = 1.5"),
         ("precut_tear", {"slit_at": 0.0}, "slit_at = 0"),

@@ -20,6 +20,8 @@ from .launches import Workspace
 from .sheet import Sheet, crosses
 
 TOLERANCE = 1e-9
+# Largest horizon in spacings: beyond, the masks of a family's intersections take gigabytes.
+MOST = 16.0
 
 InfluenceFunction = Callable[[np.ndarray], np.ndarray]
 INFLUENCE: dict[str, InfluenceFunction] = {
@@ -175,12 +177,18 @@ def build_families(sheet: Sheet, horizon: float, influence: str | InfluenceFunct
             the families alone would need (corrected weights differ that far inside).
 
     Raises:
-        InputError: for a horizon too small for any intersection to hold two directions, or a point without
-            neighbours.
+        InputError: for a horizon too small for any intersection to hold two directions, one larger than the sheet
+            or than 16 spacings, or a point without neighbours.
     """
     ratio = finite("horizon", horizon)
     if ratio < 1.0:
         raise InputError(f"horizon = {horizon!r}: allowed is 1 spacing or more, and 1.42 on a lattice")
+    across = float(np.ptp(sheet.points, axis=0).max()) / sheet.spacing * (1.0 + TOLERANCE)
+    if ratio > min(across, MOST):
+        raise InputError(
+            f"horizon = {horizon!r}: allowed is up to {min(across, MOST):.4g} spacings, "
+            + (f"for the sheet is {across:.4g} spacings long" if across < MOST else "beyond, families get too large")
+        )
     function = influence_function(influence)
     if sheet.lattice is not None:
         if ratio * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):

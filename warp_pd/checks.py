@@ -62,6 +62,19 @@ def count(name: str, value: Any, least: int) -> int:
     return int(value)
 
 
+def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> float:
+    """`length` itself: one that the points can show.
+
+    Raises:
+        InputError: if it is shorter than `least` spacings.
+    """
+    if length < least * spacing:
+        raise InputError(
+            f"{name} = {length!r}: allowed is {least:g} spacings or more, {least * spacing:.3g} m; take more points"
+        )
+    return length
+
+
 def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     """`value` itself.
 

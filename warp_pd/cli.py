@@ -93,6 +93,8 @@ def _convert(key: str, value: Any, parameters: Any) -> Any:
     if key not in parameters:
         nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
         hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
+        if key == "duration" and {"speed", "travel"} <= set(parameters):
+            hint = " (it lasts travel / speed)"
         raise InputError(f"{key}: this scene knows {', '.join(parameters)}{hint}")
     default = parameters[key].default
     if not isinstance(value, str) or isinstance(default, str):
@@ -126,7 +128,10 @@ def _settings(
         key, separator, value = text.partition("=")
         if not separator:
             raise InputError(f"--set {text!r}: allowed is name=value")
-        settings[key.strip().replace("-", "_")] = value.strip()
+        name = key.strip().replace("-", "_")
+        if name in settings:
+            raise InputError(f"--set {text}: {name} = {settings[name]} is given already; allowed is one of them")
+        settings[name] = value.strip()
     return settings
 
 
@@ -138,8 +143,8 @@ def _scene_options(command: Any) -> Any:
         click.option("--horizon", type=float, help="Horizon in spacings, such as 1.5, 2.015 or 3.15."),
         click.option("--weights", help="published, plain, corrected or auto."),
         click.option("--solver", help="explicit, relaxation or newton, in scenes at rest."),
-        click.option("--duration", type=float, help="Simulated time [s]."),
-        click.option("--frames", type=int, help="Number of frames after the first."),
+        click.option("--duration", type=float, help="Simulated time [s], in scenes that take one."),
+        click.option("--frames", type=int, help="Number of frames after the first, in scenes in time."),
         click.option(
             "--set", "assignments", multiple=True, metavar="NAME=VALUE", help="One of the scene's own numbers."
         ),
@@ -161,7 +166,7 @@ def list_scenes() -> None:
 
 @main.command()
 @_scene_options
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the results; by default runs/SCENE.")
+@click.option("--out", help="Folder of the results; by default runs/SCENE.")
 @click.option("--resume", is_flag=True, help="Go on from the last frame in the folder.")
 @click.option("--no-usd", is_flag=True, help="Write no animation.usd.")
 @click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
@@ -169,24 +174,28 @@ def list_scenes() -> None:
 def run(
     scene: str, points: int | None, horizon: float | None, weights: str | None, solver: str | None,
     duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
-    precision: int | None, out: Path | None, resume: bool, no_usd: bool, no_pictures: bool, quiet: bool,
+    precision: int | None, out: str | None, resume: bool, no_usd: bool, no_pictures: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
     from .runner import DIVERGED as RUN_DIVERGED
-    from .runner import NOT_CONVERGED, STOPPED
+    from .runner import NOT_CONVERGED, STOPPED, DivergedError
 
     simulation = build_scene(scene, _settings(points, horizon, weights, solver, duration, frames, assignments))
-    folder = out or Path("runs") / simulation.scene
-    result = simulation.run(
-        out=folder,
-        device=device,
-        precision=precision,
-        resume=resume,
-        usd=not no_usd,
-        pictures=not no_pictures,
-        reporter=Progress(quiet),
-    )
+    folder = Path("runs") / simulation.scene if out is None else out
+    try:
+        result = simulation.run(
+            out=folder,
+            device=device,
+            precision=precision,
+            resume=resume,
+            usd=not no_usd,
+            pictures=not no_pictures,
+            reporter=Progress(quiet),
+        )
+    except DivergedError as error:
+        click.echo(f"warp-pd: {error}", err=True)
+        sys.exit(DIVERGED)
     if not quiet:
         _report(result)
     if result.summary["message"]:
@@ -200,7 +209,7 @@ def run(
 def _report(result: Any) -> None:
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
-            click.echo(f"{name} = none: the run did not come that far")
+            click.echo(f"{name} = none: it did not happen")
             continue
         line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
         if m["reference"] is not None:
@@ -230,6 +239,8 @@ def draw(folder: Path, scene: str | None) -> None:
     from .runner import read_history
 
     summary = _read_summary(folder / "summary.json")
+    if scene is not None and Path(scene).stem != summary["scene"]:
+        raise InputError(f"scene = {scene!r}: this run is of {summary['scene']!r}")
     simulation = build_scene(scene or summary["scene"], summary["settings"])
     if simulation.pictures is None:
         raise InputError(f"scene = {simulation.scene!r}: it draws no pictures")
@@ -249,9 +260,9 @@ def _read_summary(path: Path) -> dict[str, Any]:
 
 
 @main.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
 def info(file: Path) -> None:
-    """Say what a frames.vtkhdf, an animation.usd or a summary.json holds."""
+    """Say what a frames.vtkhdf, an animation.usd, a summary.json, or a folder of them holds."""
     from .output.info import describe
 
     click.echo(describe(file))

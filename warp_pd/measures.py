@@ -105,6 +105,12 @@ class TearLine:
         _, area = self._joined(intact)
         return int((area >= least_share * self.areas.sum()).sum())
 
+    def share_at(self, intact: np.ndarray, points: np.ndarray) -> float:
+        """Share of the sheet's area that hangs at these points through whole faces [-]."""
+        label, area = self._joined(intact)
+        held = intact & np.isin(self.sheet.triangles, points).any(axis=1)
+        return float(area[np.unique(label[held])].sum() / self.areas.sum())
+
     def without_specks(self, intact: np.ndarray) -> np.ndarray:
         """Whole faces, shape (F,), with small torn patches taken as whole and then small whole pieces as torn."""
         unit = self.sheet.spacing**2
@@ -197,6 +203,15 @@ def time_above(name: str, threshold: float) -> Callable[[History], float | None]
     return value
 
 
+def time_below(name: str, threshold: float) -> Callable[[History], float | None]:
+    """Function of a history: the time [s] of the first frame in which column `name` is below a threshold."""
+
+    def value(history: History) -> float | None:
+        return next((row["time"] for row in history if row[name] < threshold), None)
+
+    return value
+
+
 def when_above(name: str, of: str, threshold: float) -> Callable[[History], float | None]:
     """Function of a history: column `name` in the first frame in which column `of` is above a threshold."""
 
@@ -212,8 +227,11 @@ def worst_balance(history: History) -> float | None:
     return max(errors) if errors else None
 
 
-def rate(history: History, name: str) -> np.ndarray:
-    """Time derivative of column `name` by central differences over neighbouring frames, one value a frame."""
+def growth_rate(history: History, name: str) -> np.ndarray:
+    """Rate of the largest value of column `name` so far, by central differences over frames, one value a frame.
+
+    Never negative: cracks do not heal, but their measured length falls when specks or shreds join them.
+    """
     times = np.array([row["time"] for row in history])
-    values: Any = np.array([row[name] for row in history])
+    values: Any = np.maximum.accumulate([row[name] for row in history])
     return np.gradient(values, times) if len(times) > 1 else np.zeros(len(times))

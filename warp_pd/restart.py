@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .simulation import Built, Simulation
 
 NAME = "restart.npz"
-VERSION = 1
+VERSION = 2
 STATE = ("displacement", "velocity", "work", "dissipated", "released", "impulse", "time")
 BODIES = ("place", "linear", "angular", "rotation")
 
@@ -33,6 +33,11 @@ def digest(simulation: Simulation, built: Built) -> str:
     parts += [sheet.thickness, sheet.density, sheet.cuts, _describe(sheet.points), _describe(sheet.areas)]
     parts += [_describe(i) for i in sheet.inclusions]
     return hashlib.sha1(repr(parts).encode()).hexdigest()
+
+
+def settings(built: Built) -> dict[str, Any]:
+    """The scene's numbers and the precision, to name what differs where the digests do."""
+    return {**built.simulation.settings, "precision": built.types.bits}
 
 
 def _describe(part: Any) -> Any:
@@ -59,6 +64,7 @@ def save(path: Path, recorder: Recorder) -> None:
     numbers = {
         "version": VERSION,
         "digest": recorder.digest,
+        "settings": settings(built),
         "frame_index": recorder.frame_index,
         "time": recorder.time,
         "steps": recorder.steps,
@@ -75,8 +81,8 @@ def save(path: Path, recorder: Recorder) -> None:
     os.replace(aside, path)
 
 
-def load(path: Path, wanted: str) -> dict[str, Any]:
-    """Arrays and numbers of a restart file.
+def load(path: Path, wanted: str, wanted_settings: dict[str, Any]) -> dict[str, Any]:
+    """Arrays and numbers of a restart file that belongs to this digest; the settings are for the message.
 
     Raises:
         InputError: if it is missing, damaged, of another version, or of another simulation.
@@ -94,9 +100,15 @@ def load(path: Path, wanted: str) -> dict[str, Any]:
     if numbers.get("version") != VERSION:
         raise InputError(f"resume from {str(path)!r}: it is of version {numbers.get('version')}, allowed is {VERSION}")
     if numbers["digest"] != wanted:
+        began = numbers["settings"]
+        other = [
+            f"{key} = {began.get(key)!r}, here {wanted_settings.get(key)!r}"
+            for key in {**began, **wanted_settings}
+            if began.get(key) != wanted_settings.get(key)
+        ]
         raise InputError(
-            f"resume from {str(path)!r}: it belongs to other settings; allowed are the points, horizon, precision "
-            f"and numbers that the run began with"
+            f"resume from {str(path)!r}: it belongs to other settings ({'; '.join(other) or 'of another scene'}); "
+            f"allowed are those that the run began with"
         )
     return {**data, "numbers": numbers}
 

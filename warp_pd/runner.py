@@ -160,10 +160,13 @@ class Recorder:
             self._require_slow(index, now, dt)
             return
         where = f"point {bad} at {built.simulation.sheet.points[bad].tolist()}" if bad < n else "the strain energy"
-        raise DivergedError(
-            f"diverged: {where} stopped being finite between t = {self.time:.6g} s and t = {now:.6g} s "
-            f"(frame {index}); likely cause: {self._cause(dt)}"
-        )
+        between = f"stopped being finite between t = {self.time:.6g} s and t = {now:.6g} s (frame {index})"
+        if not built.simulation.solver.in_time:
+            reached = 100.0 * self.time / built.simulation.solver.duration
+            between = f"stopped being finite beyond {reached:.4g} % of the load"
+        if index == 0:
+            between = "is not finite at the start"
+        raise DivergedError(f"diverged: {where} {between}; likely cause: {self._cause(dt)}")
 
     def _require_slow(self, index: int, now: float, dt: float) -> None:
         built = self.built
@@ -184,14 +187,22 @@ class Recorder:
 
     def _cause(self, dt: float) -> str:
         built = self.built
+        if self.last is None:
+            return "the initial displacement strains the sheet more than its material bears"
+        if not built.simulation.solver.in_time:
+            return (
+                "no equilibrium near the last good load step, or the load rose faster than the relaxation followed; "
+                "try a smaller load, or more load_steps or ramp_steps"
+            )
         if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
             return f"the step {dt:.4g} s is above the stable step {self.stable_dt:.4g} s"
         lock = getattr(built.simulation.force.material, "lock", None)
-        if lock is not None and self.last is not None:
+        if lock is not None:
             return f"the Gent lock Jm = {lock:g} was reached, or the sheet stiffened faster than the step followed"
         if built.force.weights == "published":
             return "the published weights have no energy: they can pump it in once bonds break; try weights 'plain'"
-        return "the sheet stiffened faster than the step followed, as torn edges do; try a smaller safety"
+        torn = ", as torn edges do" if built.breakable else ""
+        return f"the sheet stiffened faster than the step followed{torn}; try a smaller safety"
 
     def _row(self, frame: Frame, elapsed: float, dt: float) -> dict[str, float]:
         built, state = self.built, self.built.state
@@ -275,6 +286,7 @@ def run(
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
+        DivergedError: if not even the first frame is finite; `out` holds nothing then.
 
     Returns:
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
@@ -283,7 +295,9 @@ def run(
     built = simulation.build(device, precision)
     folder = _writable_folder(out, resume)
     digest = restart.digest(simulation, built)
-    saved = restart.load(folder / restart.NAME, digest) if resume and folder is not None else None
+    saved = (
+        restart.load(folder / restart.NAME, digest, restart.settings(built)) if resume and folder is not None else None
+    )
     if saved is None and folder is not None:
         _clear(folder)
     if reporter is not None:
@@ -320,9 +334,9 @@ def run(
             writer.close()
         if reporter is not None:
             reporter.close()
-    summary = _summary(recorder, status, message, setup_seconds, compile_seconds, perf_counter() - begin)
     if recorder.last is None:
-        raise KeyboardInterrupt
+        raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
+    summary = _summary(recorder, status, message, setup_seconds, compile_seconds, perf_counter() - begin)
     result = Result(summary, recorder.history, built, recorder.last, folder)
     if folder is not None:
         before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
@@ -371,6 +385,8 @@ def _writable_folder(out: str | Path | None, resume: bool) -> Path | None:
         if resume:
             raise InputError("resume = True: allowed only with a folder that holds a restart file")
         return None
+    if not str(out):
+        raise InputError("out = '': allowed is a folder that can be written")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -441,7 +457,7 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
     os.replace(aside, path)
 
 
-def _compared(item: Measure | Outcome, value: float | None) -> dict[str, Any]:
+def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str, Any]:
     """Value, unit and reference of a reported number; a number that does not exist (yet) is None."""
     if value is not None and not np.isfinite(value):
         value = None
@@ -449,6 +465,7 @@ def _compared(item: Measure | Outcome, value: float | None) -> dict[str, Any]:
     return {
         "value": value,
         "unit": item.unit,
+        "of": of,
         "reference": item.reference,
         "source": item.source,
         "error": value / item.reference - 1.0 if known else None,  # type: ignore[operator]
@@ -468,8 +485,8 @@ def _summary(
         "dissipated": {"damping": row.get("damping"), "rupture": row.get("rupture")} if built.tracked else None,
         "balance_error": row.get("balance_error"),
     }
-    measures = {m.name: _compared(m, row.get(m.name)) for m in simulation.measures}
-    measures |= {o.name: _compared(o, o.value(recorder.history)) for o in simulation.outcomes}
+    measures = {m.name: _compared(m, row.get(m.name), "last frame") for m in simulation.measures}
+    measures |= {o.name: _compared(o, o.value(recorder.history), "whole run") for o in simulation.outcomes}
     rate = built.simulation.sheet.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
     return {
         "scene": simulation.scene,

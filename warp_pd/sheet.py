@@ -140,11 +140,12 @@ class Sheet:
             layers: As for `rectangle`.
             turn: Angle of the grid about the middle of the rectangle [degrees].
             jitter: Largest shift of a point along x and along y, in spacings, below one half.
-            seed: Of the generator of the jitter.
+            seed: Of the generator of the jitter, a whole number of 0 or more.
 
         Raises:
-            InputError: as `rectangle`, or for a jitter outside [0, 0.5).
+            InputError: as `rectangle`, or for a jitter outside [0, 0.5) or another seed.
         """
+        count("seed", seed, 0)
         square = Sheet.rectangle(
             width, height, thickness=thickness, density=density, points=points, origin=origin, layers=layers
         )

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from .vtkhdf import read_frame, read_series
+from .vtkhdf import read_ball, read_frame, read_series
 
 COLOURS = "inferno_r"
+STYLES = ("-", "--", "-.", ":")
 ENERGIES = ("kinetic", "strain", "external", "damping", "rupture")
 
 
@@ -26,6 +27,7 @@ class Shown:
         reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
         fields: Point fields by name; u1, u2, u3 are the components of the displacement.
+        ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
     """
 
     time: float
@@ -33,6 +35,7 @@ class Shown:
     reference: np.ndarray
     triangles: np.ndarray
     fields: dict[str, np.ndarray]
+    ball: tuple[np.ndarray, float] | None = None
 
 
 def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:
@@ -47,7 +50,7 @@ def _shown(path: Path, index: int) -> Shown:
     time, points, triangles, fields = read_frame(path, index)
     for c in range(3):
         fields[f"u{c + 1}"] = fields["displacement"][:, c]
-    return Shown(time, points, points - fields["displacement"], triangles, fields)
+    return Shown(time, points, points - fields["displacement"], triangles, fields, read_ball(path, index))
 
 
 def surfaces(
@@ -58,7 +61,7 @@ def surfaces(
     limits: tuple[float, float] | None = None,
     view: tuple[float, float] = (28.0, -60.0),
 ) -> None:
-    """The deformed sheet in space at some times, coloured by a field and shaded.
+    """The deformed sheet in space at some times, coloured by a field and shaded; the ball shows through it.
 
     Args:
         path: Of the picture.
@@ -73,17 +76,20 @@ def surfaces(
     rows = -(-len(frames) // columns)
     colours, norm = _colours(plt, frames, field, limits)
     figure = plt.figure(figsize=(5.2 * columns, 4.2 * rows), layout="constrained")
+    figure.get_layout_engine().set(wspace=0.1)
     axes_list = []
-    bounds = np.array([[f.points[_used(f)].min(axis=0), f.points[_used(f)].max(axis=0)] for f in frames])
+    bounds = np.array([_bounds(f) for f in frames])
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     extent = np.maximum(high - low, 1e-12)
     shown_extent = np.maximum(extent, 0.25 * extent.max())
     for k, frame in enumerate(frames):
-        axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
+        axes = figure.add_subplot(rows, columns, k + 1, projection="3d", computed_zorder=False)
         values = frame.fields[field][frame.triangles].mean(axis=1)
         face = colours(norm(values))
         face[:, :3] *= _shade(frame)[:, None]
         axes.add_collection3d(_polygons(frame, face))
+        if frame.ball is not None:
+            axes.plot_surface(*_sphere(*frame.ball), color="tab:blue", alpha=0.35, linewidth=0, zorder=3)
         grown = shown_extent / extent
         stretched = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", grown, strict=True) if g > 1.05]
         axes.set(title=", ".join([f"t = {frame.time:.4g} s", *stretched]))
@@ -91,10 +97,13 @@ def surfaces(
             getattr(axes, f"set_{name}lim")(low[c], low[c] + extent[c])
             getattr(axes, f"set_{name}label")(f"{name} (m)")
             getattr(axes, f"{name}axis").set_major_locator(plt.MaxNLocator(4 if grown[c] <= 1.05 else 3))
+        axes.zaxis.labelpad = 8
+        # The background of a panel would hide the labels of the one before it.
+        axes.set_facecolor("none")
         axes.set_box_aspect(shown_extent)
         axes.view_init(elev=view[0], azim=view[1])
         axes_list.append(axes)
-    figure.colorbar(plt.cm.ScalarMappable(norm, colours), ax=axes_list, label=label, shrink=0.7)
+    figure.colorbar(plt.cm.ScalarMappable(norm, colours), ax=axes_list, label=label, shrink=0.7, pad=0.12)
     _save(figure, path)
 
 
@@ -157,7 +166,7 @@ def curves(
     Args:
         path: Of the picture.
         history: One row a frame.
-        names: Columns to draw; one that is missing is left out.
+        names: Columns to draw; one that is missing is left out. If all are zero throughout, the picture says so.
         ylabel: Their name and unit.
         against: The column on the horizontal axis.
         xlabel: Its name and unit.
@@ -167,9 +176,12 @@ def curves(
     plt = _pyplot()
     figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
     across = [row[against] for row in history]
-    for name in names:
-        if all(name in row for row in history):
-            axes.plot(across, [row[name] for row in history], label=name.replace("_", " "))
+    known = [name for name in names if all(name in row for row in history)]
+    for k, name in enumerate(known):
+        # One curve may lie on another one.
+        axes.plot(across, [row[name] for row in history], STYLES[k % len(STYLES)], label=name.replace("_", " "))
+    if not any(row[name] for row in history for name in known):
+        axes.text(0.5, 0.5, "zero throughout", transform=axes.transAxes, ha="center")
     if marks:
         axes.plot(*zip(*marks, strict=True), "k+", markersize=10, label=marks_label)
     axes.set(xlabel=xlabel, ylabel=ylabel)
@@ -202,6 +214,23 @@ def _polygons(frame: Shown, face: np.ndarray) -> Any:
     return Poly3DCollection(frame.points[frame.triangles], facecolors=face, edgecolors=face, linewidths=0.2)
 
 
+def _bounds(frame: Shown) -> np.ndarray:
+    """Lowest and highest coordinates of sheet and ball [m], shape (2, 3)."""
+    points = frame.points[_used(frame)]
+    if frame.ball is not None:
+        centre, diameter = frame.ball
+        points = np.vstack([points, centre - 0.5 * diameter, centre + 0.5 * diameter])
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def _sphere(centre: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates of a net on a sphere [m], each of shape (13, 25)."""
+    polar, around = np.meshgrid(np.linspace(0.0, np.pi, 13), np.linspace(0.0, 2.0 * np.pi, 25), indexing="ij")
+    direction = (np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar))
+    x, y, z = (c + 0.5 * diameter * d for c, d in zip(centre, direction, strict=True))
+    return x, y, z
+
+
 def _used(frame: Shown) -> np.ndarray:
     """Points of intact triangles: loose points that fly away do not set the scale."""
     return np.unique(frame.triangles) if len(frame.triangles) else np.arange(len(frame.points))
@@ -218,8 +247,8 @@ def _shade(frame: Shown) -> np.ndarray:
 
 
 def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:
-    low = min(float(f.fields[field].min()) for f in frames)
-    high = max(float(f.fields[field].max()) for f in frames)
+    values = np.concatenate([f.fields[field][_used(f)] for f in frames])
+    low, high = float(values.min()), float(values.max())
     return low, high if high > low else low + 1.0
 
 

@@ -243,6 +243,14 @@ def read_frame(
         return float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
 
 
+def read_ball(path: str | os.PathLike[str], index: int) -> tuple[NDArray[np.float64], float] | None:
+    """Centre [m], shape (3,), and diameter [m] of the ball in one frame of a VTKHDF file; None without a ball."""
+    with h5py.File(path, "r", locking=False) as file:
+        if "FieldData" not in file["VTKHDF"]:
+            return None
+        return file["VTKHDF/FieldData/ball_center"][index], float(file["warp_pd"].attrs["ball_diameter"])
+
+
 class _NotASeries(Exception):
     """The file is HDF5, but what it holds does not fit together as a series of frames."""
 
