@@ -7,6 +7,7 @@ do the same; on clouds there is only the second. On a CPU registers are few: the
 
 from __future__ import annotations
 
+import hashlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,7 +54,8 @@ class FastPath:
     def __init__(self, force: BondAssociatedForce, stencil: Any, registers: bool) -> None:
         self.force, self.stencil, self.registers = force, stencil, registers
         w = force.workspace
-        self.module = f"{w.module}_fast"
+        spelled_out = repr((stencil, force.families.members)).encode()
+        self.module = f"{w.module}_fast_{hashlib.sha1(spelled_out).hexdigest()[:8]}"
         # Division to two units in the last place, in float32 on a GPU; errors against float64 stay the same.
         wp.get_module(self.module).options["fast_math"] = w.bits == 32
         self.listed = registers and stencil is not None
