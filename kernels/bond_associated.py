@@ -44,6 +44,7 @@ class FamilyMechanics:
         green: (H1, H2) -> C - I.
         area_weight: (family, i, j, whole, size) -> W_ij over the reference area.
         family_scale: (family, i, whole, total) -> factor on the weights of a damaged family.
+        inverse_shape: K (11, 12, 22) -> its inverse, or zero where degenerate.
     """
 
     present: Any
@@ -53,6 +54,7 @@ class FamilyMechanics:
     green: Any
     area_weight: Any
     family_scale: Any
+    inverse_shape: Any
 
 
 @dataclass(frozen=True)
@@ -60,14 +62,12 @@ class BondAssociatedKernels:
     """Kernels of one configuration.
 
     Attributes:
-        family_force: Fills bond_force [members, points], N.
         gather: Sums bond_force to the internal force [points], N.
         strain_energy: Energy of each family [points], J.
         earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
         mechanics: Warp functions that the tangent shares.
     """
 
-    family_force: Any
     gather: Any
     strain_energy: Any
     earlier_energy: Any
@@ -92,7 +92,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
     parameters = types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    stress, energy = material(bits)
+    _, energy = material(bits)
     damaged = breakable is not None
     redistribute = breakable == "redistribute"
     published = form == "published"
@@ -260,6 +260,105 @@ def bond_associated(layout, bits, material, breakable, form, module):
         out[i] = wp.float64(unit_volume * density)
 
     @wp.kernel(module=module, enable_backward=False)
+    def gather(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        bond_force: wp.array2d(dtype=vec3),
+        first: int,
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(family.members):
+            if has(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                pull += bond_force[k, i] - bond_force[f.mate(family, i, k), m]
+        force[i] = pull
+
+    return BondAssociatedKernels(
+        gather=gather,
+        strain_energy=strain_energy,
+        earlier_energy=earlier_energy,
+        mechanics=FamilyMechanics(
+            present, is_whole, has, intersection, green, area_weight, family_scale, inverse_shape
+        ),
+    )
+
+
+@functools.cache
+def plain_force(layout, bits, material, breakable, form, others, module):
+    """Kernel that fills bond_force [members, points] with both halves' forces of each family, N.
+
+    It reads the sums off the formulas above, for any family and form. With `others` it leaves out whole families of
+    kind `inner`, at most 32 members, which have a kernel of their own. Other arguments as of `bond_associated`.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    stress, _ = material(bits)
+    word_size = WORD
+    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
+    present, is_whole, has, intersection = law.present, law.is_whole, law.has, law.intersection
+    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
+
+    if form == "published":
+
+        @wp.func(module=module)
+        def present_area(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
+            """|H_i| of the bonds that stand, over the reference area."""
+            if is_whole(family, alive, i):
+                return f.family_area(family, i)
+            size = real(0.0)
+            for k in range(family.members):
+                if has(family, alive, i, k):
+                    size += f.area(family, f.neighbour(family, i, k))
+            return size
+
+        @wp.kernel(module=module, enable_backward=False)
+        def published_force(
+            family: Family,
+            alive: wp.array2d(dtype=wp.uint32),
+            displacement: wp.array(dtype=vec3),
+            constants: parameters,
+            inverse_horizon: real,
+            unit_force: real,
+            inner: int,
+            first: int,
+            bond_force: wp.array2d(dtype=vec3),
+        ):
+            i = wp.tid() + first
+            whole = is_whole(family, alive, i)
+            own_area = present_area(family, alive, i)
+            for j in range(family.members):
+                force = vec3(real(0.0), real(0.0), real(0.0))
+                if has(family, alive, i, j):
+                    G1, G2, inverse, size = intersection(
+                        family, alive, displacement, displacement, real(0.0), i, j, whole
+                    )
+                    if inverse[0] > real(0.0):
+                        H1 = inverse_horizon * G1
+                        H2 = inverse_horizon * G2
+                        S = stress(green(H1, H2), constants)
+                        F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
+                        F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+                        P1 = S[0, 0] * F1 + S[1, 0] * F2
+                        P2 = S[0, 1] * F1 + S[1, 1] * F2
+                        A1 = P1 * inverse[0] + P2 * inverse[1]
+                        A2 = P1 * inverse[1] + P2 * inverse[2]
+                        xi = f.bond(family, i, j)
+                        m = f.neighbour(family, i, j)
+                        if whole:
+                            size = f.weight(family, i, j)
+                        share = size / own_area
+                        pair = (own_area + present_area(family, alive, m)) / (real(2.0) * own_area)
+                        c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
+                        force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
+                bond_force[j, i] = force
+
+        return published_force
+
+    @wp.kernel(module=module, enable_backward=False)
     def variational_force(
         family: Family,
         alive: wp.array2d(dtype=wp.uint32),
@@ -267,10 +366,14 @@ def bond_associated(layout, bits, material, breakable, form, module):
         constants: parameters,
         inverse_horizon: real,
         unit_force: real,
+        inner: int,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
+        if wp.static(others):
+            if family.kind[i] == inner and is_whole(family, alive, i):
+                return
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
         whole = is_whole(family, alive, i)
@@ -305,75 +408,4 @@ def bond_associated(layout, bits, material, breakable, form, module):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = scale * c * bond_force[k, i]
 
-    @wp.func(module=module)
-    def present_area(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
-        """|H_i| of the bonds that stand, over the reference area."""
-        if is_whole(family, alive, i):
-            return f.family_area(family, i)
-        size = real(0.0)
-        for k in range(family.members):
-            if has(family, alive, i, k):
-                size += f.area(family, f.neighbour(family, i, k))
-        return size
-
-    @wp.kernel(module=module, enable_backward=False)
-    def published_force(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_force: real,
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        whole = is_whole(family, alive, i)
-        own_area = present_area(family, alive, i)
-        for j in range(family.members):
-            force = vec3(real(0.0), real(0.0), real(0.0))
-            if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
-                if inverse[0] > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    S = stress(green(H1, H2), constants)
-                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
-                    P1 = S[0, 0] * F1 + S[1, 0] * F2
-                    P2 = S[0, 1] * F1 + S[1, 1] * F2
-                    A1 = P1 * inverse[0] + P2 * inverse[1]
-                    A2 = P1 * inverse[1] + P2 * inverse[2]
-                    xi = f.bond(family, i, j)
-                    m = f.neighbour(family, i, j)
-                    if whole:
-                        size = f.weight(family, i, j)
-                    share = size / own_area
-                    pair = (own_area + present_area(family, alive, m)) / (real(2.0) * own_area)
-                    c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
-                    force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
-            bond_force[j, i] = force
-
-    @wp.kernel(module=module, enable_backward=False)
-    def gather(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        bond_force: wp.array2d(dtype=vec3),
-        first: int,
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(family.members):
-            if has(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                pull += bond_force[k, i] - bond_force[f.mate(family, i, k), m]
-        force[i] = pull
-
-    return BondAssociatedKernels(
-        family_force=published_force if published else variational_force,
-        gather=gather,
-        strain_energy=strain_energy,
-        earlier_energy=earlier_energy,
-        mechanics=FamilyMechanics(present, is_whole, has, intersection, green, area_weight, family_scale),
-    )
+    return variational_force

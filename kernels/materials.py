@@ -6,7 +6,11 @@ the sheet (2x2), and of at most four constants:
     stress(G, constants) -> S        second Piola stress of the sheet [Pa]; the first Piola stress is F S
     energy(G, constants) -> Psi      stored energy per reference volume [J/m^3]
 
-For Newton's method a material adds
+For the fast paths a material adds a factory of
+
+    stress_near(G, constants, guess) -> S, d      the same stress, and a number that guesses it nearby; 0 knows nothing
+
+and for Newton's method
 
     response(G, constants) -> S, T   also the derivative T of (S11, S22, 2 S12) by (C11, C22, C12), vec6 [Pa]
 
@@ -14,8 +18,8 @@ where C12 stands for both off-diagonal entries: T is then twice the Hessian of P
 its own, so that runs without Newton's method compile nothing of it.
 
 G, not C, is passed because C - I holds the digits that 1 + strain loses in float32. The thickness stretch
-C33 follows from a vanishing through-thickness stress; it is found as the volume change z = J^2 - 1, for
-which the residual of both materials here is monotone, so Newton's iteration cannot leave its bracket.
+C33 follows from a vanishing through-thickness stress. Newton's iteration finds d = J^(2/3) - 1, of which the
+volume change z = J^2 - 1 = d (3 + 3d + d^2) and the residual are polynomials: no root, one or two divisions.
 
 Written with the second Piola stress, the law needs no local frame and no rotation: F S is exactly what the
 papers obtain by rotating to the tangent plane, taking the stress there and rotating back.
@@ -27,7 +31,14 @@ import warp as wp
 
 from .numeric import numeric
 
-NEWTON_STEPS = 12
+# Typical states take 2 or 3 steps, the worst found below the lock of a Gent sheet 19 (K / mu near 1). A guess that
+# leads nowhere is given up for zero after RESTART of them.
+NEWTON_STEPS = 36
+RESTART = 12
+# Change of d at which the iteration ends: it converges quadratically, so the next change is its square.
+TOLERANCE = {32: 3e-4, 64: 1e-7}
+# Least factor on J^(2/3) in one step of the iteration.
+SHRINK = 0.585
 
 
 @functools.cache
@@ -48,12 +59,12 @@ def invariants(bits):
         return (trace - real(3.0) * z / (root * root + root + real(1.0))) / root
 
     @wp.func
-    def plane_stress(G: mat22, thinning: real, g: real):
-        """S = g (I - C33 C^-1), with C33 = 1 + thinning.
+    def plane_stress(G: mat22, slope: real, thinning: real, g: real):
+        """S = g (I - C33 C^-1), with slope = 1 / det C and C33 = 1 + thinning.
 
         I - C33 C^-1 = C^-1 (G - thinning I): no difference of numbers near one.
         """
-        scale = g / (real(1.0) + area_change(G))
+        scale = g * slope
         b = G[0, 1]
         shear = scale * b * (real(1.0) + thinning)
         return mat22(
@@ -124,41 +135,92 @@ def condensation(bits):
 
 
 @functools.cache
+def volume(bits):
+    """Function d -> z = J^2 - 1 of d = J^(2/3) - 1."""
+    real = numeric(bits).real
+
+    @wp.func
+    def volume_of(d: real):
+        return d * (real(3.0) + d * (real(3.0) + d))
+
+    return volume_of
+
+
+@functools.cache
+def neo_hookean_root(bits):
+    """Function (tr C - 2, det C - 1, constants, guess) -> d = J^(2/3) - 1 of the neo-Hookean material."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    volume_of = volume(bits)
+    tolerance = TOLERANCE[bits]
+    steps, restart, shrink = NEWTON_STEPS, RESTART, SHRINK
+
+    @wp.func
+    def root_change(trace: real, area: real, constants: parameters, guess: real):
+        # Zero of J^(2/3) sigma_33: the factor makes it rise strictly with d, whatever the state.
+        slope = real(1.0) / (real(1.0) + area)
+        third = constants[0] / real(3.0)
+        quarter = real(0.25) * constants[1]
+        d = guess
+        found = bool(False)
+        for step in range(steps):
+            if step == restart:
+                d = real(0.0)
+            root = real(1.0) + d
+            z = volume_of(d)
+            q = real(1.0) + z
+            thinning = slope * (z - area)
+            r = real(1.0) / q
+            residual = third * (real(2.0) * thinning - trace) + quarter * root * z * (real(2.0) + z) * r
+            tangent = real(6.0) * third * slope * root * root + quarter * (real(4.0) * q + real(2.0) * r)
+            new = wp.max(d - residual / tangent, real(shrink) * root - real(1.0))
+            change = wp.abs(new - d)
+            d = new
+            if change <= real(tolerance) * root:
+                found = True
+                break
+        if not found:
+            d = real(wp.nan)
+        return d
+
+    return root_change
+
+
+@functools.cache
 def neo_hookean_volume(bits):
     """Function (G, constants) -> z of the neo-Hookean material."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
     area_change, _, _ = invariants(bits)
-    tolerance = 1e-6 if bits == 32 else 1e-13
-    steps = NEWTON_STEPS
+    root_change = neo_hookean_root(bits)
+    volume_of = volume(bits)
 
     @wp.func
     def volume_change(G: mat22, constants: parameters):
-        # Zero of J^(2/3) sigma_33: the factor makes it rise strictly with z, whatever the state.
-        trace = G[0, 0] + G[1, 1]
-        area = area_change(G)
-        mu = constants[0]
-        bulk = constants[1]
-        slope = real(2.0) / (real(3.0) * (real(1.0) + area))
-        z = real(0.0)
-        for _ in range(steps):
-            thinning = (z - area) / (real(1.0) + area)
-            root = wp.cbrt(real(1.0) + z)
-            p = real(0.25) * bulk * z * (real(2.0) + z) / (real(1.0) + z)
-            residual = mu * (real(2.0) * thinning - trace) / real(3.0) + root * p
-            tangent = (
-                mu * slope
-                + root * bulk * real(0.25) * (real(1.0) + real(1.0) / ((real(1.0) + z) * (real(1.0) + z)))
-                + p / (real(3.0) * root * root)
-            )
-            new = wp.max(z - residual / tangent, real(0.2) * (real(1.0) + z) - real(1.0))
-            change = wp.abs(new - z)
-            z = new
-            if change <= real(tolerance) * (real(1.0) + z):
-                break
-        return z
+        return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
 
     return volume_change
+
+
+@functools.cache
+def neo_hookean_near(bits):
+    """Function (G, constants, guess) -> (S, d) of the neo-Hookean material, see `stress_near` above."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    area_change, _, plane_stress = invariants(bits)
+    root_change = neo_hookean_root(bits)
+    volume_of = volume(bits)
+
+    @wp.func
+    def stress_near(G: mat22, constants: parameters, guess: real):
+        area = area_change(G)
+        trace = G[0, 0] + G[1, 1]
+        d = root_change(trace, area, constants, guess)
+        slope = real(1.0) / (real(1.0) + area)
+        thinning = slope * (volume_of(d) - area)
+        return plane_stress(G, slope, thinning, constants[0] / (real(1.0) + d)), d
+
+    return stress_near
 
 
 @functools.cache
@@ -170,25 +232,25 @@ def neo_hookean(bits):
     """
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, excess_invariant, plane_stress = invariants(bits)
-    volume_change = neo_hookean_volume(bits)
+    area_change, _, _ = invariants(bits)
+    root_change = neo_hookean_root(bits)
+    volume_of = volume(bits)
+    stress_near = neo_hookean_near(bits)
 
     @wp.func
     def stress(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
-        area = area_change(G)
-        thinning = (z - area) / (real(1.0) + area)
-        g = constants[0] / wp.cbrt(real(1.0) + z)
-        return plane_stress(G, thinning, g)
+        S, _ = stress_near(G, constants, real(0.0))
+        return S
 
     @wp.func
     def energy(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
         area = area_change(G)
+        trace = G[0, 0] + G[1, 1]
+        d = root_change(trace, area, constants, real(0.0))
+        z = volume_of(d)
         thinning = (z - area) / (real(1.0) + area)
-        excess = excess_invariant(G[0, 0] + G[1, 1] + thinning, z)
-        volume = z * z / (real(1.0) + z)
-        return real(0.5) * constants[0] * excess + constants[1] / real(8.0) * volume
+        excess = (trace + thinning - real(3.0) * d) / (real(1.0) + d)
+        return real(0.5) * constants[0] * excess + constants[1] / real(8.0) * (z * z / (real(1.0) + z))
 
     return stress, energy
 
@@ -206,7 +268,8 @@ def neo_hookean_response(bits):
     def response(G: mat22, constants: parameters):
         z = volume_change(G, constants)
         area = area_change(G)
-        S = plane_stress(G, (z - area) / (real(1.0) + area), constants[0] / wp.cbrt(real(1.0) + z))
+        inverse_area = real(1.0) / (real(1.0) + area)
+        S = plane_stress(G, inverse_area, inverse_area * (z - area), constants[0] / wp.cbrt(real(1.0) + z))
         q = real(1.0) + z
         eighth = constants[1] / real(8.0)
         slope = eighth * (z + z / q)
@@ -216,46 +279,87 @@ def neo_hookean_response(bits):
 
 
 @functools.cache
+def gent_root(bits):
+    """Function (tr C - 2, det C - 1, constants, guess) -> d = J^(2/3) - 1 of the Gent material."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    volume_of = volume(bits)
+    tolerance = TOLERANCE[bits]
+    steps, restart, shrink = NEWTON_STEPS, RESTART, SHRINK
+
+    @wp.func
+    def root_change(trace: real, area: real, constants: parameters, guess: real):
+        # Zero of (Jm - I1b + 3) J^(4/3) sigma_33, with room = (Jm - I1b + 3) J^(2/3).
+        lock = constants[2]
+        slope = real(1.0) / (real(1.0) + area)
+        third = constants[0] * lock / real(3.0)
+        half = real(0.5) * constants[1]
+        d = guess
+        found = bool(False)
+        for step in range(steps):
+            if step == restart:
+                d = real(0.0)
+            root = real(1.0) + d
+            z = volume_of(d)
+            rise = real(3.0) * root * root
+            thinning = slope * (z - area)
+            # Held off the lock here so that an iterate beyond it can come back.
+            room = wp.max(lock * root - trace - thinning + real(3.0) * d, real(1.0e-3) * lock)
+            residual = third * (real(2.0) * thinning - trace) + half * z * room
+            floor = real(2.0) * third * slope * rise + half * rise * room
+            tangent = floor + half * z * (lock - slope * rise + real(3.0))
+            new = wp.max(d - residual / wp.max(tangent, real(0.25) * floor), real(shrink) * root - real(1.0))
+            change = wp.abs(new - d)
+            d = new
+            # The iteration converges quadratically only within a distance of the order of the room to the lock.
+            if change * lock <= real(tolerance) * room:
+                found = True
+                break
+        if not found:
+            d = real(wp.nan)
+        return d
+
+    return root_change
+
+
+@functools.cache
 def gent_volume(bits):
     """Function (G, constants) -> z of the Gent material."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, excess_invariant, _ = invariants(bits)
-    tolerance = 1e-6 if bits == 32 else 1e-13
-    steps = NEWTON_STEPS
+    area_change, _, _ = invariants(bits)
+    root_change = gent_root(bits)
+    volume_of = volume(bits)
 
     @wp.func
     def volume_change(G: mat22, constants: parameters):
-        trace = G[0, 0] + G[1, 1]
-        area = area_change(G)
-        mu = constants[0]
-        inverse_d = real(0.5) * constants[1]
-        lock = constants[2]
-        slope = real(1.0) / (real(1.0) + area)
-        z = real(0.0)
-        for _ in range(steps):
-            thinning = (z - area) * slope
-            root = wp.cbrt(real(1.0) + z)
-            excess = excess_invariant(trace + thinning, z)
-            # Held off the lock here so that an iterate beyond it can come back.
-            room = wp.max(lock - excess, real(1.0e-3) * lock)
-            deviator = (real(2.0) * thinning - trace) / real(3.0)
-            residual = mu * lock / room * deviator + root * inverse_d * z
-            excess_slope = (slope - real(1.0) / (root * root)) / root - excess / (real(3.0) * (real(1.0) + z))
-            tangent = (
-                mu * lock / room * (real(2.0) / real(3.0) * slope)
-                + mu * lock / (room * room) * excess_slope * deviator
-                + inverse_d * (root + z / (real(3.0) * root * root))
-            )
-            floor = mu * lock / room * (real(2.0) / real(3.0) * slope) + inverse_d * real(0.5)
-            new = wp.max(z - residual / wp.max(tangent, real(0.25) * floor), real(0.2) * (real(1.0) + z) - real(1.0))
-            change = wp.abs(new - z)
-            z = new
-            if change <= real(tolerance) * (real(1.0) + z):
-                break
-        return z
+        return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
 
     return volume_change
+
+
+@functools.cache
+def gent_near(bits):
+    """Function (G, constants, guess) -> (S, d) of the Gent material, see `stress_near` above."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    area_change, _, plane_stress = invariants(bits)
+    root_change = gent_root(bits)
+    volume_of = volume(bits)
+
+    @wp.func
+    def stress_near(G: mat22, constants: parameters, guess: real):
+        area = area_change(G)
+        trace = G[0, 0] + G[1, 1]
+        d = root_change(trace, area, constants, guess)
+        slope = real(1.0) / (real(1.0) + area)
+        thinning = slope * (volume_of(d) - area)
+        room = constants[2] * (real(1.0) + d) - trace - thinning + real(3.0) * d
+        if room <= real(0.0):
+            room = real(wp.nan)
+        return plane_stress(G, slope, thinning, constants[0] * constants[2] / room), d
+
+    return stress_near
 
 
 @functools.cache
@@ -263,32 +367,29 @@ def gent(bits):
     """Slightly compressible Gent material; constants: mu [Pa], K = 2/D [Pa], Jm [-].
 
     Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J).
-    At and beyond the lock, I1b - 3 >= Jm, the material has no stress: the functions return NaN there, which
-    the run reports as the lock reached. Source: BA paper's Gent sheet.
+    Beyond the lock, I1b - 3 >= Jm at constant volume, the sheet can only swell: where no stress is found the
+    functions return NaN, which the run reports as the lock reached. Source: BA paper's Gent sheet.
     """
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, excess_invariant, plane_stress = invariants(bits)
-    volume_change = gent_volume(bits)
+    area_change, _, _ = invariants(bits)
+    root_change = gent_root(bits)
+    volume_of = volume(bits)
+    stress_near = gent_near(bits)
 
     @wp.func
     def stress(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
-        area = area_change(G)
-        thinning = (z - area) / (real(1.0) + area)
-        excess = excess_invariant(G[0, 0] + G[1, 1] + thinning, z)
-        room = constants[2] - excess
-        if room <= real(0.0):
-            room = real(wp.nan)
-        g = constants[0] * constants[2] / (room * wp.cbrt(real(1.0) + z))
-        return plane_stress(G, thinning, g)
+        S, _ = stress_near(G, constants, real(0.0))
+        return S
 
     @wp.func
     def energy(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
         area = area_change(G)
+        trace = G[0, 0] + G[1, 1]
+        d = root_change(trace, area, constants, real(0.0))
+        z = volume_of(d)
         thinning = (z - area) / (real(1.0) + area)
-        excess = excess_invariant(G[0, 0] + G[1, 1] + thinning, z)
+        excess = (trace + thinning - real(3.0) * d) / (real(1.0) + d)
         share = excess / constants[2]
         logarithm = real(0.0)
         if share >= real(1.0):
@@ -331,7 +432,7 @@ def gent_response(bits):
         if room <= real(0.0):
             room = real(wp.nan)
         first = real(0.5) * constants[0] * constants[2] / room
-        S = plane_stress(G, thinning, real(2.0) * first / wp.cbrt(real(1.0) + z))
+        S = plane_stress(G, real(1.0) / (real(1.0) + area), thinning, real(2.0) * first / wp.cbrt(real(1.0) + z))
         quarter = real(0.25) * constants[1]
         return S, condensed(G, z, first, first / room, quarter * z, quarter * (real(1.0) + z))
 

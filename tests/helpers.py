@@ -100,7 +100,12 @@ def exact_stress(material, gradient):
             pressure = 0.25 * material.bulk * (volume - 1.0 / volume)
         return shear(c33) * (2.0 * c33 - trace) / 3.0 + pressure
 
-    c33 = brentq(thickness_stress, 1e-2 / det, 1e2 / det, xtol=1e-15, rtol=8.9e-16)
+    # The root lies on the near side of the pole that the Gent material has at its lock.
+    grid = np.geomspace(1e-2, 1e2, 20001) / det
+    at = np.flatnonzero((thickness_stress(grid[:-1]) < 0.0) & (thickness_stress(grid[1:]) >= 0.0))
+    at = at[(shear(grid[at]) > 0.0) & (shear(grid[at + 1]) > 0.0)]
+    assert len(at) == 1
+    c33 = brentq(thickness_stress, grid[at[0]], grid[at[0] + 1], xtol=1e-15, rtol=8.9e-16)
     return F @ (shear(c33) * (np.eye(2) - c33 * np.linalg.inv(C)))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from .checks import InputError, finite, positive
 
@@ -12,8 +12,9 @@ from .checks import InputError, finite, positive
 class Material(Protocol):
     """What a force law asks of a material; any object with these two is one.
 
-    Newton's method asks for a third, `response`: a cached factory, precision in bits -> Warp function, see
-    kernels/materials.py.
+    Newton's method asks for a third, `response`, the fast paths of the bond-associated law for `near`: cached
+    factories, precision in bits -> Warp function, see kernels/materials.py. Fastest is a material that also says
+    `isotropic = True`.
     """
 
     @property
@@ -44,6 +45,8 @@ class NeoHookean:
     mu: float
     bulk: float
 
+    isotropic: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         positive("mu", self.mu)
         positive("bulk", self.bulk)
@@ -67,6 +70,13 @@ class NeoHookean:
 
         return neo_hookean_response
 
+    @property
+    def near(self) -> Callable[[int], Any]:
+        """See `kernels.materials.neo_hookean_near`."""
+        from .kernels.materials import neo_hookean_near
+
+        return neo_hookean_near
+
 
 @dataclass(frozen=True)
 class Gent:
@@ -86,6 +96,8 @@ class Gent:
     mu: float
     bulk: float
     lock: float
+
+    isotropic: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("mu", self.mu)
@@ -110,6 +122,13 @@ class Gent:
         from .kernels.materials import gent_response
 
         return gent_response
+
+    @property
+    def near(self) -> Callable[[int], Any]:
+        """See `kernels.materials.gent_near`."""
+        from .kernels.materials import gent_near
+
+        return gent_near
 
 
 def padded_constants(material: Material) -> tuple[float, float, float, float]:

@@ -1,0 +1,105 @@
+"""The fast kernels of the bond-associated law give what the plain ones give, on random states with damage."""
+
+import numpy as np
+import pytest
+from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, square
+
+from warp_pd import CriticalStretch, Explicit, Gent
+from warp_pd.forces import fast_path
+
+TOLERANCE = {32: 2e-6, 64: 1e-12}
+
+
+def rough(sheet, seed=0):
+    """A stretched, curved sheet with noise."""
+    noise = np.random.default_rng(seed).uniform(-0.05, 0.05, (sheet.size, 3)) * sheet.spacing
+    x, y = sheet.points.T
+    return np.column_stack([0.3 * x + 0.01 * np.sin(60.0 * y), -0.1 * y, 0.02 * np.sin(40.0 * x * y / 0.1)]) + noise
+
+
+def names(built):
+    return [launch.name for launch in built.workspace.stages["step"]]
+
+
+def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT):
+    parts = {"damage": CriticalStretch(1e3)} if cut else {}
+    forces, launches = [], []
+    for fast in (True, False):
+        built = build(
+            sheet, horizon=horizon, material=material, precision=bits, law={"fast": fast, "broken": broken}, **parts
+        )
+        if cut:
+            sever(built, cut)
+        forces.append(internal_force(built, rough(sheet)))
+        launches.append(names(built))
+    quick, plain = forces
+    assert np.abs(quick - plain).max() <= TOLERANCE[bits] * np.abs(plain).max()
+    return launches
+
+
+@pytest.mark.parametrize(
+    ("horizon", "bits", "material"),
+    [(1.5, 64, GENT), (1.5, 32, NEO), (2.015, 32, GENT), (3.15, 64, NEO), (3.15, 32, GENT)],
+)
+def test_whole_families_inside_a_lattice(horizon, bits, material):
+    quick, plain = compare(square(15), horizon, bits, material=material)
+    assert quick[1:3] == ["whole_family_force", "variational_force"]
+    assert plain[1:2] == ["variational_force"]
+
+
+@pytest.mark.parametrize("broken", ["drop", "redistribute"])
+def test_families_with_broken_bonds(broken):
+    compare(square(15), 2.015, 64, cut=((0.02, 0.031), (0.071, 0.08)), broken=broken)
+
+
+@pytest.mark.parametrize("broken", ["drop", "redistribute"])
+@pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
+def test_families_in_registers(monkeypatch, sheet, broken):
+    """What a GPU does, here on a CPU."""
+    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+    quick, _ = compare(sheet, 2.015, 64, cut=((0.02, 0.031), (0.071, 0.08)), broken=broken)
+    assert quick[-3:-1] == ["any_family_force", "gather_from_mates"]
+
+
+def test_the_list_of_other_points_is_used_up(monkeypatch):
+    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+    built = build(square(13), damage=CriticalStretch(1e3))
+    first = internal_force(built, rough(built.simulation.sheet))
+    assert array(built, "other_count").numpy()[0] == 0
+    assert (internal_force(built, rough(built.simulation.sheet)) == first).all()
+    listed = np.unique(array(built, "other_points").numpy())
+    inner = built.force.families.kind == built.force.fast_path.stencil[1]
+    assert set(np.flatnonzero(~inner)) <= set(listed)
+
+
+def test_rupture_ends_alike():
+    """A sheet that tears breaks the same bonds at the same time on both paths."""
+    results = []
+    for fast in (True, False):
+        built = build(
+            square(15), horizon=2.015, law={"fast": fast}, damage=CriticalStretch(1.5), solver=Explicit(duration=0.02)
+        )
+        sheet, intact = built.simulation.sheet, built.force.alive.numpy()
+        built.state.velocity.assign(np.column_stack([40.0 * sheet.points[:, 0], 0 * sheet.points]))
+        internal_force(built, np.zeros((sheet.size, 3)))
+        built.step.fill_(2e-5)
+        built.workspace.sequence("step", 400).run()
+        results.append((built.force.alive.numpy(), built.to_numpy(built.state.displacement)))
+    (alive, moved), (plain_alive, plain_moved) = results
+    assert (alive == plain_alive).all()
+    assert (alive != intact).any()
+    assert np.abs(moved - plain_moved).max() < 1e-9 * np.abs(plain_moved).max()
+
+
+class Woven(Gent):
+    """A material that does not claim to be isotropic."""
+
+    isotropic = False
+
+
+def test_what_has_no_fast_kernels():
+    assert build(square(15), weights="published").force.fast_path is None
+    assert build(square(15), material=Woven(MU, 2e5, 160.0)).force.fast_path is None
+    assert build(jittered(13)).force.fast_path is None
+    assert build(square(5), horizon=3.15).force.fast_path is None
+    assert build(square(15), law={"fast": False}).force.fast_path is None

@@ -1,0 +1,268 @@
+"""How long a step takes: cases, timing, tables.
+
+The sheet is stretched and rough, and the step so short that it stays as it is: every run of a case does the same
+work, however long it is measured. Nothing is written and no frame is taken.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from .checks import InputError, one_of
+from .contact import RigidBall
+from .damage import CriticalStretch
+from .forces.bond_associated import BondAssociated
+from .loads import Fixed, Load, Pressure
+from .materials import Gent
+from .sheet import Sheet
+from .simulation import Built, Simulation
+from .solvers import Explicit
+
+FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
+# Some unknown displacement survives any sum with a step so short.
+STEP = 1e-12
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is timed.
+
+    Attributes:
+        points: Points along a side of a square sheet.
+        horizon: Over the spacing.
+        precision: 32 or 64.
+        features: Some of FEATURES.
+        layout: "lattice" or "cloud".
+        weights: As of `BondAssociated`.
+        damaged: Share of the points that have lost a bond, with "rupture".
+        fast: Whether the fast kernels are taken.
+    """
+
+    points: int
+    horizon: float
+    precision: int = 32
+    features: tuple[str, ...] = ()
+    layout: str = "lattice"
+    weights: str = "plain"
+    damaged: float = 0.0
+    fast: bool = True
+
+    def __post_init__(self) -> None:
+        for feature in self.features:
+            one_of("features", feature, FEATURES)
+        one_of("layout", self.layout, ("lattice", "cloud"))
+        if self.damaged > 0.0 and "rupture" not in self.features:
+            raise InputError(f"damaged = {self.damaged!r}: allowed is 0 without the feature 'rupture'")
+
+    def simulation(self) -> Simulation:
+        """The sheet with what acts on it."""
+        sheet = Sheet.rectangle(1.0, 1.0, thickness=1e-2, density=1000.0, points=self.points)
+        if self.layout == "cloud":
+            sheet = sheet.as_cloud()
+        loads: list[Load] = []
+        if "supports" in self.features:
+            loads.append(Fixed(sheet.edges("all")))
+        if "pressure" in self.features:
+            loads.append(Pressure(20.0))
+        ball = RigidBall(diameter=0.15, start=(0.5, 0.5, 0.5), velocity=(0.0, 0.0, -0.1))
+        return Simulation(
+            sheet,
+            force=BondAssociated(
+                Gent(mu=1e3, bulk=200e3, lock=160.0), horizon=self.horizon, weights=self.weights, fast=self.fast
+            ),
+            loads=loads,
+            contact=ball if "contact" in self.features else None,
+            damage=CriticalStretch(1e3) if "rupture" in self.features else None,
+            solver=Explicit(duration=1.0, damping=0.1 if "damping" in self.features else 0.0),
+            track_energy="energy" in self.features,
+            initial_displacement=_rough(sheet),
+        )
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What was measured.
+
+    Attributes:
+        case: The case.
+        points: Number of points.
+        bonds: Number of bonds, each counted from both ends.
+        step: Median time of a step [s].
+        spread: Half the range of the middle half of the measurements, over the median.
+        array_bytes: Bytes of all arrays.
+        setup: Time to build the simulation [s].
+        compile: Time to compile or load its kernels [s].
+    """
+
+    case: Case
+    points: int
+    bonds: int
+    step: float
+    spread: float
+    array_bytes: int
+    setup: float
+    compile: float
+
+    @property
+    def point_steps(self) -> float:
+        """Points times steps a second."""
+        return self.points / self.step
+
+    @property
+    def bond_steps(self) -> float:
+        """Bonds times steps a second."""
+        return self.bonds / self.step
+
+
+def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> Timing:
+    """Time the steps of a case for about `seconds`.
+
+    Raises:
+        InputError: for a case that cannot be built.
+    """
+    begin = perf_counter()
+    built = case.simulation().build(device, case.precision)
+    if case.damaged > 0.0:
+        break_some(built, case.damaged)
+    wp.synchronize_device(built.workspace.device)
+    setup = perf_counter() - begin
+    compiling = built.workspace.compile()
+    built.step.fill_(STEP)
+    if built.advance is not None:
+        built.advance.assign(np.array([STEP, 1.0]))
+    built.workspace.sequence("setup").run()
+    times = _clock(built, seconds / repeats, repeats)
+    ordered = sorted(times)
+    middle = ordered[len(ordered) // 4 : -(len(ordered) // 4) or None]
+    median = statistics.median(times)
+    return Timing(
+        case=case,
+        points=built.simulation.sheet.size,
+        bonds=built.force.families.bond_count,
+        step=median,
+        spread=0.5 * (middle[-1] - middle[0]) / median,
+        array_bytes=built.workspace.array_bytes(),
+        setup=setup,
+        compile=compiling,
+    )
+
+
+def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
+    """Times of a step [s]."""
+    device = built.workspace.device
+    one = built.workspace.sequence("step")
+    one.run()
+    wp.synchronize_device(device)
+    begin = perf_counter()
+    one.run()
+    wp.synchronize_device(device)
+    once = max(perf_counter() - begin, 1e-7)
+    inner = int(min(max(1.0, seconds / once), 100.0))
+    many = built.workspace.sequence("step", repeat=inner)
+    many.run()
+    wp.synchronize_device(device)
+    begin = perf_counter()
+    many.run()
+    wp.synchronize_device(device)
+    loops = max(1, int(seconds / (perf_counter() - begin)))
+    times = []
+    for _ in range(repeats):
+        begin = perf_counter()
+        for _ in range(loops):
+            many.run()
+        wp.synchronize_device(device)
+        times.append((perf_counter() - begin) / (loops * inner))
+    return times
+
+
+def break_some(built: Built, share: float, seed: int = 0) -> None:
+    """Break one bond, at both ends, of so many points that about `share` of all have lost one."""
+    families, rng = built.force.families, np.random.default_rng(seed)
+    alive = built.force.alive.numpy()
+    count = built.simulation.sheet.size
+    tail = rng.permutation(count)[: max(1, round((1.0 if share >= 1.0 else 0.5 * share) * count))]
+    member = rng.integers(0, families.members, len(tail))
+    exists = families.rows_of_points(families.exists)[tail, member]
+    tail, member = tail[exists], member[exists]
+    if families.neighbours is None:
+        head, mate = tail + families.shift[member], families.mates[member]
+    else:
+        head, mate = families.neighbours[tail, member], families.mates[tail, member]
+    for points, bits in ((tail, member), (head, mate)):
+        np.bitwise_and.at(alive, (bits // 32, points), ~(np.uint32(1) << (bits % 32).astype(np.uint32)))
+    built.force.alive.assign(alive)
+
+
+def copy_rate(device: Any, megabytes: int = 1024) -> float:
+    """Bytes read and written a second when an array is copied [B/s]."""
+    size = megabytes * 2**18
+    source = wp.zeros(size, dtype=wp.float32, device=device)
+    target = wp.empty_like(source)
+    best = 0.0
+    for _ in range(6):
+        wp.synchronize_device(device)
+        begin = perf_counter()
+        for _ in range(4):
+            wp.copy(target, source)
+        wp.synchronize_device(device)
+        best = max(best, 4 * 8.0 * size / (perf_counter() - begin))
+    return best
+
+
+def table(timings: Iterable[Timing], copied: float) -> str:
+    """The measurements as a markdown table; `copied` as of `copy_rate`."""
+    lines = [
+        "| points | layout | horizon | float | features | step | spread | point-steps/s | bond-steps/s | "
+        "bytes a point | arrays a step / copy rate | set-up s | compile s |",
+        "|---" * 13 + "|",
+    ]
+    for t in timings:
+        c = t.case
+        features = ", ".join(c.features) or "none"
+        if c.damaged:
+            features += f", {100.0 * c.damaged:g} % damaged"
+        if not c.fast:
+            features += ", plain kernels"
+        share = t.array_bytes / t.step / copied
+        lines.append(
+            f"| {t.points} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
+            f"{100.0 * t.spread:.1f} % | {t.point_steps:.3g} | {t.bond_steps:.3g} | {t.array_bytes / t.points:.0f} | "
+            f"{100.0 * share:.0f} % | {t.setup:.2f} | {t.compile:.2f} |"
+        )
+    return "\n".join(lines)
+
+
+def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[int]) -> list[Case]:
+    """Cases of growing size, points along a side; neither loads nor supports."""
+    return [Case(points, m, bits) for bits in precisions for m in horizons for points in sizes]
+
+
+def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case]:
+    """Every feature alone, all together, damaged sheets, the cloud, the plain kernels."""
+    alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
+    torn = [Case(points, horizon, precision, features=("rupture",), damaged=share) for share in (0.01, 1.0)]
+    return [
+        Case(points, horizon, precision),
+        *alone,
+        Case(points, horizon, precision, features=FEATURES),
+        *torn,
+        Case(points, horizon, precision, layout="cloud"),
+        Case(points, horizon, precision, fast=False),
+    ]
+
+
+def _time(seconds: float) -> str:
+    return f"{1e6 * seconds:.1f} us" if seconds < 1e-3 else f"{1e3 * seconds:.3f} ms"
+
+
+def _rough(sheet: Sheet) -> np.ndarray:
+    noise = np.random.default_rng(0).uniform(-0.02, 0.02, (sheet.size, 3)) * sheet.spacing
+    x, y = sheet.points.T
+    return np.column_stack([0.3 * x + 0.05 * np.sin(7.0 * y), -0.1 * y, 0.1 * np.sin(5.0 * x * y)]) + noise

@@ -1,0 +1,109 @@
+"""Fast kernels of the variational bond-associated law, and when they are taken.
+
+Whole families inside a square lattice have a kernel of their own, if the material is isotropic. On a GPU it puts all
+other points on a list, which a second kernel works off with the family in registers, so that threads side by side
+do the same; on clouds there is only the second. On a CPU registers are few: there all others take the plain kernel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from .whole_lattice import whole_stencil
+
+if TYPE_CHECKING:
+    from .bond_associated import BondAssociatedForce
+
+# Largest family that is held in registers; larger ones compile slowly and spill.
+MOST_MEMBERS = 48
+
+
+def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
+    """The fast kernels for a force law on a sheet, or None where there are none.
+
+    Args:
+        force: The law on its sheet and device.
+        inverse: K^-1 by row, shape (R, n, 3).
+        weights: W over the reference area by row, shape (R, n).
+    """
+    material = force.law.material
+    if not force.law.fast or force.weights == "published" or not hasattr(material, "near"):
+        return None
+    stencil = whole_stencil(force.families, inverse, weights) if getattr(material, "isotropic", False) else None
+    registers = in_registers(force.workspace.device) and force.families.members <= MOST_MEMBERS
+    return FastPath(force, stencil, registers) if stencil or registers else None
+
+
+def in_registers(device: Any) -> bool:
+    """Whether families that are not whole are held in registers."""
+    return bool(device.is_cuda)
+
+
+class FastPath:
+    """The fast kernels on one sheet and device.
+
+    Attributes:
+        stencil: Stencil of whole families and the kind that they share, or None.
+        registers: Whether all other families are held in registers.
+    """
+
+    def __init__(self, force: BondAssociatedForce, stencil: Any, registers: bool) -> None:
+        self.force, self.stencil, self.registers = force, stencil, registers
+        w = force.workspace
+        spelled_out = repr((stencil, force.families.members)).encode()
+        self.module = f"{w.module}_fast_{hashlib.sha1(spelled_out).hexdigest()[:8]}"
+        # Division to two units in the last place, in float32 on a GPU; errors against float64 stay the same.
+        wp.get_module(self.module).options["fast_math"] = w.bits == 32
+        self.listed = registers and stencil is not None
+        self.others = w.array("other_points", force.owner, wp.int32, shape=force.points) if self.listed else None
+        self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None
+
+    def add_force(self, stage: str, displacement: Any, force: Any) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        if self.stencil is not None:
+            self._add_whole(stage, displacement, force)
+        if self.registers:
+            self._add_registers(stage, displacement, force)
+        else:
+            self.force.add_plain_families(stage, displacement, inner=self.stencil[1])
+            self.force.add_gather(stage, force)
+
+    def _add_whole(self, stage: str, displacement: Any, force: Any) -> None:
+        from ..kernels.whole_lattice import whole_lattice_force
+
+        law, (stencil, inner) = self.force, self.stencil
+        _, bits, _, breakable, _ = law.signature
+        kernel = whole_lattice_force(
+            bits, law.law.material.near, stencil, breakable is not None, self.listed, self.module
+        )
+        law.workspace.launch(
+            stage, law.owner, kernel, law.points,
+            kind=law.struct.kind, inner=inner, alive=law.alive, displacement=displacement, columns=law.columns,
+            turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
+            other_count=self.other_count, bond_force=law.bond_force, force=force,
+        )  # fmt: skip
+
+    def _add_registers(self, stage: str, displacement: Any, force: Any) -> None:
+        from ..kernels.family_registers import gather_mates, register_force
+
+        law, w = self.force, self.force.workspace
+        layout, bits, material, breakable, _ = law.signature
+        members = law.families.members
+        w.launch(
+            stage, law.owner,
+            register_force(
+                layout, bits, material, law.law.material.near, breakable, members, self.listed, w.module, self.module
+            ),
+            law.points, family=law.struct, alive=law.alive, others=self.others, other_count=self.other_count,
+            displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.bond_force, force=force,
+        )  # fmt: skip
+        w.launch(
+            stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module), law.points,
+            family=law.struct, bond_force=law.bond_force, other_count=self.other_count, force=force,
+        )  # fmt: skip
