@@ -154,6 +154,11 @@ class Bimodular:
         return (self.tension, self.tension if self.compression is None else self.compression)
 
     @property
+    def goes_slack(self) -> bool:
+        """Whether compressed bonds carry nothing."""
+        return self.compression == 0.0
+
+    @property
     def pairwise(self) -> Callable[[int], Any]:
         """See `kernels.pairwise.bimodular`."""
         from .kernels.pairwise import bimodular

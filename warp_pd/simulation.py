@@ -234,6 +234,8 @@ class Built:
         if simulation.solver.steps_explicitly:
             self.inertia = simulation.solver.inertia(self)
             self._add_step()
+        elif simulation.damage is not None:
+            self._add_break("rupture", simulation.damage)
         self._add_setup()
         self._add_frame()
         simulation.solver.add(self)
@@ -400,7 +402,7 @@ class Built:
         if s.contact is not None:
             self._add_project(s.contact)
         if s.damage is not None:
-            self.add_break("step" if s.solver.in_time else "rupture", s.damage)
+            self._add_break("step" if s.solver.in_time else "rupture", s.damage)
         self.force.add_force("step", state.displacement, state.force)
         self.add_loads("step")
         s.solver.add_before_kick(self)
@@ -495,7 +497,7 @@ class Built:
             impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
-    def add_break(self, stage: str, damage: CriticalStretch) -> None:
+    def _add_break(self, stage: str, damage: CriticalStretch) -> None:
         """Add the launch that breaks over-stretched bonds."""
         from .kernels.damage import critical_stretch
 

@@ -14,9 +14,12 @@ from .equilibrium import OWNER, Equilibrium, factorised
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-# Tension over the modulus that the tangent always has: a point whose bonds are all slack or broken stays in the
-# matrix. It takes no part in the force, so it changes the way to the answer and not the answer.
+# Tension over the modulus that the tangent always has, so that a point whose bonds are all slack or broken stays in
+# the matrix; and times the relative residual where bonds can go slack: it keeps points that nothing holds from
+# flying off (strips of docs/wrinkling.md take half the steps), and fades fast enough to leave the convergence
+# quadratic. It takes no part in the force, so it changes the way to the answer and not the answer.
 LEAST = 1e-10
+SLACK_SHARE = 1e-2
 SLACK = 1e-6
 
 
@@ -67,9 +70,10 @@ class BondTangent(Equilibrium):
         )  # fmt: skip
         self._add_pressure_and_supports("product", self.vector, self.image, follower=True)
 
-    def linearise(self, tension: float) -> None:
-        """Take the tangent at `displacement`, with an isotropic tension [Pa] added to every bond."""
-        super().linearise(max(tension, LEAST * self.modulus()))
+    def least_tension(self, relative: float) -> float:
+        """Isotropic tension [Pa] in the tangent, at a relative residual."""
+        slack = SLACK_SHARE * min(relative, 1.0) if getattr(self.force.law.material, "goes_slack", False) else 0.0
+        return max(slack, LEAST) * self.modulus()
 
     def slack(self) -> bool:
         """Whether points may leave the plane and nothing holds them back: a flat sheet without tension."""

@@ -184,7 +184,7 @@ def factorised(matrix: Any, free: np.ndarray) -> Any:
     from scipy.sparse.linalg import splu
 
     try:
-        factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:
         return None
 

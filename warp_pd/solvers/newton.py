@@ -37,6 +37,8 @@ SLACK_TENSION, FIRST_TENSION, MOST_TENSION, LEAST_TENSION = 0.1, 1e-3, 100.0, 1e
 LOOSEST, TIGHTEST = 0.05, 1e-6
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 WIDEST = 2.5
+# A sheet torn in two or gone slack carries nothing: its unbalanced force is measured by this share of what it carried.
+LEAST_LOAD = 1e-3
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
 # Points up to which a bond-based sheet on a GPU is factorised on the host.
@@ -132,9 +134,7 @@ class Newton:
             raise InputError("stiffness = 'constant': allowed is 'tangent', and 'constant' with the law BondBased")
 
     def add(self, built: Built) -> None:
-        """Add the tangent and, on a rectangle, the coarser lattices; rupture at rest if bonds can break."""
-        if built.simulation.damage is not None:
-            built.add_break("rupture", built.simulation.damage)
+        """Add the tangent and, on a rectangle, the coarser lattices."""
         built.newton = Search(self, built)
 
     def march(self, built: Built, recorder: Recorder) -> str:
@@ -194,7 +194,10 @@ class Search:
         self.report = Report(self.preconditioner)
         self.tolerance = newton.tolerance or (1e-8 if built.types.bits == 64 else 1e-4)
         self.modulus = 0.0
+        self.largest = 0.0
         self._begin = 0.0
+        self._earlier: tuple[float, np.ndarray] | None = None
+        self._kept: tuple[float, np.ndarray] | None = None
 
     def _tangent(self) -> Tangent | BondTangent:
         built, state, force = self.built, self.built.state, self.built.force
@@ -248,18 +251,19 @@ class Search:
         """Follow the load path; returns the final status."""
         self._begin, tangent, planned = perf_counter(), self.tangent, self.newton.load_steps
         reached, size, cuts = recorder.time / self.newton.duration, 1.0 / planned, 0
-        standing = self._keep()
+        standing = self._keep(reached)
         while reached < 1.0 - 1e-9:
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             share = goal if reached + size > goal - 1e-9 else reached + size
             converged, recorder.residual = self._rest(share, recorder)
             if converged:
                 reached = share
-                standing = self._keep()
+                standing = self._keep(reached)
                 if share == goal:
                     self._record(recorder, reached)
                 continue
             wp.copy(tangent.displacement, self.good)
+            self._earlier = self._kept = None
             if self.rupture.alive is not None:
                 self.rupture.alive.assign(standing)
             cuts += 1
@@ -273,17 +277,23 @@ class Search:
                 return NOT_CONVERGED
         return FINISHED
 
-    def _keep(self) -> np.ndarray | None:
+    def _keep(self, reached: float) -> np.ndarray | None:
         """Remember the state as the last good load step; its standing bonds, if any can break."""
         wp.copy(self.good, self.tangent.displacement)
+        self._earlier, self._kept = self._kept, (reached, self.good.numpy().astype(np.float64))
         return None if self.rupture.alive is None else self.rupture.alive.numpy().copy()
 
     def _rest(self, share: float, recorder: Recorder) -> tuple[bool, float]:
         """Equilibrium at a share of the loads in which nothing breaks; whether found, and the residual."""
+        if self._earlier is not None and self._kept is not None and self.hierarchy is None:
+            # On along the line through the last two load steps; what is held goes where it belongs all the same.
+            (s0, u0), (s1, u1) = self._earlier, self._kept
+            assign(self.tangent.displacement, u1 + (share - s1) / (s1 - s0) * (u1 - u0))
         converged, residual = self._load_step(share, recorder)
         rounds = 0
         while converged and self.rupture.breaks():
             rounds += 1
+            self._kept = None
             converged, residual = self._load_step(share, recorder)
             converged = converged and rounds < MOST_ROUNDS
         return converged, residual
@@ -349,6 +359,11 @@ class Search:
         self.tangent.linearise(tension)
         return self.solvers[0].prepare()
 
+    def relative(self, norm: float, scale: float) -> float:
+        """Unbalanced force over loads and reactions, these at least LEAST_LOAD of the largest at rest so far."""
+        scale = max(scale, LEAST_LOAD * self.largest)
+        return _ratio(norm, scale)
+
 
 class Descent:
     """Newton steps of one level at one share of the loads."""
@@ -376,13 +391,15 @@ class Descent:
         norm, scale = self.level.evaluate()
         converged = False
         for iteration in range(self.search.newton.most_iterations + 1):
-            relative = 0.0 if norm == 0.0 else norm / scale if scale > 0.0 else math.inf
+            relative = self.search.relative(norm, scale) if self.index == 0 else _ratio(norm, scale)
             self.residuals.append(relative)
             if self.index == 0:
                 self.recorder.progress(len(self.shares), relative, self.search.tolerance)
             if not math.isfinite(norm):
                 break
             converged = relative <= self.tolerance and not self.lifting
+            if converged and self.index == 0:
+                self.search.largest = max(self.search.largest, scale)
             if converged or iteration == self.search.newton.most_iterations:
                 break
             advanced = self._step(relative, norm)
@@ -401,7 +418,8 @@ class Descent:
         """One accepted step: the new norms; None if no tension helps."""
         level, search = self.level, self.search
         while True:
-            usable = self._kept or search.linearise(self.index, self.tension)
+            least = level.least_tension(relative) if isinstance(level, BondTangent) else 0.0
+            usable = self._kept or search.linearise(self.index, max(self.tension, least))
             self._kept = usable and relative <= KEPT and self.tension == 0.0 and self._shrinks()
             if not search.modulus:
                 search.modulus = level.modulus()
@@ -452,7 +470,7 @@ class Descent:
             new_norm, scale = level.evaluate()
             left = dot(level.direction, level.residual)
             if math.isfinite(new_norm) and (self.lifting or left >= -MOST_OVERSHOOT * work or new_norm < norm):
-                self._accept(share, new_norm / scale if scale > 0.0 else math.inf)
+                self._accept(share, _ratio(new_norm, scale))
                 return new_norm, scale
             share *= min(0.5, max(0.1, work / (work - left))) if math.isfinite(left) else 0.25
         level.step_to(0.0)
@@ -463,7 +481,7 @@ class Descent:
         """Take the whole direction, whatever comes of it."""
         self.level.step_to(1.0)
         norm, scale = self.level.evaluate()
-        self._accept(1.0, norm / scale if scale > 0.0 else math.inf)
+        self._accept(1.0, _ratio(norm, scale))
         return norm, scale
 
     def _accept(self, share: float, relative: float) -> None:
@@ -476,3 +494,7 @@ class Descent:
             self.tension = min(0.1 * self.tension, relative * self.search.modulus)
             if self.tension < LEAST_TENSION * self.search.modulus:
                 self.tension = 0.0
+
+
+def _ratio(norm: float, scale: float) -> float:
+    return 0.0 if norm == 0.0 else norm / scale if scale > 0.0 else math.inf
