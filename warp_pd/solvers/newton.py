@@ -19,7 +19,7 @@ from .equilibrium import OWNER, assign, dot
 from .linear import LinearSolver
 from .load_path import LoadPath
 from .multigrid import Hierarchy, coarse_points, coarser, restrict_loads
-from .rupture import MOST_ROUNDS, Rupture
+from .rupture import LEAST_LOAD, MOST_ROUNDS, Rupture
 from .tangent import Tangent
 
 if TYPE_CHECKING:
@@ -37,8 +37,6 @@ SLACK_TENSION, FIRST_TENSION, MOST_TENSION, LEAST_TENSION = 0.1, 1e-3, 100.0, 1e
 LOOSEST, TIGHTEST = 0.05, 1e-6
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 WIDEST = 2.5
-# A sheet torn in two or gone slack carries nothing: its unbalanced force is measured by this share of what it carried.
-LEAST_LOAD = 1e-3
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
 # Points up to which a bond-based sheet on a GPU is factorised on the host.

@@ -12,7 +12,7 @@ import numpy as np
 from ..checks import count, positive
 from ..forces.bond_associated import BondAssociated
 from ..forces.bond_based import BondBasedForce
-from .rupture import MOST_ROUNDS, Rupture
+from .rupture import LEAST_LOAD, MOST_ROUNDS, Rupture
 from .stable_step import BLOCK, StableStep
 
 if TYPE_CHECKING:
@@ -163,6 +163,7 @@ class Relaxing:
         self.density, self.rupture = sequence("density"), Rupture(built)
         self.done = 0
         self.dt = 0.0
+        self.largest = 0.0  # squared loads and reactions of a state at rest
         self.entries: list[dict[str, Any]] = []
 
     def run(self) -> str:
@@ -224,6 +225,7 @@ class Relaxing:
             if not math.isfinite(residual):
                 return False
             if residual <= self.tolerance and self.done - start >= ramp_steps:
+                self.largest = max(self.largest, float(self.built.reaction.numpy().sum()))
                 return True
         return False
 
@@ -235,6 +237,7 @@ class Relaxing:
 
     def _residual(self) -> float:
         unbalanced, reaction = float(self.built.unbalanced.numpy().sum()), float(self.built.reaction.numpy().sum())
+        reaction = max(reaction, LEAST_LOAD**2 * self.largest)
         if unbalanced == 0.0:
             return 0.0
         return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ..simulation import Built
 
+# A sheet torn in two or gone slack carries nothing: its unbalanced force is measured by this share of what it carried.
+LEAST_LOAD = 1e-3
 # Rounds of rupture at one load step after which the tear counts as running through.
 MOST_ROUNDS = 1000
 
