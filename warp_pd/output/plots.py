@@ -202,6 +202,8 @@ def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]
 def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     """Largest principal stress as strokes along its direction on the reference sheet, about `across` of them in a row.
 
+    Their length grows with the root of the stress.
+
     Args:
         path: Of the picture.
         frame: With the field "principal_stress": largest, smallest, angle [rad].
@@ -218,7 +220,7 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     x, y = frame.reference[chosen, :2].T
     width = 8.0
     figure, axes = plt.subplots(figsize=(width + 1.5, max(2.5, width * size[1] / size[0]) + 0.6), layout="constrained")
-    length = largest / max(largest.max(), 1e-300)
+    length = np.sqrt(np.maximum(largest, 0.0) / max(largest.max(), 1e-300))
     drawn = axes.quiver(
         x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=COLOURS, pivot="mid", headwidth=0,
         headlength=0, headaxislength=0, scale=0.7 * across,

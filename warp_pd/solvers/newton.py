@@ -52,8 +52,9 @@ class Newton:
 
     The load path runs over shares s from 0 to 1: schedules at the time s duration, loads without one times s.
     A load step that fails is cut in half. On an uncut rectangle every load step is solved on coarser lattices
-    first; elsewhere the third and later ones start on the line through the two before. With the bond-based law and
-    a rupture criterion every load step comes to rest, breaks what is over-stretched, and comes to rest again.
+    first; elsewhere the second and later ones start on the line through the two states before. With the
+    bond-based law and a rupture criterion every load step comes to rest, breaks what is over-stretched, and comes
+    to rest again.
 
     A step of Newton is accepted by the work of the unbalanced force along it (Matthies and Strang, Int. J. Numer.
     Meth. Eng. 14, 1979), which asks for no potential, so follower pressure is no exception; its unsymmetric tangent
