@@ -12,7 +12,7 @@ from .forces.bond_associated import BondAssociated
 from .forces.bond_based import BondBased
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
-from .materials import Bimodular, Gent, Material, NeoHookean
+from .materials import Bimodular, Gent, Material, NeoHookean, PairwiseMaterial
 from .runner import Result
 from .sheet import Sheet
 from .simulation import Built, Measure, Outcome, Simulation
@@ -39,6 +39,7 @@ __all__ = [
     "NeoHookean",
     "Newton",
     "Outcome",
+    "PairwiseMaterial",
     "PointForce",
     "Pressure",
     "Relaxation",

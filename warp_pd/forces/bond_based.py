@@ -43,7 +43,6 @@ class BondBased:
     state: str = "plane stress"
 
     weights = "pairwise"
-    rests_broken = True
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
