@@ -13,7 +13,7 @@ from warp_pd.measures import worst_balance
 SMALL = {
     "bimodular_bar": {"points": 60},
     "cantilever": {"points": 40},
-    "kapton_shear": {"points": 40, "tolerance": 1e-6},
+    "kapton_shear": {"points": 38, "tolerance": 1e-6},
     "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
     "square_wrinkles": {"points": 24},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0, "safety": 0.3},
