@@ -83,7 +83,9 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
     ):
         i = wp.tid() + first
         breaks = bool(False)
-        back = real(0.5) * step[0]
+        back = real(0.0)
+        if wp.static(tracked):
+            back = real(0.5) * step[0]
         for word in range(family.words):
             standing = alive[word, i]
             if surviving(family, displacement, horizon, critical_squared, spared_mask, i, word, standing) != standing:

@@ -11,6 +11,11 @@ from warp_pd.cli import build_scene, load_scene, scene_names
 from warp_pd.measures import worst_balance
 
 SMALL = {
+    "bimodular_bar": {"points": 60},
+    "cantilever": {"points": 40},
+    "kapton_shear": {"points": 38, "tolerance": 1e-6},
+    "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
+    "square_wrinkles": {"points": 24},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0, "safety": 0.3},
     "double_notch": {"points": 24, "horizon": 2.015, "safety": 0.4, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12, "safety": 0.9},

@@ -27,7 +27,8 @@ from warp_pd import (
 )
 from warp_pd.cli import build_scene, main
 from warp_pd.launches import run_once
-from warp_pd.solvers.tangent import SparseTangent, Tangent, assign
+from warp_pd.solvers.equilibrium import assign
+from warp_pd.solvers.tangent import SparseTangent, Tangent
 
 
 def simulate(sheet, solver, *, material=NEO, horizon=2.015, weights="plain", law=None, **parts):

@@ -9,9 +9,10 @@ from .checks import InputError
 from .contact import RigidBall
 from .damage import CriticalStretch
 from .forces.bond_associated import BondAssociated
+from .forces.bond_based import BondBased
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
-from .materials import Gent, Material, NeoHookean
+from .materials import Bimodular, Gent, Material, NeoHookean, PairwiseMaterial
 from .runner import Result
 from .sheet import Sheet
 from .simulation import Built, Measure, Outcome, Simulation
@@ -20,8 +21,10 @@ from .solvers import Explicit, Newton, Relaxation
 __version__ = "0.1.0"
 
 __all__ = [
+    "Bimodular",
     "BodyForce",
     "BondAssociated",
+    "BondBased",
     "BoundaryForce",
     "Built",
     "CriticalStretch",
@@ -36,6 +39,7 @@ __all__ = [
     "NeoHookean",
     "Newton",
     "Outcome",
+    "PairwiseMaterial",
     "PointForce",
     "Pressure",
     "Relaxation",

@@ -185,6 +185,7 @@ def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
 def break_some(built: Built, share: float, seed: int = 0) -> None:
     """Break one bond, at both ends, of so many points that about `share` of all have lost one."""
     families, rng = built.force.families, np.random.default_rng(seed)
+    assert built.force.alive is not None
     alive = built.force.alive.numpy()
     count = built.simulation.sheet.size
     tail = rng.permutation(count)[: max(1, round((1.0 if share >= 1.0 else 0.5 * share) * count))]
@@ -192,6 +193,7 @@ def break_some(built: Built, share: float, seed: int = 0) -> None:
     exists = families.rows_of_points(families.exists)[tail, member]
     tail, member = tail[exists], member[exists]
     if families.neighbours is None:
+        assert families.shift is not None
         head, mate = tail + families.shift[member], families.mates[member]
     else:
         head, mate = families.neighbours[tail, member], families.mates[tail, member]

@@ -55,7 +55,7 @@ class Families:
         bonds: X / horizon, shape (R, n, 2), or (n, 2) where all rows share a stencil.
         influence: w, shape (R, n) or (n,).
         common: Masks of the intersections over all members of the stencil or row, uint32, shape
-            (R, n, words) or (n, words).
+            (R, n, words) or (n, words); no members where the law knows no intersections.
         member_areas: Area of each member over the reference area, shape (R, n).
         areas: Area of the row's point over the reference area, shape (R,).
         kind: Row of each point, shape (N,), on a lattice; None on a cloud, where point i has row i.
@@ -166,7 +166,9 @@ def unpack(words: np.ndarray, members: int) -> np.ndarray:
     return np.unpackbits(as_bytes, axis=-1, bitorder="little")[..., :members].astype(bool)
 
 
-def build_families(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0) -> Families:
+def build_families(
+    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0, intersections: bool = True
+) -> Families:
     """Families of every point.
 
     Args:
@@ -175,6 +177,8 @@ def build_families(sheet: Sheet, horizon: float, influence: str | InfluenceFunct
         influence: Name of an influence function, or a function of r = |X| / horizon.
         depth: On a lattice, points up to this many spacings from an edge keep rows of their own, more than
             the families alone would need (corrected weights differ that far inside).
+        intersections: Whether the law asks for intersections of families; without them no masks are made, and
+            the horizon may be as short as one spacing.
 
     Raises:
         InputError: for a horizon too small for any intersection to hold two directions, one larger than the sheet
@@ -191,19 +195,24 @@ def build_families(sheet: Sheet, horizon: float, influence: str | InfluenceFunct
         )
     function = influence_function(influence)
     if sheet.lattice is not None:
-        if ratio * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
+        shortest = np.hypot(sheet.lattice.dx, sheet.lattice.dy)
+        if intersections and ratio * sheet.spacing < shortest * (1.0 - TOLERANCE):
             raise InputError(
                 f"horizon = {horizon!r}: allowed on a lattice is 1.42 or more, "
                 f"so that families hold their diagonal neighbours"
             )
-        return _lattice_families(sheet, ratio * sheet.spacing, function, depth)
-    return _cloud_families(sheet, ratio * sheet.spacing, function)
+        return _lattice_families(sheet, ratio * sheet.spacing, function, depth, intersections)
+    return _cloud_families(sheet, ratio * sheet.spacing, function, intersections)
 
 
-def _lattice_families(sheet: Sheet, horizon: float, function: InfluenceFunction, depth: int) -> Families:
+def _lattice_families(
+    sheet: Sheet, horizon: float, function: InfluenceFunction, depth: int, intersections: bool
+) -> Families:
     lattice = sheet.lattice
     assert lattice is not None
     reach_x, reach_y = int(horizon / lattice.dx + 1e-6), int(horizon / lattice.dy + 1e-6)
+    if lattice.rows == 1:
+        reach_y = 0
     oy, ox = np.mgrid[-reach_y : reach_y + 1, -reach_x : reach_x + 1]
     length = np.hypot(ox * lattice.dx, oy * lattice.dy)
     inside = (length > 0.0) & (length <= horizon * (1.0 + TOLERANCE))
@@ -246,7 +255,7 @@ def _lattice_families(sheet: Sheet, horizon: float, function: InfluenceFunction,
         exists=exists,
         bonds=offsets / horizon,
         influence=function(r),
-        common=pack(apart <= horizon * (1.0 + TOLERANCE)),
+        common=pack(apart <= horizon * (1.0 + TOLERANCE)) if intersections else np.zeros((0, 0), np.uint32),
         member_areas=np.where(exists, sheet.areas[member], 0.0) / reference_area,
         areas=sheet.areas[first] / reference_area,
         mates=mates,
@@ -292,7 +301,7 @@ def _near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
     return near
 
 
-def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction) -> Families:
+def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
     from scipy.spatial import cKDTree
 
     pairs = cKDTree(sheet.points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
@@ -332,7 +341,7 @@ def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction) -
         exists=exists,
         bonds=bonds,
         influence=np.where(exists, function(np.where(exists, r, 1.0)), 0.0),
-        common=_cloud_common(bonds, exists),
+        common=_cloud_common(bonds, exists) if intersections else np.zeros((0, 0, 0), np.uint32),
         member_areas=np.where(exists, sheet.areas[member], 0.0) / reference_area,
         areas=sheet.areas / reference_area,
         mates=mates,
@@ -359,7 +368,7 @@ def family_struct(
     types: Any,
     workspace: Workspace,
     owner: str,
-    inverse: np.ndarray,
+    inverse: np.ndarray | None,
     weights: np.ndarray,
 ) -> Any:
     """The tables on the device, as the struct of `kernels.families`.
@@ -370,7 +379,8 @@ def family_struct(
         types: Numeric types.
         workspace: Takes the arrays.
         owner: Who asked.
-        inverse: K^-1 by row, shape (R, n, 3).
+        inverse: K^-1 by row, shape (R, n, 3); None where the law knows no intersections: neither these nor
+            their masks are put on the device then.
         weights: W over the reference area by row, shape (R, n).
     """
     import warp as wp
@@ -387,10 +397,11 @@ def family_struct(
         s.stencil_mate = put("stencil_mate", families.mates, wp.int32)
         s.stencil_bond = put("stencil_bond", families.bonds, types.vec2)
         s.stencil_influence = put("stencil_influence", families.influence, types.real)
-        s.stencil_common = put("stencil_common", families.common, wp.uint32)
         s.kind = put("kind", families.kind, wp.int32)  # type: ignore[arg-type]
         s.kind_whole = put("kind_whole", pack(families.exists), wp.uint32)
-        s.kind_shape = put("kind_shape", inverse, types.vec3)
+        if inverse is not None:
+            s.stencil_common = put("stencil_common", families.common, wp.uint32)
+            s.kind_shape = put("kind_shape", inverse, types.vec3)
         s.kind_weight = put("kind_weight", weights, types.real)
         s.kind_area = put("kind_area", families.areas, types.real)
         s.kind_family_area = put("kind_family_area", family_areas, types.real)
@@ -399,9 +410,10 @@ def family_struct(
     s.mates = put("mates", families.mates.T, wp.int32)
     s.bonds = put("bonds", families.bonds.transpose(1, 0, 2), types.vec2)
     s.influences = put("influences", families.influence.T, types.real)
-    s.commons = put("commons", families.common.transpose(1, 2, 0), wp.uint32)
     s.wholes = put("wholes", pack(families.exists).T, wp.uint32)
-    s.shapes = put("shapes", inverse.transpose(1, 0, 2), types.vec3)
+    if inverse is not None:
+        s.commons = put("commons", families.common.transpose(1, 2, 0), wp.uint32)
+        s.shapes = put("shapes", inverse.transpose(1, 0, 2), types.vec3)
     s.weights = put("weights", weights.T, types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", family_areas, types.real)

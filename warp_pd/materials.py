@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
-from .checks import InputError, finite, positive
+from .checks import InputError, finite, not_negative, positive
 
 
 class Material(Protocol):
@@ -131,7 +131,61 @@ class Gent:
         return gent_near
 
 
-def padded_constants(material: Material) -> tuple[float, float, float, float]:
+class PairwiseMaterial(Protocol):
+    """What the bond-based law asks of a material; any object with these two is one."""
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """At most four numbers, passed to the device function; the first is a modulus."""
+        ...
+
+    @property
+    def pairwise(self) -> Callable[[int], Any]:
+        """Cached factory: precision in bits -> Warp functions (force, slope, energy), see kernels/pairwise.py."""
+        ...
+
+
+@dataclass(frozen=True)
+class Bimodular:
+    """Pairwise material with a modulus for stretched bonds and one for compressed ones. Source: IM, section 4.
+
+    A wrinkling membrane has no compressive modulus.
+
+    Attributes:
+        tension: Young's modulus E+ of stretched bonds [Pa].
+        compression: Young's modulus E- of compressed bonds [Pa], 0 or more; by default E+.
+
+    Raises:
+        InputError: for a modulus E+ that is not above zero, or E- below zero.
+    """
+
+    tension: float
+    compression: float | None = None
+
+    def __post_init__(self) -> None:
+        positive("tension", self.tension)
+        if self.compression is not None:
+            not_negative("compression", self.compression)
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """(E+, E-)."""
+        return (self.tension, self.tension if self.compression is None else self.compression)
+
+    @property
+    def goes_slack(self) -> bool:
+        """Whether compressed bonds carry nothing."""
+        return self.compression == 0.0
+
+    @property
+    def pairwise(self) -> Callable[[int], Any]:
+        """See `kernels.pairwise.bimodular`."""
+        from .kernels.pairwise import bimodular
+
+        return bimodular
+
+
+def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, float, float, float]:
     """The constants of `material`, filled with zeros up to four.
 
     Raises:

@@ -254,7 +254,10 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
         intact_faces=intact,
         damage=damage,
         ball_center=ball,
-        point_data={"strain_energy_density": built.strain_energy.numpy() / volume},
+        point_data={
+            "strain_energy_density": built.strain_energy.numpy() / volume,
+            **{name: built.to_numpy(array) for name, array in built.fields.items()},
+        },
     )
 
 

@@ -39,7 +39,7 @@ class Sheet:
         points: Reference positions [m], shape (N, 2), float64.
         areas: Area that each point stands for [m^2], shape (N,).
         triangles: Triangulation, counter-clockwise, shape (F, 3), int32.
-        thickness: [m].
+        thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
         density: Mass per reference volume [kg/m^3].
         spacing: Distance of neighbouring points [m]; the horizon is a multiple of it.
         lattice: The grid, if the points form a complete one.
@@ -67,8 +67,9 @@ class Sheet:
         points: int | tuple[int, int] = 101,
         origin: tuple[float, float] = (0.0, 0.0),
         layers: tuple[int, int] = (0, 0),
+        centred: bool = False,
     ) -> Sheet:
-        """A rectangle on a regular grid whose outer points lie on its edges.
+        """A rectangle on a regular grid whose outer points lie on its edges, or half a spacing inside.
 
         Args:
             width: Length along x [m].
@@ -80,6 +81,8 @@ class Sheet:
             origin: Position of the lower left corner [m].
             layers: Rows of points outside the left and right edges, and outside the bottom and top edges: a clamp
                 as wide as the horizon leaves every family in the rectangle whole there (HE section 4.3).
+            centred: Whether the points are the centres of equal cells, half a spacing inside the edges, as in most
+                peridynamic papers; the triangles, which join points, then end there too.
 
         Raises:
             InputError: for a size, thickness or density that is not above zero, fewer than 3 points, or layers
@@ -94,13 +97,20 @@ class Sheet:
         else:
             columns = count("points", points, 3)
             rows = max(3, round(height / width * (columns - 1)) + 1)
-        dx, dy = width / (columns - 1), height / (rows - 1)
+        if centred:
+            dx = width / columns
+            rows = rows if isinstance(points, tuple | list) else max(3, round(height / dx))
+            dy = height / rows
+            x0, y0 = x0 + 0.5 * dx, y0 + 0.5 * dy
+        else:
+            dx, dy = width / (columns - 1), height / (rows - 1)
         across, along = count("layers[0]", layers[0], 0), count("layers[1]", layers[1], 0)
         columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
         x, y = np.meshgrid(x0 + dx * np.arange(columns), y0 + dy * np.arange(rows))
         share_x, share_y = np.full(columns, dx), np.full(rows, dy)
-        share_x[[0, -1]] *= 0.5
-        share_y[[0, -1]] *= 0.5
+        if not centred:
+            share_x[[0, -1]] *= 0.5
+            share_y[[0, -1]] *= 0.5
         return Sheet(
             points=np.column_stack([x.ravel(), y.ravel()]),
             areas=np.outer(share_y, share_x).ravel(),
@@ -109,6 +119,30 @@ class Sheet:
             density=positive("density", density),
             spacing=float(np.sqrt(dx * dy)),
             lattice=Lattice(columns, rows, dx, dy),
+        )
+
+    @staticmethod
+    def line(length: float, section: float, *, density: float, points: int) -> Sheet:
+        """A bar along x: one row of points at the centres of equal cells, for one-dimensional laws.
+
+        Args:
+            length: [m].
+            section: Area of its cross section [m^2].
+            density: [kg/m^3].
+            points: Number of points.
+
+        Raises:
+            InputError: for a number that is not above zero, or fewer than 3 points.
+        """
+        spacing = positive("length", length) / count("points", points, 3)
+        return Sheet(
+            points=np.column_stack([spacing * (np.arange(points) + 0.5), np.zeros(points)]),
+            areas=np.full(points, spacing),
+            triangles=np.zeros((0, 3), np.int32),
+            thickness=positive("section", section),
+            density=positive("density", density),
+            spacing=spacing,
+            lattice=Lattice(points, 1, spacing, spacing),
         )
 
     @staticmethod

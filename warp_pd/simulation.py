@@ -25,6 +25,7 @@ from .checks import InputError, one_of, point_indices
 from .contact import RigidBall
 from .damage import CriticalStretch
 from .forces.bond_associated import BondAssociated
+from .forces.bond_based import BondBased, BondBasedForce
 from .frame import Frame, Surface
 from .launches import Workspace
 from .loads import BodyForce, BoundaryForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
@@ -90,6 +91,7 @@ class Simulation:
         damage: Rupture criterion, or None: nothing can break.
         measures: Numbers to report, at every frame; the summary has those of the last one.
         outcomes: Numbers to report of the whole run.
+        fields: Names of further point fields of the frames, of those that the force law has.
         initial_displacement: [m], shape (N, 3), or None for zero.
         initial_velocity: [m/s], shape (N, 3), or None for zero.
         track_energy: Whether external work and dissipation are summed up for the energy balance.
@@ -100,13 +102,14 @@ class Simulation:
     """
 
     sheet: Sheet
-    force: BondAssociated
+    force: BondAssociated | BondBased
     solver: Solver
     loads: Sequence[Load] = ()
     contact: RigidBall | None = None
     damage: CriticalStretch | None = None
     measures: Sequence[Measure] = ()
     outcomes: Sequence[Outcome] = ()
+    fields: Sequence[str] = ()
     initial_displacement: np.ndarray | None = None
     initial_velocity: np.ndarray | None = None
     track_energy: bool = True
@@ -231,6 +234,8 @@ class Built:
         if simulation.solver.steps_explicitly:
             self.inertia = simulation.solver.inertia(self)
             self._add_step()
+        elif simulation.damage is not None:
+            self._add_break("rupture", simulation.damage)
         self._add_setup()
         self._add_frame()
         simulation.solver.add(self)
@@ -285,7 +290,7 @@ class Built:
         law = s.force.signature(layout, self.breakable)
         named = [getattr(part, "__module__", "") + "." + part.__qualname__ if callable(part) else part for part in law]
         key = (
-            precision, named, self.has_held, self.has_loads, self.damped, self.tracked, type(s.solver).__name__,
+            precision, named, getattr(s.force, "fast", False), self.has_held, self.has_loads, self.damped, self.tracked, type(s.solver).__name__,
             sorted(set(kinds)), s.contact is not None, s.damage is not None and s.damage.spared is not None,
             bool(s.sheet.inclusions), bool(self.schedules.schedules),
         )  # fmt: skip
@@ -493,6 +498,7 @@ class Built:
         )  # fmt: skip
 
     def _add_break(self, stage: str, damage: CriticalStretch) -> None:
+        """Add the launch that breaks over-stretched bonds."""
         from .kernels.damage import critical_stretch
 
         force, spared = self.force, None
@@ -622,6 +628,7 @@ class Built:
         self.bad = w.array("bad", "frames", wp.int32, shape=1)
         self.damage = w.array("damage", "frames", wp.float32, shape=n) if self.breakable else None
         self.force.add_energy("frame", state.displacement, self.strain_energy)
+        self.fields = self._add_fields()
         w.launch(
             "frame", "frames", self.integration.kinetic_energy, n,
             mass=self.mass, held_mask=self.held_mask, velocity=state.velocity, out=self.kinetic_energy,
@@ -635,6 +642,15 @@ class Built:
                 "frame", "CriticalStretch", self._damage, n,
                 family=self.force.struct, alive=self.force.alive, out=self.damage,
             )  # fmt: skip
+
+    def _add_fields(self) -> dict[str, Any]:
+        """Further fields of the frames, by name: arrays on the device."""
+        names, force = self.simulation.fields, self.force
+        if not names:
+            return {}
+        if not isinstance(force, BondBasedForce):
+            raise InputError(f"fields = {list(names)!r}: allowed is none with the law BondAssociated")
+        return force.add_fields("frame", self.state.displacement, names)
 
     # For the host --------------------------------------------------------------------------------------
 

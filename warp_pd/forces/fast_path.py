@@ -31,11 +31,12 @@ def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarr
         weights: W over the reference area by row, shape (R, n).
     """
     material = force.law.material
-    if not force.law.fast or force.weights == "published" or not hasattr(material, "near"):
+    near = getattr(material, "near", None)
+    if not force.law.fast or force.weights == "published" or near is None:
         return None
     stencil = whole_stencil(force.families, inverse, weights) if getattr(material, "isotropic", False) else None
     registers = in_registers(force.workspace.device) and force.families.members <= MOST_MEMBERS
-    return FastPath(force, stencil, registers) if stencil or registers else None
+    return FastPath(force, near, stencil, registers) if stencil or registers else None
 
 
 def in_registers(device: Any) -> bool:
@@ -47,12 +48,13 @@ class FastPath:
     """The fast kernels on one sheet and device.
 
     Attributes:
+        near: Factory of the material's stress_near.
         stencil: Stencil of whole families and the kind that they share, or None.
         registers: Whether all other families are held in registers.
     """
 
-    def __init__(self, force: BondAssociatedForce, stencil: Any, registers: bool) -> None:
-        self.force, self.stencil, self.registers = force, stencil, registers
+    def __init__(self, force: BondAssociatedForce, near: Any, stencil: Any, registers: bool) -> None:
+        self.force, self.near, self.stencil, self.registers = force, near, stencil, registers
         w = force.workspace
         spelled_out = repr((stencil, force.families.members)).encode()
         self.module = f"{w.module}_fast_{hashlib.sha1(spelled_out).hexdigest()[:8]}"
@@ -77,9 +79,7 @@ class FastPath:
 
         law, (stencil, inner) = self.force, self.stencil
         _, bits, _, breakable, _ = law.signature
-        kernel = whole_lattice_force(
-            bits, law.law.material.near, stencil, breakable is not None, self.listed, self.module
-        )
+        kernel = whole_lattice_force(bits, self.near, stencil, breakable is not None, self.listed, self.module)
         law.workspace.launch(
             stage, law.owner, kernel, law.points,
             kind=law.struct.kind, inner=inner, alive=law.alive, displacement=displacement, columns=law.columns,
@@ -97,7 +97,7 @@ class FastPath:
         w.launch(
             stage, law.owner,
             register_force(
-                layout, bits, material, law.law.material.near, breakable, members, self.listed, w.module, self.module
+                layout, bits, material, self.near, breakable, members, self.listed, w.module, self.module
             ),
             law.points, family=law.struct, alive=law.alive, others=self.others, other_count=self.other_count,
             displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,

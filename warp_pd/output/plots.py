@@ -26,7 +26,8 @@ class Shown:
         points: Deformed positions [m], shape (N, 3).
         reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
-        fields: Point fields by name; u1, u2, u3 are the components of the displacement.
+        fields: Point fields by name; u1, u2, u3 are the components of the displacement, and NAME_1, NAME_2, NAME_3
+            those of another vector field NAME.
         ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
     """
 
@@ -50,7 +51,15 @@ def _shown(path: Path, index: int) -> Shown:
     time, points, triangles, fields = read_frame(path, index)
     for c in range(3):
         fields[f"u{c + 1}"] = fields["displacement"][:, c]
+    for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
+        for c in range(fields[name].shape[1]):
+            fields[f"{name}_{c + 1}"] = fields[name][:, c]
     return Shown(time, points, points - fields["displacement"], triangles, fields, read_ball(path, index))
+
+
+def magnified(frames: Sequence[Shown], factor: float) -> list[Shown]:
+    """The frames with displacements drawn so many times as large."""
+    return [replace(f, points=f.reference + factor * (f.points - f.reference)) for f in frames]
 
 
 def surfaces(
@@ -187,6 +196,49 @@ def curves(
     axes.set(xlabel=xlabel, ylabel=ylabel)
     axes.grid(alpha=0.3)
     axes.legend()
+    _save(figure, path)
+
+
+def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]], xlabel: str, ylabel: str) -> None:
+    """Curves (label, x, y, style of matplotlib), each with points of its own."""
+    plt = _pyplot()
+    figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+    for label, x, y, style in lines:
+        axes.plot(x, y, style, label=label, markersize=4, markevery=max(1, len(x) // 40))
+    axes.set(xlabel=xlabel, ylabel=ylabel)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    _save(figure, path)
+
+
+def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
+    """Largest principal stress as strokes along its direction on the reference sheet, about `across` of them in a row.
+
+    Their length grows with the root of the stress.
+
+    Args:
+        path: Of the picture.
+        frame: With the field "principal_stress": largest, smallest, angle [rad].
+        label: Of the colours.
+        across: Strokes along the longer side.
+    """
+    plt = _pyplot()
+    size = np.ptp(frame.reference[:, :2], axis=0)
+    step = max(1, round(float(np.sqrt(len(frame.reference) * size.max() / size.min())) / across))
+    cell = np.sqrt(size[0] * size[1] / len(frame.reference))
+    place = np.round((frame.reference[:, :2] - frame.reference[:, :2].min(axis=0)) / cell).astype(int)
+    chosen = (place % step == step // 2).all(axis=1)
+    largest, angle = frame.fields["principal_stress"][chosen][:, [0, 2]].T
+    x, y = frame.reference[chosen, :2].T
+    width = 8.0
+    figure, axes = plt.subplots(figsize=(width + 1.5, max(2.5, width * size[1] / size[0]) + 0.6), layout="constrained")
+    length = np.sqrt(np.maximum(largest, 0.0) / max(largest.max(), 1e-300))
+    drawn = axes.quiver(
+        x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=COLOURS, pivot="mid", headwidth=0,
+        headlength=0, headaxislength=0, scale=0.7 * across,
+    )  # fmt: skip
+    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    figure.colorbar(drawn, ax=axes, label=label)
     _save(figure, path)
 
 

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from .tangent import OWNER, SparseTangent, Tangent, assign
+from .bond_tangent import BondTangent
+from .equilibrium import OWNER, assign
+from .tangent import Tangent
 
 if TYPE_CHECKING:
     from .newton import Search
@@ -31,11 +33,11 @@ class LinearSolver:
 
     def __init__(self, search: Search, index: int) -> None:
         self.search, self.index = search, index
-        self.level: Tangent = search.levels[index]
+        self.level: Tangent | BondTangent = search.levels[index]
         self.kind = search.preconditioner
         self.products = 0
         self._factors: Any = None
-        self._sparse = SparseTangent(self.level) if self.kind == "direct" else None
+        self._sparse = self.level.sparse() if self.kind == "direct" else None
         if not self.level.workspace.device.is_cpu:
             w, n = self.level.workspace, self.level.points
             self._right_side = w.array("krylov_right_side", OWNER, self.level.types.vec3, shape=n)

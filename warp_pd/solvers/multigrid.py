@@ -16,7 +16,8 @@ import numpy as np
 from ..forces.bond_associated import BondAssociatedForce
 from ..launches import Workspace
 from ..sheet import Lattice, Sheet
-from .tangent import OWNER, SparseTangent, Tangent, assign
+from .equilibrium import OWNER, assign
+from .tangent import SparseTangent, Tangent
 
 if TYPE_CHECKING:
     from ..simulation import Built

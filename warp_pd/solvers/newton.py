@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -11,29 +12,35 @@ import numpy as np
 import warp as wp
 
 from ..checks import InputError, count, one_of, positive
+from ..forces.bond_based import BondBased, BondBasedForce
 from ..loads import BoundaryForce
+from .bond_tangent import BondTangent
+from .equilibrium import OWNER, assign, dot
 from .linear import LinearSolver
 from .load_path import LoadPath
 from .multigrid import Hierarchy, coarse_points, coarser, restrict_loads
-from .tangent import OWNER, Tangent, assign, dot
+from .rupture import LEAST_LOAD, MOST_ROUNDS, Rupture
+from .tangent import Tangent
 
 if TYPE_CHECKING:
     from ..runner import Recorder
     from ..simulation import Built, Simulation
 
+STIFFNESSES = ("tangent", "constant")
 PRECONDITIONERS = ("auto", "multigrid", "direct", "jacobi")
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this share.
 MOST_OVERSHOOT = 0.5
 MOST_TRIALS = 12
 # Added tension over the mean modulus: at a slack start, after a failed step, where it is given up and dropped.
 SLACK_TENSION, FIRST_TENSION, MOST_TENSION, LEAST_TENSION = 0.1, 1e-3, 100.0, 1e-7
-SLACK_STRESS = 1e-6
 # A linear solve reaches this share of the residual at most, and no further than the tolerance asks.
 LOOSEST, TIGHTEST = 0.05, 1e-6
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 WIDEST = 2.5
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
+# Points up to which a bond-based sheet on a GPU is factorised on the host.
+MOST_DIRECT = 100_000
 # Residual to which coarser lattices are solved: their discretisation error is larger.
 COARSE_TOLERANCE = 1e-3
 FINISHED, NOT_CONVERGED = "finished", "not converged"
@@ -45,11 +52,14 @@ class Newton:
 
     The load path runs over shares s from 0 to 1: schedules at the time s duration, loads without one times s.
     A load step that fails is cut in half. On an uncut rectangle every load step is solved on coarser lattices
-    first. A step of Newton is accepted by the work of the unbalanced force along it (Matthies and Strang,
-    Int. J. Numer. Meth. Eng. 14, 1979), which asks for no potential, so follower pressure is no exception;
-    its unsymmetric tangent goes to GMRES, symmetric tangents to conjugate gradients. Where the step fails, or
-    the start is slack, an isotropic tension is added to the tangent (not to the force) and taken back as the
-    steps succeed.
+    first; elsewhere the second and later ones start on the line through the two states before. With the
+    bond-based law and a rupture criterion every load step comes to rest, breaks what is over-stretched, and comes
+    to rest again.
+
+    A step of Newton is accepted by the work of the unbalanced force along it (Matthies and Strang, Int. J. Numer.
+    Meth. Eng. 14, 1979), which asks for no potential, so follower pressure is no exception; its unsymmetric tangent
+    goes to GMRES, symmetric tangents to conjugate gradients. Where the step fails, or the start is slack, an
+    isotropic tension is added to the tangent (not to the force) and taken back as the steps succeed.
 
     Attributes:
         tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is at
@@ -59,7 +69,11 @@ class Newton:
         most_cuts: Times that a load step may be cut in half, over the whole path.
         preconditioner: "multigrid" (uncut rectangles of more than 300 points, horizons up to 2.5), "direct" (a
             sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto": multigrid where that is allowed,
-            else direct on a CPU and jacobi on a GPU.
+            else direct on a CPU and jacobi on a GPU. The bond-based law has no multigrid, and is solved directly
+            on either up to 100 000 points.
+        stiffness: "tangent", or, for the bond-based law, "constant": without the part of the bonds' tension
+            (IM eq. 16, with directions and moduli of the bonds as they are), always in full steps, as published.
+            For comparison: it becomes slow, then oscillates, as deformations and the ratio of moduli grow.
     """
 
     tolerance: float | None = None
@@ -67,6 +81,7 @@ class Newton:
     most_iterations: int = 30
     most_cuts: int = 6
     preconditioner: str = "auto"
+    stiffness: str = "tangent"
     duration: float = 1.0
     precision: int = 64
 
@@ -83,6 +98,7 @@ class Newton:
         count("most_iterations", self.most_iterations, 1)
         count("most_cuts", self.most_cuts, 0)
         one_of("preconditioner", self.preconditioner, PRECONDITIONERS)
+        one_of("stiffness", self.stiffness, STIFFNESSES)
 
     @property
     def frame_count(self) -> int:
@@ -107,13 +123,16 @@ class Newton:
                 "weights = 'published': allowed with the solver Newton are 'plain' and 'corrected', which have an "
                 "energy; take the solver Relaxation"
             )
-        for name, part in (("contact", simulation.contact), ("damage", simulation.damage)):
+        bond_based = isinstance(simulation.force, BondBased)
+        for name, part in (("contact", simulation.contact), ("damage", None if bond_based else simulation.damage)):
             if part is not None:
                 raise InputError(f"{name} = {type(part).__name__}: allowed with the solver Newton is None")
         if any(isinstance(load, BoundaryForce) for load in simulation.loads):
             raise InputError("loads: allowed with the solver Newton is none of BoundaryForce, which has no energy")
         if simulation.sheet.inclusions:
             raise InputError("sheet.inclusions: allowed with the solver Newton is a sheet without rigid inclusions")
+        if self.stiffness == "constant" and not bond_based:
+            raise InputError("stiffness = 'constant': allowed is 'tangent', and 'constant' with the law BondBased")
 
     def add(self, built: Built) -> None:
         """Add the tangent and, on a rectangle, the coarser lattices."""
@@ -160,22 +179,43 @@ class Search:
     """The search for equilibrium of one built simulation."""
 
     def __init__(self, newton: Newton, built: Built) -> None:
-        simulation, state = built.simulation, built.state
+        simulation = built.simulation
         self.newton, self.built = newton, built
         self.path = LoadPath(simulation, newton.duration)
-        self.tangent = Tangent(
-            built.workspace, built.force, built.held, built.has_loads, self.path.follower, state.displacement,
-            state.force, state.external, assembled=self._assembled(),
-        )  # fmt: skip
         self.good = built.workspace.array("last_load_step", OWNER, built.types.vec3, shape=simulation.sheet.size)
+        self.tangent = self._tangent()
+        self.rupture = Rupture(built)
         self.preconditioner = self._preconditioner()
-        self.hierarchy = Hierarchy(self.tangent, built) if self.preconditioner == "multigrid" else None
-        self.levels = self.hierarchy.levels if self.hierarchy else [self.tangent]
+        self.hierarchy = None
+        if self.preconditioner == "multigrid":
+            assert isinstance(self.tangent, Tangent)
+            self.hierarchy = Hierarchy(self.tangent, built)
+        self.levels: Sequence[Tangent | BondTangent] = self.hierarchy.levels if self.hierarchy else [self.tangent]
         self.solvers = [LinearSolver(self, index) for index in range(len(self.levels))]
         self.report = Report(self.preconditioner)
         self.tolerance = newton.tolerance or (1e-8 if built.types.bits == 64 else 1e-4)
         self.modulus = 0.0
+        self.largest = 0.0
         self._begin = 0.0
+        self._earlier: tuple[float, np.ndarray] | None = None
+        self._kept: tuple[float, np.ndarray] | None = None
+
+    def _tangent(self) -> Tangent | BondTangent:
+        built, state, force = self.built, self.built.state, self.built.force
+        field = (state.displacement, state.force, state.external)
+        if isinstance(force, BondBasedForce):
+            return BondTangent(
+                built.workspace,
+                force,
+                built.held,
+                built.has_loads,
+                self.path.follower,
+                *field,
+                self.newton.stiffness == "tangent",
+            )
+        return Tangent(
+            built.workspace, force, built.held, built.has_loads, self.path.follower, *field, self._assembled()
+        )
 
     def _assembled(self) -> bool:
         """Whether the tangent of the lattice is stored as a matrix: on a CPU, where a product is four times faster."""
@@ -184,6 +224,11 @@ class Search:
 
     def _preconditioner(self) -> str:
         newton, sheet = self.newton, self.built.simulation.sheet
+        if isinstance(self.built.force, BondBasedForce):
+            if newton.preconditioner == "multigrid":
+                raise InputError("preconditioner = 'multigrid': allowed with the law BondBased are 'direct', 'jacobi'")
+            direct = self.built.workspace.device.is_cpu or sheet.size <= MOST_DIRECT
+            return ("direct" if direct else "jacobi") if newton.preconditioner == "auto" else newton.preconditioner
         narrow = self.built.simulation.force.horizon <= WIDEST
         lattices = coarser(sheet.lattice) if sheet.lattice is not None and not sheet.cuts and narrow else []
         possible = bool(lattices)
@@ -207,18 +252,21 @@ class Search:
         """Follow the load path; returns the final status."""
         self._begin, tangent, planned = perf_counter(), self.tangent, self.newton.load_steps
         reached, size, cuts = recorder.time / self.newton.duration, 1.0 / planned, 0
-        wp.copy(self.good, tangent.displacement)
+        standing = self._keep(reached)
         while reached < 1.0 - 1e-9:
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             share = goal if reached + size > goal - 1e-9 else reached + size
-            converged, recorder.residual = self._load_step(share, recorder)
+            converged, recorder.residual = self._rest(share, recorder)
             if converged:
                 reached = share
-                wp.copy(self.good, tangent.displacement)
+                standing = self._keep(reached)
                 if share == goal:
                     self._record(recorder, reached)
                 continue
             wp.copy(tangent.displacement, self.good)
+            self._earlier = self._kept = None
+            if self.rupture.alive is not None:
+                self.rupture.alive.assign(standing)
             cuts += 1
             size *= 0.5
             if cuts > self.newton.most_cuts:
@@ -229,6 +277,27 @@ class Search:
                 recorder.solve = self.report.summary(tangent.points, reached)
                 return NOT_CONVERGED
         return FINISHED
+
+    def _keep(self, reached: float) -> np.ndarray | None:
+        """Remember the state as the last good load step; its standing bonds, if any can break."""
+        wp.copy(self.good, self.tangent.displacement)
+        self._earlier, self._kept = self._kept, (reached, self.good.numpy().astype(np.float64))
+        return None if self.rupture.alive is None else self.rupture.alive.numpy().copy()
+
+    def _rest(self, share: float, recorder: Recorder) -> tuple[bool, float]:
+        """Equilibrium at a share of the loads in which nothing breaks; whether found, and the residual."""
+        if self._earlier is not None and self._kept is not None and self.hierarchy is None:
+            # On along the line through the last two load steps; what is held goes where it belongs all the same.
+            (s0, u0), (s1, u1) = self._earlier, self._kept
+            assign(self.tangent.displacement, u1 + (share - s1) / (s1 - s0) * (u1 - u0))
+        converged, residual = self._load_step(share, recorder)
+        rounds = 0
+        while converged and self.rupture.breaks():
+            rounds += 1
+            self._kept = None
+            converged, residual = self._load_step(share, recorder)
+            converged = converged and rounds < MOST_ROUNDS
+        return converged, residual
 
     def _record(self, recorder: Recorder, reached: float) -> None:
         """Hand the state to the recorder as the next frame."""
@@ -291,6 +360,11 @@ class Search:
         self.tangent.linearise(tension)
         return self.solvers[0].prepare()
 
+    def relative(self, norm: float, scale: float) -> float:
+        """Unbalanced force over loads and reactions, these at least LEAST_LOAD of the largest at rest so far."""
+        scale = max(scale, LEAST_LOAD * self.largest)
+        return _ratio(norm, scale)
+
 
 class Descent:
     """Newton steps of one level at one share of the loads."""
@@ -318,13 +392,15 @@ class Descent:
         norm, scale = self.level.evaluate()
         converged = False
         for iteration in range(self.search.newton.most_iterations + 1):
-            relative = 0.0 if norm == 0.0 else norm / scale if scale > 0.0 else math.inf
+            relative = self.search.relative(norm, scale) if self.index == 0 else _ratio(norm, scale)
             self.residuals.append(relative)
             if self.index == 0:
                 self.recorder.progress(len(self.shares), relative, self.search.tolerance)
             if not math.isfinite(norm):
                 break
             converged = relative <= self.tolerance and not self.lifting
+            if converged and self.index == 0:
+                self.search.largest = max(self.search.largest, scale)
             if converged or iteration == self.search.newton.most_iterations:
                 break
             advanced = self._step(relative, norm)
@@ -343,24 +419,33 @@ class Descent:
         """One accepted step: the new norms; None if no tension helps."""
         level, search = self.level, self.search
         while True:
-            usable = self._kept or search.linearise(self.index, self.tension)
-            self._kept = usable and relative <= KEPT and self.tension == 0.0
+            least = level.least_tension(relative) if isinstance(level, BondTangent) else 0.0
+            usable = self._kept or search.linearise(self.index, max(self.tension, least))
+            self._kept = usable and relative <= KEPT and self.tension == 0.0 and self._shrinks()
             if not search.modulus:
                 search.modulus = level.modulus()
-                if np.abs(level.stress.numpy()).max() < SLACK_STRESS * search.modulus:
+                if search.newton.stiffness == "tangent" and level.slack():
                     self.tension = SLACK_TENSION * search.modulus
                     continue
             if usable:
                 self._direct(relative)
+                if search.newton.stiffness == "constant":
+                    return self._full_step()
                 work = dot(level.direction, level.residual)
                 if self.lifting or work > 0.0:
                     found = self._search_line(work, norm)
                     if found is not None:
                         return found
+            if search.newton.stiffness == "constant":
+                return None
             self._kept = False
             self.tension = max(10.0 * self.tension, FIRST_TENSION * search.modulus)
             if self.tension > MOST_TENSION * search.modulus:
                 return None
+
+    def _shrinks(self) -> bool:
+        """Whether the last step left less than a tenth of the residual: bonds that go slack ask for a new tangent."""
+        return len(self.residuals) > 1 and self.residuals[-1] < 0.1 * self.residuals[-2]
 
     def _direct(self, relative: float) -> None:
         """Newton's direction, held components included."""
@@ -386,12 +471,19 @@ class Descent:
             new_norm, scale = level.evaluate()
             left = dot(level.direction, level.residual)
             if math.isfinite(new_norm) and (self.lifting or left >= -MOST_OVERSHOOT * work or new_norm < norm):
-                self._accept(share, new_norm / scale if scale > 0.0 else math.inf)
+                self._accept(share, _ratio(new_norm, scale))
                 return new_norm, scale
             share *= min(0.5, max(0.1, work / (work - left))) if math.isfinite(left) else 0.25
         level.step_to(0.0)
         level.evaluate()
         return None
+
+    def _full_step(self) -> tuple[float, float]:
+        """Take the whole direction, whatever comes of it."""
+        self.level.step_to(1.0)
+        norm, scale = self.level.evaluate()
+        self._accept(1.0, _ratio(norm, scale))
+        return norm, scale
 
     def _accept(self, share: float, relative: float) -> None:
         wp.copy(self.level.base, self.level.displacement)
@@ -403,3 +495,7 @@ class Descent:
             self.tension = min(0.1 * self.tension, relative * self.search.modulus)
             if self.tension < LEAST_TENSION * self.search.modulus:
                 self.tension = 0.0
+
+
+def _ratio(norm: float, scale: float) -> float:
+    return 0.0 if norm == 0.0 else norm / scale if scale > 0.0 else math.inf

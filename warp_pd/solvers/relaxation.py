@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..checks import count, positive
+from ..forces.bond_associated import BondAssociated
+from ..forces.bond_based import BondBasedForce
+from .rupture import LEAST_LOAD, MOST_ROUNDS, Rupture
 from .stable_step import BLOCK, StableStep
 
 if TYPE_CHECKING:
@@ -21,8 +24,6 @@ CHECK_EVERY = 50
 # Density and step follow the stiffness this often, and more often while the load rises.
 STEPS_BETWEEN = 300
 FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
-# Rounds of rupture at one load step after which the tear counts as running through.
-MOST_ROUNDS = 1000
 FINISHED, NOT_CONVERGED = "finished", "not converged"
 
 
@@ -87,7 +88,14 @@ class Relaxation:
 
         simulation, force, w, t = built.simulation, built.force, built.workspace, built.types
         law = simulation.force
-        if not hasattr(law.material, "response") or simulation.sheet.inclusions:
+        if simulation.sheet.inclusions:
+            return built.mass
+        if isinstance(force, BondBasedForce):
+            density = w.array("density", OWNER, t.real, shape=simulation.sheet.size)
+            force.add_density("density", built.state.displacement, density)
+            return density
+        assert isinstance(law, BondAssociated)
+        if not hasattr(law.material, "response"):
             return built.mass
         layout, material, broken, form = law.signature(force.families.layout, built.breakable)
         rows, total = row_sums(layout, t.bits, material, law.material.response, broken, form, w.module)
@@ -152,9 +160,10 @@ class Relaxing:
         self.tolerance = solver.tolerance or (1e-6 if built.types.bits == 64 else 1e-4)
         sequence = built.workspace.sequence
         self.ten, self.residual_launches = sequence("step", repeat=10), sequence("residual")
-        self.density, self.rupture = sequence("density"), sequence("rupture")
+        self.density, self.rupture = sequence("density"), Rupture(built)
         self.done = 0
         self.dt = 0.0
+        self.largest = 0.0  # squared loads and reactions of a state at rest
         self.entries: list[dict[str, Any]] = []
 
     def run(self) -> str:
@@ -192,7 +201,7 @@ class Relaxing:
         self._advance_clock(index)
         converged = self._relax(entry, ramp=True)
         rounds = 0
-        while converged and self._breaks() and rounds < MOST_ROUNDS:
+        while converged and self.rupture.breaks() and rounds < MOST_ROUNDS:
             rounds += 1
             converged = self._relax(entry, ramp=False)
         entry.update(steps=self.done - entry["steps"], rounds=rounds, converged=converged and rounds < MOST_ROUNDS)
@@ -216,17 +225,9 @@ class Relaxing:
             if not math.isfinite(residual):
                 return False
             if residual <= self.tolerance and self.done - start >= ramp_steps:
+                self.largest = max(self.largest, float(self.built.reaction.numpy().sum()))
                 return True
         return False
-
-    def _breaks(self) -> bool:
-        """Break what is over-stretched; whether anything was."""
-        alive = self.built.force.alive
-        if alive is None:
-            return False
-        before = alive.numpy().copy()
-        self.rupture.run()
-        return bool((alive.numpy() != before).any())
 
     def _advance_clock(self, index: int) -> None:
         if self.built.advance is not None:
@@ -236,6 +237,7 @@ class Relaxing:
 
     def _residual(self) -> float:
         unbalanced, reaction = float(self.built.unbalanced.numpy().sum()), float(self.built.reaction.numpy().sum())
+        reaction = max(reaction, LEAST_LOAD**2 * self.largest)
         if unbalanced == 0.0:
             return 0.0
         return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf

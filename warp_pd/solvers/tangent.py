@@ -1,4 +1,4 @@
-"""The tangent of a sheet at rest: residual, stiffness products, and the sparse matrix for small sheets."""
+"""The tangent of the bond-associated law: stiffness products, and the sparse matrix for small sheets."""
 
 from __future__ import annotations
 
@@ -10,30 +10,25 @@ import warp as wp
 from ..bonds import DEGENERATE, Families, unpack
 from ..checks import InputError
 from ..forces.bond_associated import BondAssociatedForce
-from ..launches import LaunchSequence, Workspace
+from ..launches import Workspace
+from .equilibrium import OWNER, Equilibrium, factorised
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-OWNER = "Newton"
+SLACK_STRESS = 1e-6
 
 
-class Tangent:
-    """One sheet on the device, its residual at a displacement and its stiffness there.
-
-    The stages: "evaluate" the residual, "linearise", "product" (image = K vector), "advance".
+class Tangent(Equilibrium):
+    """The bond-associated law: its stiffness, matrix-free, or stored by lattice steps.
 
     Attributes:
-        force: The force law on this sheet.
-        held: Bits of held components, uint8, shape (N,), on the host.
-        displacement: Where the residual is evaluated [m], (N,) vec3.
-        base: Last accepted displacement [m].
-        direction: Newton's step [m].
-        residual: Unbalanced force of free components [N].
-        vector: Input of the product.
-        image: Output of the product.
-        inverse_blocks: Inverse diagonal blocks, (N,) mat33.
+        gradient: F of every intersection [-], (members, N).
+        stress: Its weighted stress [Pa].
+        moduli: Its weighted moduli [Pa].
     """
+
+    force: BondAssociatedForce
 
     def __init__(
         self,
@@ -48,39 +43,16 @@ class Tangent:
         assembled: bool,
     ) -> None:
         from ..kernels.bond_associated_tangent import bond_associated_tangent
-        from ..kernels.equilibrium import equilibrium
-        from ..kernels.numeric import numeric
 
-        w, t, n = workspace, numeric(workspace.bits), force.points
-        self.workspace, self.force, self.types, self.held = w, force, t, held
-        self.loaded, self.follower = loaded, follower
-        self.displacement, self.internal, self.external = displacement, internal, external
-        law = force.law
+        super().__init__(workspace, force, held, loaded, follower, displacement, internal, external)
+        w, t, law, shape = workspace, self.types, force.law, (force.families.members, force.points)
         layout, material, broken, _ = law.signature(force.families.layout, force.alive is not None)
         response = response_of(law.material)
-        has_held = bool(held.any())
-        self.kernels = bond_associated_tangent(layout, w.bits, material, response, broken, has_held, w.module)
-        self.fields = equilibrium(w.bits, has_held, loaded, w.module)
-        members = force.families.members
-        self.held_mask = w.array("held_components", OWNER, wp.uint8, held) if has_held else None
-        self.gradient = w.array("gradient", OWNER, t.mat32, shape=(members, n))
-        self.stress = w.array("stress", OWNER, t.vec3, shape=(members, n))
-        self.moduli = w.array("moduli", OWNER, t.vec6, shape=(members, n))
-        self.inverse_blocks = w.array("inverse_blocks", OWNER, t.mat33, shape=n)
-        self.base = w.array("base", OWNER, t.vec3, shape=n)
-        self.direction = w.array("newton_step", OWNER, t.vec3, shape=n)
-        self.residual = w.array("unbalanced_force", OWNER, t.vec3, shape=n)
-        self.reaction = w.array("squared_reaction", OWNER, wp.float64, shape=n)
-        self.vector = w.array("vector", OWNER, t.vec3, shape=n)
-        self.image = w.array("image", OWNER, t.vec3, shape=n)
-        self.tension = w.array("tension", OWNER, t.real, shape=1)
-        self.share = w.array("share", OWNER, t.real, shape=1)
-        self.dead = w.array("dead_loads", OWNER, t.vec3, shape=n) if loaded else None
-        self.pressure = w.array("pressure", OWNER, t.vec3, shape=1) if follower else None
-        self.pressure_value = w.array("pressure_value", OWNER, t.real, shape=1) if follower else None
+        self.kernels = bond_associated_tangent(layout, w.bits, material, response, broken, bool(held.any()), w.module)
+        self.gradient = w.array("gradient", OWNER, t.mat32, shape=shape)
+        self.stress = w.array("stress", OWNER, t.vec3, shape=shape)
+        self.moduli = w.array("moduli", OWNER, t.vec6, shape=shape)
         self._matrix = self._allocate_matrix() if assembled else None
-        self._sequences: dict[str, LaunchSequence] = {}
-        self._add_evaluate()
         self._add_linearise()
         self._add_product()
 
@@ -88,42 +60,6 @@ class Tangent:
     def assembled(self) -> bool:
         """Whether the tangent is stored as a matrix."""
         return self._matrix is not None
-
-    @property
-    def points(self) -> int:
-        """Number of points."""
-        return self.force.points
-
-    def _family(self) -> dict[str, Any]:
-        return {"family": self.force.struct, "alive": self.force.alive}
-
-    def _add_evaluate(self) -> None:
-        from ..kernels.loads import constant_loads, follower_pressure
-
-        w, n, force = self.workspace, self.points, self.force
-        w.launch(
-            "advance", OWNER, self.fields.advance, n,
-            base=self.base, direction=self.direction, share=self.share, displacement=self.displacement,
-        )  # fmt: skip
-        stage = "evaluate"
-        force.add_force(stage, self.displacement, self.internal)
-        if self.loaded:
-            w.launch(
-                stage, OWNER, constant_loads(w.bits, True, w.module), n, constant=self.dead, external=self.external
-            )
-        if self.follower:
-            kernel = follower_pressure(force.families.layout, w.bits, force.alive is not None, True, w.module)
-            w.launch(
-                stage, OWNER, kernel, n,
-                **self._family(), displacement=self.displacement, inverse_horizon=force.inverse_horizon,
-                unit_pressure=force.families.reference_area, factors=self.pressure, schedule=0,
-                external=self.external,
-            )  # fmt: skip
-        w.launch(
-            stage, OWNER, self.fields.imbalance, n,
-            held_mask=self.held_mask, force=self.internal, external=self.external, residual=self.residual,
-            reaction=self.reaction,
-        )  # fmt: skip
 
     def _allocate_matrix(self) -> tuple[Any, Any, Any]:
         """Blocks by offset and point, index shift of each offset, offset of each pair of members."""
@@ -173,8 +109,6 @@ class Tangent:
             image: (N,) vec3.
             follower: Whether follower pressure, if there is any, has its share in K.
         """
-        from ..kernels.bond_associated_tangent import follower_pressure_tangent
-
         w, n, force = self.workspace, self.points, self.force
         if self._matrix is not None:
             w.launch(
@@ -189,53 +123,22 @@ class Tangent:
                 bond_force=force.bond_force,
             )  # fmt: skip
             w.launch(stage, OWNER, force.kernels.gather, n, **self._family(), bond_force=force.bond_force, force=image)
-        if self.follower and follower:
-            kernel = follower_pressure_tangent(force.families.layout, w.bits, force.alive is not None, w.module)
-            w.launch(
-                stage, OWNER, kernel, n,
-                **self._family(), displacement=self.displacement, direction=vector,
-                inverse_horizon=force.inverse_horizon, unit_area=force.families.reference_area,
-                pressure=self.pressure_value, change=image,
-            )  # fmt: skip
-        w.launch(stage, OWNER, self.fields.hold, n, held_mask=self.held_mask, change=image)
+        self._add_pressure_and_supports(stage, vector, image, follower)
 
     def _add_product(self) -> None:
         self.add_product("product", self.vector, self.image, follower=True)
 
-    # What the host asks for ----------------------------------------------------------------------------
-
-    def run(self, stage: str) -> None:
-        """Run a stage now."""
-        if stage not in self._sequences:
-            self._sequences[stage] = self.workspace.sequence(stage)
-        self._sequences[stage].run()
-
-    def set_loads(self, dead: np.ndarray | None, pressure: float) -> None:
-        """Dead forces [N], shape (N, 3), and follower pressure [Pa]."""
-        if self.dead is not None and dead is not None:
-            assign(self.dead, dead)
-        if self.follower:
-            assign(self.pressure, np.array([[pressure, 0.0, 0.0]]))
-            assign(self.pressure_value, np.array([pressure]))
-
-    def evaluate(self) -> tuple[float, float]:
-        """Norm of the unbalanced force and of loads and reactions [N], at `displacement`."""
-        self.run("evaluate")
-        return float(np.sqrt(dot(self.residual, self.residual))), float(np.sqrt(total(self.reaction)))
-
-    def linearise(self, tension: float) -> None:
-        """Take the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
-        assign(self.tension, np.array([tension]))
-        self.run("linearise")
-
-    def step_to(self, share: float) -> None:
-        """Set displacement = base + share direction."""
-        assign(self.share, np.array([share]))
-        self.run("advance")
+    def slack(self) -> bool:
+        """Whether the sheet carries no stress: a flat one then has no stiffness across its plane."""
+        return bool(np.abs(self.stress.numpy()).max() < SLACK_STRESS * self.modulus())
 
     def modulus(self) -> float:
         """Mean of dS11/dC11 over the sheet [Pa], at the last linearisation."""
         return float(self.moduli.numpy()[..., 0].sum() / self.points)
+
+    def sparse(self) -> SparseTangent:
+        """The sparse matrix."""
+        return SparseTangent(self)
 
 
 def pair_offsets(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -278,25 +181,6 @@ def response_of(material: Any) -> Any:
     return material.response
 
 
-def assign(array: Any, values: np.ndarray) -> None:
-    """Copy host values into a device array, in its own precision."""
-    scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
-    array.assign(np.ascontiguousarray(values, dtype=wp.dtype_to_numpy(scalar)))
-
-
-def dot(a: Any, b: Any) -> float:
-    """Scalar product of two (N,) vec3 arrays."""
-    if a.device.is_cpu:
-        # Not by BLAS, whose threads would go on spinning on the cores that the kernels need.
-        return float(np.einsum("ic,ic->", a.numpy(), b.numpy(), dtype=np.float64))
-    return float(wp.utils.array_inner(a, b))
-
-
-def total(a: Any) -> float:
-    """Sum of a scalar array."""
-    return float(a.numpy().sum()) if a.device.is_cpu else float(wp.utils.array_sum(a))
-
-
 class SparseTangent:
     """The tangent as a sparse matrix, K = B^T A B, for a direct factorisation on the host.
 
@@ -327,20 +211,7 @@ class SparseTangent:
 
     def factorise(self) -> Any:
         """Solver of K x = b on arrays of shape (N, 3); None if K is singular."""
-        from scipy.sparse.linalg import splu
-
-        try:
-            factors = splu(self.matrix(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-        except RuntimeError:
-            return None
-        free = self.free
-
-        def solve(b: np.ndarray) -> np.ndarray:
-            x = np.zeros(free.size)
-            x[free] = factors.solve(np.ascontiguousarray(b.ravel()[free], dtype=np.float64))
-            return x.reshape(b.shape)
-
-        return solve
+        return factorised(self.matrix(), self.free)
 
 
 def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.ndarray:

@@ -1,0 +1,369 @@
+"""Bond-based force law: a bond pulls along itself, by a pairwise law of its strain (IM, sections 2 and 3).
+
+With s = |Y|/|X| - 1, n = Y/|Y| and a pairwise law f(s) [Pa] (kernels/pairwise.py), the energy of point i is
+
+    E_i = h a_ref sum_k W_ik psi(s_ik),     W_ik = (g/2) a_i a_k |xi_ik| / m_i,     m_i = sum_k |xi_ik| a_k,
+
+areas over a_ref, lengths over the horizon; g makes it that of the continuum (warp_pd/forces/bond_based.py). With
+c_i = g f / (s |X|-weighted volume of the family) as in the paper, W_ik is half of c_i s^2 |X| V_i V_k / 2. A bond
+belongs to both its points, so its force is that of the mean of their micro-moduli,
+
+    F_ik = (h a_ref / horizon) (W_ik + W_ki) / |xi| f(s) n,     F_ki = -F_ik to the last bit,
+
+and its stiffness (IM eq. 21)
+
+    K_ik = (h a_ref / horizon^2) (W_ik + W_ki) / |xi|^2 [ f'(s) n (x) n + f(s)/(1 + s) (I - n (x) n) ].
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .families import WORD, family_functions
+from .numeric import numeric
+
+
+@dataclass(frozen=True)
+class BondBasedKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        pair_force: Internal force [points], N.
+        strain_energy: Energy of each family [points], J.
+        earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
+        principal_stress: Virial stress [points], Pa: largest, smallest, angle of the largest to the x axis [rad].
+        wrinkle_level: Share of compressed bonds [points].
+        row_sums: Fictitious density of dynamic relaxation [points], N/m.
+    """
+
+    pair_force: Any
+    strain_energy: Any
+    earlier_energy: Any
+    principal_stress: Any
+    wrinkle_level: Any
+    row_sums: Any
+
+
+@dataclass(frozen=True)
+class BondBasedTangentKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        linearise: Fills blocks [members, points] with the stiffness of every bond, N/m, upper triangles.
+        product: The change of the force along a direction: minus the stiffness times it.
+        inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, its held components
+            left out.
+    """
+
+    linearise: Any
+    product: Any
+    inverse_blocks: Any
+
+
+@functools.cache
+def bond_functions(layout, bits, breakable, module):
+    """Warp functions of one bond: `standing` (family, alive, i, k), `strain` and `image` of xi and U."""
+    types = numeric(bits)
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    word_size = WORD
+
+    @wp.func(module=module)
+    def standing(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, k: int):
+        word = k // word_size
+        if wp.static(breakable):
+            return ((alive[word, i] >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
+        else:
+            return ((f.whole(family, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
+
+    @wp.func(module=module)
+    def image(xi: vec2, U: vec3):
+        """Y over the horizon."""
+        return vec3(xi[0] + U[0], xi[1] + U[1], U[2])
+
+    @wp.func(module=module)
+    def strain(xi: vec2, U: vec3):
+        """|Y|/|X| - 1 from the displacement, without adding and taking away one."""
+        length = wp.length(xi)
+        grown = real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
+        return grown / (length * (length + wp.length(image(xi, U))))
+
+    return standing, strain, image
+
+
+@functools.cache
+def bond_based(layout, bits, pairwise, breakable, module):
+    """Kernels of the bond-based law.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        pairwise: Factory of the pairwise law, called with `bits`.
+        breakable: Whether bonds can break.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    standing, strain, image = bond_functions(layout, bits, breakable, module)
+    tension_of, slope_of, energy_of = pairwise(bits)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def pair_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        ui = displacement[i]
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                U = inverse_horizon * (displacement[m] - ui)
+                tension = tension_of(strain(xi, U), constants)
+                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+                pull += (weight * tension / wp.length(xi)) * wp.normalize(image(xi, U))
+        force[i] = unit_force * pull
+
+    @wp.func(module=module)
+    def earlier_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        constants: parameters,
+        inverse_horizon: real,
+        i: int,
+    ):
+        """Energy of the family of i over (thickness x reference area) a time `back` ago [J/m^3]."""
+        stored = real(0.0)
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
+                s = strain(f.bond(family, i, k), inverse_horizon * U)
+                stored += f.weight(family, i, k) * energy_of(s, constants)
+        return stored
+
+    @wp.kernel(module=module, enable_backward=False)
+    def strain_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        density = earlier_energy(family, alive, displacement, displacement, real(0.0), constants, inverse_horizon, i)
+        out[i] = wp.float64(unit_volume * density)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def principal_stress(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        first: int,
+        out: wp.array(dtype=vec3),
+    ):
+        """Of the in-plane part of sum_k F_ik (x) Y_ik / (2 V_i)."""
+        i = wp.tid() + first
+        sxx = real(0.0)
+        sxy = real(0.0)
+        syy = real(0.0)
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                U = inverse_horizon * (displacement[m] - displacement[i])
+                Y = image(xi, U)
+                tension = tension_of(strain(xi, U), constants)
+                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+                scaled = weight * tension / wp.length(xi) * wp.normalize(Y)
+                sxx += scaled[0] * Y[0]
+                sxy += scaled[0] * Y[1]
+                syy += scaled[1] * Y[1]
+        scale = real(0.5) / f.area(family, i)
+        mean = real(0.5) * scale * (sxx + syy)
+        half = real(0.5) * scale * (sxx - syy)
+        shear = scale * sxy
+        radius = wp.sqrt(half * half + shear * shear)
+        out[i] = vec3(mean + radius, mean - radius, real(0.5) * wp.atan2(shear, half))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def wrinkle_level(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        first: int,
+        out: wp.array(dtype=wp.float32),
+    ):
+        i = wp.tid() + first
+        compressed = wp.float32(0.0)
+        bonds = wp.float32(0.0)
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                U = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                bonds += wp.float32(1.0)
+                if strain(f.bond(family, i, k), U) < real(0.0):
+                    compressed += wp.float32(1.0)
+        out[i] = compressed / wp.max(bonds, wp.float32(1.0))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def row_sums(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_stiffness: real,
+        least: real,
+        first: int,
+        density: wp.array(dtype=real),
+    ):
+        """Sum of the row of the stiffness (HE eqs. 86 to 93), the point's own block included.
+
+        A bond counts with the stiffer of its two signs of strain: a slack one may go taut in the next step. A
+        point that nothing holds keeps the density `least`.
+        """
+        i = wp.tid() + first
+        total = real(0.0)
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                s = wp.abs(strain(xi, inverse_horizon * (displacement[m] - displacement[i])))
+                stiffest = wp.max(wp.abs(slope_of(s, constants)), wp.abs(slope_of(-s, constants)))
+                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+                total += weight / wp.length_sq(xi) * stiffest
+        density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
+
+    return BondBasedKernels(pair_force, strain_energy, earlier_energy, principal_stress, wrinkle_level, row_sums)
+
+
+@functools.cache
+def bond_based_tangent(layout, bits, pairwise, breakable, held, geometric, module):
+    """Kernels of the tangent; arguments as `bond_based`.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        pairwise: Factory of the pairwise law.
+        breakable: Whether bonds can break.
+        held: Whether any component is held.
+        geometric: Whether the tension of the bonds has its part in the stiffness (IM eq. 21), or not (IM eq. 16).
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, mat33, vec6, parameters = types.real, types.vec3, types.mat33, types.vec6, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    standing, strain, image = bond_functions(layout, bits, breakable, module)
+    tension_of, slope_of, _energy_of = pairwise(bits)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def linearise(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_stiffness: real,
+        tension: wp.array(dtype=real),
+        first: int,
+        blocks: wp.array2d(dtype=vec6),
+    ):
+        """`tension` [Pa] adds an isotropic part to every bond: the tangent of a stretched soap film."""
+        i = wp.tid() + first
+        for k in range(family.members):
+            block = vec6()
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                U = inverse_horizon * (displacement[m] - displacement[i])
+                s = strain(xi, U)
+                along = slope_of(s, constants)
+                across = real(0.0)
+                if wp.static(geometric):
+                    across = tension_of(s, constants) / wp.max(real(1.0) + s, real(1.0e-6))
+                n = wp.normalize(image(xi, U))
+                along -= across
+                across += tension[0]
+                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+                block = (unit_stiffness * weight / wp.length_sq(xi)) * vec6(
+                    along * n[0] * n[0] + across,
+                    along * n[0] * n[1],
+                    along * n[0] * n[2],
+                    along * n[1] * n[1] + across,
+                    along * n[1] * n[2],
+                    along * n[2] * n[2] + across,
+                )
+            blocks[k, i] = block
+
+    @wp.func(module=module)
+    def full(block: vec6):
+        return mat33(
+            block[0], block[1], block[2], block[1], block[3], block[4], block[2], block[4], block[5]
+        )  # fmt: skip
+
+    @wp.kernel(module=module, enable_backward=False)
+    def product(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        blocks: wp.array2d(dtype=vec6),
+        direction: wp.array(dtype=vec3),
+        first: int,
+        change: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        total = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                total += full(blocks[k, i]) * (direction[f.neighbour(family, i, k)] - direction[i])
+        change[i] = total
+
+    @wp.kernel(module=module, enable_backward=False)
+    def inverse_blocks(
+        family: Family, blocks: wp.array2d(dtype=vec6), held_mask: wp.array(dtype=wp.uint8), first: int,
+        out: wp.array(dtype=mat33),
+    ):  # fmt: skip
+        i = wp.tid() + first
+        block = mat33()
+        for k in range(family.members):
+            block += full(blocks[k, i])
+        if wp.static(held):
+            for c in range(3):
+                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
+                    for d in range(3):
+                        block[c, d] = real(0.0)
+                        block[d, c] = real(0.0)
+                    block[c, c] = real(1.0)
+        least = real(1.0e-12) * (wp.abs(block[0, 0]) + wp.abs(block[1, 1]) + wp.abs(block[2, 2]))
+        for c in range(3):
+            if wp.abs(block[c, c]) <= least:
+                block[c, c] = real(1.0)
+        result = wp.inverse(block)
+        if wp.static(held):
+            for c in range(3):
+                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
+                    result[c, c] = real(0.0)
+        out[i] = result
+
+    return BondBasedTangentKernels(linearise, product, inverse_blocks)
