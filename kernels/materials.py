@@ -336,3 +336,36 @@ def gent_response(bits):
         return S, condensed(G, z, first, first / room, quarter * z, quarter * (real(1.0) + z))
 
     return response
+
+
+@functools.cache
+def neo_hookean_membrane(bits):
+    """For force laws that write the first Piola stress as g (F - C33 F^-T): (G, constants) -> z, and g.
+
+    The second function is (tr C - 2, C33 - 1, z, constants) -> g [Pa].
+    """
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+
+    @wp.func
+    def shear(trace: real, thinning: real, z: real, constants: parameters):
+        return constants[0] / wp.cbrt(real(1.0) + z)
+
+    return neo_hookean_volume(bits), shear
+
+
+@functools.cache
+def gent_membrane(bits):
+    """The same two functions as `neo_hookean_membrane`, of the Gent material; NaN at and beyond its lock."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    _, excess_invariant, _ = invariants(bits)
+
+    @wp.func
+    def shear(trace: real, thinning: real, z: real, constants: parameters):
+        room = constants[2] - excess_invariant(trace + thinning, z)
+        if room <= real(0.0):
+            room = real(wp.nan)
+        return constants[0] * constants[2] / (room * wp.cbrt(real(1.0) + z))
+
+    return gent_volume(bits), shear

@@ -8,7 +8,7 @@ See README.md and the files in `scenes/`, which are meant to be read and changed
 from .checks import InputError
 from .contact import RigidBall
 from .damage import CriticalStretch
-from .forces.bond_associated import BondAssociated
+from .forces import BondAssociated, Neural, Nodal
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
 from .materials import Gent, Material, NeoHookean
@@ -34,7 +34,9 @@ __all__ = [
     "Measure",
     "Motion",
     "NeoHookean",
+    "Neural",
     "Newton",
+    "Nodal",
     "Outcome",
     "PointForce",
     "Pressure",

@@ -198,6 +198,8 @@ def run(
 
 
 def _report(result: Any) -> None:
+    for note in result.summary["notes"]:
+        click.echo(note)
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
             click.echo(f"{name} = none: the run did not come that far")

@@ -13,7 +13,8 @@ class Material(Protocol):
     """What a force law asks of a material; any object with these two is one.
 
     Newton's method asks for a third, `response`: a cached factory, precision in bits -> Warp function, see
-    kernels/materials.py.
+    kernels/materials.py. The neural law asks for `membrane`, a factory of two functions, see there, for `mu`, the
+    unit of its stress, and for `ratios`, which decide the stress over mu.
     """
 
     @property
@@ -67,6 +68,18 @@ class NeoHookean:
 
         return neo_hookean_response
 
+    @property
+    def membrane(self) -> Callable[[int], tuple[Any, Any]]:
+        """See `kernels.materials.neo_hookean_membrane`."""
+        from .kernels.materials import neo_hookean_membrane
+
+        return neo_hookean_membrane
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """What, besides the stretches, decides the stress over mu."""
+        return {"bulk/mu": self.bulk / self.mu}
+
 
 @dataclass(frozen=True)
 class Gent:
@@ -110,6 +123,18 @@ class Gent:
         from .kernels.materials import gent_response
 
         return gent_response
+
+    @property
+    def membrane(self) -> Callable[[int], tuple[Any, Any]]:
+        """See `kernels.materials.gent_membrane`."""
+        from .kernels.materials import gent_membrane
+
+        return gent_membrane
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """What, besides the stretches, decides the stress over mu."""
+        return {"bulk/mu": self.bulk / self.mu, "lock": self.lock}
 
 
 def padded_constants(material: Material) -> tuple[float, float, float, float]:

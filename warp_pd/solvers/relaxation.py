@@ -35,7 +35,7 @@ class Relaxation:
     (HE eqs. 94 to 97, with the tangent along the motion in place of a diagonal). Where HE take a unit step,
     stable by Gershgorin's bound, the largest frequency is estimated instead, which allows a step almost four
     times as long (docs/solvers.md). The true mass takes no part: relaxation with it is the special
-    case of equal points. A material without `response`, and a sheet with rigid
+    case of equal points. A law without a tangent, a material without `response`, and a sheet with rigid
     inclusions, whose bodies have true masses, keep it.
 
     With a rupture criterion every load step relaxes, breaks what is over-stretched, and relaxes again until
@@ -87,7 +87,7 @@ class Relaxation:
 
         simulation, force, w, t = built.simulation, built.force, built.workspace, built.types
         law = simulation.force
-        if not hasattr(law.material, "response") or simulation.sheet.inclusions:
+        if not law.has_tangent or not hasattr(law.material, "response") or simulation.sheet.inclusions:
             return built.mass
         layout, material, broken, form = law.signature(force.families.layout, built.breakable)
         rows, total = row_sums(layout, t.bits, material, law.material.response, broken, form, w.module)
