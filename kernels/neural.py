@@ -456,7 +456,8 @@ def fused_tiles(
     bias_rows = (inner + 1) * width
     Family = f.struct
 
-    @wp.kernel(module=module, enable_backward=False)
+    # The block is part of the tiles' shapes, so this kernel cannot share a module with launches of other blocks.
+    @wp.kernel(module=f"{module}_tiles", enable_backward=False)
     def fused_force(
         family: Family,
         alive: wp.array2d(dtype=wp.uint32),

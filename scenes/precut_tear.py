@@ -13,7 +13,6 @@ does not tear where it is pulled (here the bonds of the pulled points do not bre
 import numpy as np
 
 from warp_pd import (
-    BondAssociated,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -25,6 +24,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import InputError, positive
+from warp_pd.forces import force_law
 from warp_pd.measures import TearLine, largest, rate, support_force, time_above, worst_balance
 
 SHOWN = (3.0, 4.5, 6.0, 7.5, 9.0, 10.5)
@@ -34,6 +34,7 @@ def build(
     points: int = 120,
     horizon: float = 3.15,
     weights: str = "auto",
+    force: str = "bond_associated",
     critical_stretch: float = 1.3,
     slit: float = 0.3,
     slit_at: float = 0.5,
@@ -63,7 +64,7 @@ def build(
     wrinkles[np.concatenate([left, pulled])] = 0.0
     return Simulation(
         sheet,
-        force=BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=horizon, weights=weights),
+        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
         loads=[
             Fixed(left),
             Motion(pulled, times=[0.0, duration], x=[0.0, pull * duration], y=0.0, z=[0.0, lift * duration]),

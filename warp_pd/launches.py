@@ -140,7 +140,8 @@ class Workspace:
         begin = time.perf_counter()
         launches = [x for stage in self.stages.values() for x in stage if isinstance(x, Launch)]
         for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
-            module.load(self.device, block_dim)
+            # A launch on a CPU has blocks of one thread; a module built for other blocks would be built again there.
+            module.load(self.device, block_dim if self.device.is_cuda else 1)
         return time.perf_counter() - begin
 
     def sequence(self, stage: str, repeat: int = 1) -> LaunchSequence:

@@ -238,7 +238,7 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
     damage = intact = None
     if built.damage is not None:
         damage = np.clip(built.to_numpy(built.damage), 0.0, 1.0)
-        intact = built.intact_faces(built.force.alive.numpy())  # type: ignore[union-attr]
+        intact = built.intact_faces(built.force.alive.numpy())
     ball = None
     if simulation.contact is not None:
         ball = np.array(simulation.contact.start, float) + now * np.array(simulation.contact.velocity, float)

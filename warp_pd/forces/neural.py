@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # Threads of a block that evaluate a network together on a GPU.
 BLOCK = 64
+# Bonds that Torch takes at once on a CPU.
+CACHED_ROWS = 8192
 EVALUATIONS = ("torch", "fused", "closed_form")
 
 
@@ -92,7 +94,7 @@ class Neural:
             networks.require_sound(self.network, "network")
             found = self.network
         else:
-            found = networks.default() if self.network is None else networks.load(self.network)
+            found = networks.default() if self.network is None else networks.load(name)
         found.require_material(self.material, name)
         return found
 
@@ -131,8 +133,7 @@ class NeuralForce(PointForce):
         layers = None
         if law.evaluation == "fused":
             assert law.loaded is not None
-            block = BLOCK if workspace.device.is_cuda else 0
-            layers = Layers(max(law.loaded.widths[:-1]), len(law.loaded.widths) - 2, block)
+            layers = Layers(max(law.loaded.widths[:-1]), len(law.loaded.widths) - 2, block_of(workspace.device))
         self.kernels: NeuralKernels = neural(
             layout,
             bits,
@@ -154,6 +155,7 @@ class NeuralForce(PointForce):
             self._infer = TorchStep(law, self._features, self._pairs)
         elif layers is not None:
             self._layers = layers
+            assert law.loaded is not None
             self._weights = layer_arrays(law.loaded, layers, self.types, workspace, self.owner)
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
@@ -198,6 +200,11 @@ class NeuralForce(PointForce):
             stage, self.owner, self.kernels.outside, self.points,
             **self.family_arguments(displacement), constants=self.constants, least=least, most=most, out=self.outside,
         )  # fmt: skip
+
+
+def block_of(device: Any) -> int:
+    """Threads that evaluate a network together; 0 for each on its own."""
+    return BLOCK if device.is_cuda else 0
 
 
 def layer_arrays(network: Network, layers: Any, types: Any, workspace: Workspace, owner: str) -> dict[str, Any]:
@@ -250,18 +257,21 @@ class TorchStep:
         self.device = features.device
         # Zero copy: the tensors are views of Warp's arrays.
         self.features, self.pairs = wp.to_torch(features), wp.to_torch(pairs)
-        given = networks.torch_module(law.loaded) if law.loaded is not None else law.network
+        given: Any = networks.torch_module(law.loaded) if law.loaded is not None else law.network
         if isinstance(given, torch.nn.Module):
             given = copy.deepcopy(given).to(device=self.features.device, dtype=self.features.dtype).eval()
         networks.checked(given, self.features.dtype, self.features.device)
-        self.function = given
+        self.function: Callable[[Any], Any] = given
 
     def __call__(self) -> None:
         """Evaluate all bonds, on Warp's stream."""
         import torch
 
+        # On a CPU in pieces that stay in its cache: three times as fast.
+        rows = len(self.features) if self.device.is_cuda else CACHED_ROWS
         with self._stream(), torch.no_grad():
-            self.pairs.copy_(self.function(self.features))
+            for features, pairs in zip(self.features.split(rows), self.pairs.split(rows), strict=True):
+                pairs.copy_(self.function(features))
 
     def _stream(self) -> Any:
         """Torch on the stream that Warp works on now, that of a capture included."""

@@ -260,7 +260,7 @@ class Relaxing:
         state.displacement.assign(good["displacement"])
         state.velocity.zero_()
         if "alive" in good:
-            self.built.force.alive.assign(good["alive"])  # type: ignore[union-attr]
+            self.built.force.alive.assign(good["alive"])
         if "time" in good:
             state.time.assign(good["time"])
         self.recorder.steps += self.entries[-1]["steps"]
