@@ -88,7 +88,7 @@ def bond_kinematics(layout, bits, membrane, breakable, module):
         i: int,
     ):
         """Displacement gradient H, R (zero if degenerate), U - I, U^-1, det F - 1, z = J^2 - 1."""
-        G1, G2, inverse, size = point.gradient(family, alive, displacement, displacement, real(0.0), i)
+        G1, G2, inverse, _size = point.gradient(family, alive, displacement, displacement, real(0.0), i)
         H = mat32()
         R = mat32()
         D = mat22()
@@ -301,8 +301,8 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
         for k in range(family.members):
             row = vec4(real(1.0), real(0.0), real(1.0), real(1.0))
             if point.has(family, alive, i, k) and V[0, 0] != real(0.0):
-                x, u, share = bond_vectors(family, displacement, inverse_horizon, i, k)
-                excess, sine, versine, direction = bond_state(x, u, H, D, V)
+                x, u, _share = bond_vectors(family, displacement, inverse_horizon, i, k)
+                excess, sine, versine, _direction = bond_state(x, u, H, D, V)
                 row = seen(excess, sine, versine, area, z)
             features[k * points + i] = row
 
@@ -347,13 +347,13 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
     ):
         """Bonds whose U has a principal stretch below `least` or above `most`."""
         i = wp.tid() + first
-        H, R, D, V, area, z = family_frame(family, alive, displacement, constants, inverse_horizon, i)
+        H, _R, D, V, area, _z = family_frame(family, alive, displacement, constants, inverse_horizon, i)
         det = real(1.0) + area
         found = wp.int32(0)
         for k in range(family.members):
             if point.has(family, alive, i, k) and V[0, 0] != real(0.0):
-                x, u, share = bond_vectors(family, displacement, inverse_horizon, i, k)
-                excess, sine, versine, direction = bond_state(x, u, H, D, V)
+                x, u, _share = bond_vectors(family, displacement, inverse_horizon, i, k)
+                excess, sine, versine, _direction = bond_state(x, u, H, D, V)
                 a = (real(1.0) + excess) * (real(1.0) - versine)
                 b = (real(1.0) + excess) * sine
                 inside = bool(False)

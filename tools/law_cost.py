@@ -176,14 +176,16 @@ def main() -> None:
         "--timed-points", type=int, help="Points a side of the sheet that is timed; the same by default."
     )
     parser.add_argument("--only", default="", help="Only laws whose name holds this text.")
+    parser.add_argument("--redraw", action="store_true", help="Measure nothing, only make table and plot anew.")
     parser.add_argument("--name", help="Name of the device's file; by default cpu or cuda and the timed points.")
     given = parser.parse_args()
-    wp.init()
-    timed = given.timed_points or given.points
-    run = measure(given.device, given.points, timed, given.only)
-    FOLDER.mkdir(exist_ok=True)
-    name = given.name or f"{given.device.split(':')[0]}_{timed}"
-    write_aside(FOLDER / f"{name}.json", json.dumps(run, indent=1) + "\n")
+    if not given.redraw:
+        wp.init()
+        timed = given.timed_points or given.points
+        run = measure(given.device, given.points, timed, given.only)
+        FOLDER.mkdir(exist_ok=True)
+        name = given.name or f"{given.device.split(':')[0]}_{timed}"
+        write_aside(FOLDER / f"{name}.json", json.dumps(run, indent=1) + "\n")
     runs = [json.loads(path.read_text()) for path in sorted(FOLDER.glob("*.json"))]
     text = table(runs)
     print(text)
