@@ -162,7 +162,7 @@ def plot(path: Path, runs: list[dict[str, Any]]) -> None:
                     ax.annotate(at[2], at[:2], fontsize=7, xytext=(3, 3), textcoords="offset points")
             ax.set(title=f"{run['device']}, float{bits}", xlabel="force, ns a point", ylabel="error of deflection (%)")
             ax.grid(alpha=0.3, which="both")
-    axes[0][1].legend(fontsize=8)
+    axes[0][0].legend(fontsize=8)
     figure.savefig(path, dpi=120)
     plt.close(figure)
 
