@@ -255,6 +255,11 @@ class TorchStep:
                 "take 'fused' or 'closed_form'"
             ) from None
         self.device = features.device
+        if self.device.is_cuda and not torch.cuda.is_available():
+            raise InputError(
+                f"evaluation = 'torch': allowed on {self.device.alias} with a torch that has CUDA, this is "
+                f"{torch.__version__}; take 'fused' or 'closed_form'"
+            )
         # Zero copy: the tensors are views of Warp's arrays.
         self.features, self.pairs = wp.to_torch(features), wp.to_torch(pairs)
         given: Any = networks.torch_module(law.loaded) if law.loaded is not None else law.network
