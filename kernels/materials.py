@@ -162,13 +162,12 @@ def neo_hookean_root(bits):
         third = constants[0] / real(3.0)
         quarter = real(0.25) * constants[1]
         d = guess
-        found = bool(False)
         for step in range(steps):
             if step == restart:
                 d = real(0.0)
             root = real(1.0) + d
             z = volume_of(d)
-            q = real(1.0) + z
+            q = root * root * root
             thinning = slope * (z - area)
             r = real(1.0) / q
             residual = third * (real(2.0) * thinning - trace) + quarter * root * z * (real(2.0) + z) * r
@@ -177,10 +176,7 @@ def neo_hookean_root(bits):
             change = wp.abs(new - d)
             d = new
             if change <= real(tolerance) * root:
-                found = True
                 break
-        if not found:
-            d = real(wp.nan)
         return d
 
     return root_change
@@ -295,7 +291,8 @@ def gent_root(bits):
         third = constants[0] * lock / real(3.0)
         half = real(0.5) * constants[1]
         d = guess
-        found = bool(False)
+        doubt = real(0.0)
+        trust = real(1.0)
         for step in range(steps):
             if step == restart:
                 d = real(0.0)
@@ -312,10 +309,11 @@ def gent_root(bits):
             change = wp.abs(new - d)
             d = new
             # The iteration converges quadratically only within a distance of the order of the room to the lock.
-            if change * lock <= real(tolerance) * room:
-                found = True
+            doubt = change * lock
+            trust = room
+            if doubt <= real(tolerance) * trust:
                 break
-        if not found:
+        if doubt > real(0.1) * trust:
             d = real(wp.nan)
         return d
 
@@ -437,3 +435,36 @@ def gent_response(bits):
         return S, condensed(G, z, first, first / room, quarter * z, quarter * (real(1.0) + z))
 
     return response
+
+
+@functools.cache
+def neo_hookean_membrane(bits):
+    """For force laws that write the first Piola stress as g (F - C33 F^-T): (G, constants) -> z, and g.
+
+    The second function is (tr C - 2, C33 - 1, z, constants) -> g [Pa].
+    """
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+
+    @wp.func
+    def shear(trace: real, thinning: real, z: real, constants: parameters):
+        return constants[0] / wp.cbrt(real(1.0) + z)
+
+    return neo_hookean_volume(bits), shear
+
+
+@functools.cache
+def gent_membrane(bits):
+    """The same two functions as `neo_hookean_membrane`, of the Gent material; NaN at and beyond its lock."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    _, excess_invariant, _ = invariants(bits)
+
+    @wp.func
+    def shear(trace: real, thinning: real, z: real, constants: parameters):
+        room = constants[2] - excess_invariant(trace + thinning, z)
+        if room <= real(0.0):
+            room = real(wp.nan)
+        return constants[0] * constants[2] / (room * wp.cbrt(real(1.0) + z))
+
+    return gent_volume(bits), shear

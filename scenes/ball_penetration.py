@@ -19,7 +19,6 @@ import math
 import numpy as np
 
 from warp_pd import (
-    BondAssociated,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -31,6 +30,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import count, positive
+from warp_pd.forces import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
 
 
@@ -38,6 +38,7 @@ def build(
     points: int = 101,
     horizon: float = 3.15,
     weights: str = "auto",
+    force: str = "bond_associated",
     duration: float = 4.0,
     frames: int = 96,
     damping: float = 0.0,
@@ -61,7 +62,7 @@ def build(
     line = TearLine(sheet)
     return Simulation(
         sheet,
-        force=BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=horizon, weights=weights),
+        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
         loads=[Fixed(clamp)],
         contact=RigidBall(
             diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -positive("ball_speed", ball_speed))

@@ -7,7 +7,8 @@ right edge move by u1 = 0.025 t, u3 = 0.05 t until 2 s, and then stay. The paper
 
 import numpy as np
 
-from warp_pd import BondAssociated, Explicit, Fixed, Measure, Motion, NeoHookean, Sheet, Simulation
+from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Sheet, Simulation
+from warp_pd.forces import force_law
 from warp_pd.measures import support_force
 
 SHOWN = (1.5, 2.5, 3.5, 4.5)
@@ -17,6 +18,7 @@ def build(
     points: int = 101,
     horizon: float = 3.15,
     weights: str = "auto",
+    force: str = "bond_associated",
     damping: float = 0.1,
     duration: float = 4.5,
     frames: int = 90,
@@ -27,7 +29,7 @@ def build(
     pulled = sheet.within((1.0, 0.5), patch)
     return Simulation(
         sheet,
-        force=BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=horizon, weights=weights),
+        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
         loads=[
             Fixed(sheet.edges("left")),
             Motion(pulled, times=[0.0, 2.0], x=[0.0, 0.05], y=0.0, z=[0.0, 0.1]),

@@ -17,7 +17,6 @@ Cracks within 0.2 m of the middle of the pulled edge do not count as those of th
 import numpy as np
 
 from warp_pd import (
-    BondAssociated,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -29,6 +28,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import InputError, positive, resolved
+from warp_pd.forces import force_law
 from warp_pd.measures import TearLine, growth_rate, largest, support_force, time_above, time_below, worst_balance
 
 # Within this distance of the pulled points [m] torn faces belong to the grip.
@@ -40,6 +40,7 @@ def build(
     points: int = 120,
     horizon: float = 3.15,
     weights: str = "auto",
+    force: str = "bond_associated",
     critical_stretch: float = 1.3,
     slit: float = 0.3,
     slit_at: float = 0.5,
@@ -71,7 +72,7 @@ def build(
     wrinkles[np.concatenate([left, pulled])] = 0.0
     return Simulation(
         sheet,
-        force=BondAssociated(NeoHookean(mu=1e3, bulk=100e3), horizon=horizon, weights=weights),
+        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
         loads=[
             Fixed(left),
             Motion(pulled, times=[0.0, duration], x=[0.0, pull * duration], y=0.0, z=[0.0, lift * duration]),

@@ -8,8 +8,7 @@ See README.md and the files in `scenes/`, which are meant to be read and changed
 from .checks import InputError
 from .contact import RigidBall
 from .damage import CriticalStretch
-from .forces.bond_associated import BondAssociated
-from .forces.bond_based import BondBased
+from .forces import BondAssociated, BondBased, Neural, Nodal
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
 from .materials import Bimodular, Gent, Material, NeoHookean, PairwiseMaterial
@@ -37,7 +36,9 @@ __all__ = [
     "Measure",
     "Motion",
     "NeoHookean",
+    "Neural",
     "Newton",
+    "Nodal",
     "Outcome",
     "PairwiseMaterial",
     "PointForce",

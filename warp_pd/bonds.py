@@ -55,7 +55,7 @@ class Families:
         bonds: X / horizon, shape (R, n, 2), or (n, 2) where all rows share a stencil.
         influence: w, shape (R, n) or (n,).
         common: Masks of the intersections over all members of the stencil or row, uint32, shape
-            (R, n, words) or (n, words); no members where the law knows no intersections.
+            (R, n, words) or (n, words); empty for laws that do not read them.
         member_areas: Area of each member over the reference area, shape (R, n).
         areas: Area of the row's point over the reference area, shape (R,).
         kind: Row of each point, shape (N,), on a lattice; None on a cloud, where point i has row i.
@@ -397,10 +397,11 @@ def family_struct(
         s.stencil_mate = put("stencil_mate", families.mates, wp.int32)
         s.stencil_bond = put("stencil_bond", families.bonds, types.vec2)
         s.stencil_influence = put("stencil_influence", families.influence, types.real)
+        if families.common.size:
+            s.stencil_common = put("stencil_common", families.common, wp.uint32)
         s.kind = put("kind", families.kind, wp.int32)  # type: ignore[arg-type]
         s.kind_whole = put("kind_whole", pack(families.exists), wp.uint32)
         if inverse is not None:
-            s.stencil_common = put("stencil_common", families.common, wp.uint32)
             s.kind_shape = put("kind_shape", inverse, types.vec3)
         s.kind_weight = put("kind_weight", weights, types.real)
         s.kind_area = put("kind_area", families.areas, types.real)
@@ -410,9 +411,10 @@ def family_struct(
     s.mates = put("mates", families.mates.T, wp.int32)
     s.bonds = put("bonds", families.bonds.transpose(1, 0, 2), types.vec2)
     s.influences = put("influences", families.influence.T, types.real)
+    if families.common.size:
+        s.commons = put("commons", families.common.transpose(1, 2, 0), wp.uint32)
     s.wholes = put("wholes", pack(families.exists).T, wp.uint32)
     if inverse is not None:
-        s.commons = put("commons", families.common.transpose(1, 2, 0), wp.uint32)
         s.shapes = put("shapes", inverse.transpose(1, 0, 2), types.vec3)
     s.weights = put("weights", weights.T, types.real)
     s.areas = put("areas", families.areas, types.real)

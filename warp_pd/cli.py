@@ -116,12 +116,12 @@ def _convert(key: str, value: Any, parameters: Any) -> Any:
 
 
 def _settings(
-    points: int | None, horizon: float | None, weights: str | None, solver: str | None, duration: float | None,
-    frames: int | None, assignments: tuple[str, ...],
+    points: int | None, horizon: float | None, force: str | None, weights: str | None, solver: str | None,
+    duration: float | None, frames: int | None, assignments: tuple[str, ...],
 ) -> dict[str, Any]:  # fmt: skip
     named = {
-        "points": points, "horizon": horizon, "weights": weights, "solver": solver, "duration": duration,
-        "frames": frames,
+        "points": points, "horizon": horizon, "force": force, "weights": weights, "solver": solver,
+        "duration": duration, "frames": frames,
     }  # fmt: skip
     settings = {key: value for key, value in named.items() if value is not None}
     for text in assignments:
@@ -141,6 +141,11 @@ def _scene_options(command: Any) -> Any:
         click.argument("scene"),
         click.option("--points", type=int, help="Points along x."),
         click.option("--horizon", type=float, help="Horizon in spacings, such as 1.5, 2.015 or 3.15."),
+        click.option(
+            "--force",
+            help="bond_associated, nodal, closed_form, neural, neural_fused or a network's file (.npz), in the scenes "
+            "of the NN paper.",
+        ),
         click.option("--weights", help="published, plain, corrected or auto."),
         click.option("--solver", help="explicit, relaxation or newton, in scenes at rest."),
         click.option("--duration", type=float, help="Simulated time [s], in scenes that take one."),
@@ -172,8 +177,8 @@ def list_scenes() -> None:
 @click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
 @click.option("--quiet", is_flag=True, help="Show no progress.")
 def run(
-    scene: str, points: int | None, horizon: float | None, weights: str | None, solver: str | None,
-    duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
+    scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
+    solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None, out: str | None, resume: bool, no_usd: bool, no_pictures: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
@@ -181,7 +186,7 @@ def run(
     from .runner import DIVERGED as RUN_DIVERGED
     from .runner import NOT_CONVERGED, STOPPED, DivergedError
 
-    simulation = build_scene(scene, _settings(points, horizon, weights, solver, duration, frames, assignments))
+    simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
     folder = Path("runs") / simulation.scene if out is None else out
     try:
         result = simulation.run(
@@ -207,6 +212,8 @@ def run(
 
 
 def _report(result: Any) -> None:
+    for note in result.summary["notes"]:
+        click.echo(note)
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
             click.echo(f"{name} = none: it did not happen")
@@ -223,11 +230,12 @@ def _report(result: Any) -> None:
 @main.command()
 @_scene_options
 def plan(
-    scene: str, points: int | None, horizon: float | None, weights: str | None, solver: str | None,
-    duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None,
+    scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
+    solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
+    precision: int | None,
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, and which part asked for each."""
-    simulation = build_scene(scene, _settings(points, horizon, weights, solver, duration, frames, assignments))
+    simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
     click.echo(simulation.plan(device, precision))
 
 

@@ -47,6 +47,7 @@ class Launch:
         kernel: The Warp kernel; one of its arguments is called `first`.
         threads: Number of threads.
         arguments: Value of every argument but `first`, by name.
+        block_dim: Threads of a block on CUDA.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Launch:
     kernel: Any
     threads: int
     arguments: dict[str, Any]
+    block_dim: int = 256
 
     def values(self, first: int) -> list[Any]:
         """Arguments in the kernel's order, for threads that begin with `first`."""
@@ -74,6 +76,23 @@ class Launch:
 
 
 @dataclass(eq=False)
+class Call:
+    """A step that is no Warp kernel: Torch, on arrays that it shares with Warp.
+
+    Attributes:
+        name: What it does.
+        owner: The part that asked for it.
+        threads: Rows that it works on.
+        function: Does it, on Warp's stream of the device.
+    """
+
+    name: str
+    owner: str
+    threads: int
+    function: Callable[[], None]
+
+
+@dataclass(eq=False)
 class Workspace:
     """Where the parts of a simulation put their arrays and launches.
 
@@ -90,7 +109,7 @@ class Workspace:
     bits: int
     module: str
     arrays: list[ArrayUse] = field(default_factory=list)
-    stages: dict[str, list[Launch]] = field(default_factory=dict)
+    stages: dict[str, list[Launch | Call]] = field(default_factory=dict)
 
     def array(self, name: str, owner: str, dtype: Any, values: np.ndarray | None = None, shape: Any = None) -> Any:
         """Allocate an array, filled with `values` or zero, and put it on the list."""
@@ -108,6 +127,10 @@ class Workspace:
         self.stages.setdefault(stage, []).append(launch)
         return launch
 
+    def call(self, stage: str, owner: str, name: str, threads: int, function: Callable[[], None]) -> None:
+        """Add a step that is no kernel to a stage."""
+        self.stages.setdefault(stage, []).append(Call(name, owner, threads, function))
+
     def array_bytes(self) -> int:
         """Bytes of all arrays."""
         return sum(use.nbytes for use in self.arrays)
@@ -115,9 +138,10 @@ class Workspace:
     def compile(self) -> float:
         """Build or load every kernel now; returns the seconds it took."""
         begin = time.perf_counter()
-        modules = {launch.kernel.module for stage in self.stages.values() for launch in stage}
-        for module in modules:
-            module.load(self.device)
+        launches = [x for stage in self.stages.values() for x in stage if isinstance(x, Launch)]
+        for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
+            # A launch on a CPU has blocks of one thread; a module built for other blocks would be built again there.
+            module.load(self.device, block_dim if self.device.is_cuda else 1)
         return time.perf_counter() - begin
 
     def sequence(self, stage: str, repeat: int = 1) -> LaunchSequence:
@@ -128,11 +152,12 @@ class Workspace:
 class LaunchSequence:
     """A list of launches that runs again and again with the least work on the host.
 
-    On CUDA the list, repeated, is one captured graph. On a CPU every launch is recorded once; a large one is
-    cut into slices that run on all cores (a launch releases the interpreter lock).
+    On CUDA the list, repeated, is one captured graph; Torch captures it where a step is Torch's. On a CPU every
+    launch is recorded once; a large one is cut into slices that run on all cores (a launch releases the interpreter
+    lock), and Torch runs in between.
     """
 
-    def __init__(self, device: Any, launches: Iterable[Launch], repeat: int = 1) -> None:
+    def __init__(self, device: Any, launches: Iterable[Launch | Call], repeat: int = 1) -> None:
         self.device = device
         self.launches = list(launches)
         self.repeat = repeat
@@ -156,13 +181,40 @@ class LaunchSequence:
                     list(_cores().map(_call, commands))
 
     def _run_graph(self) -> None:
+        if any(isinstance(launch, Call) for launch in self.launches):
+            self._run_torch_graph()
+            return
         if self._graph is None:
             with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
-                for _ in range(self.repeat):
-                    for launch in self.launches:
-                        wp.launch(launch.kernel, dim=launch.threads, inputs=launch.values(0), device=self.device)
+                self._run_each()
             self._graph = capture.graph
         wp.capture_launch(self._graph)
+
+    def _run_torch_graph(self) -> None:
+        import torch
+
+        if self._graph is None:
+            # Torch allocates and chooses its algorithms on the first call, which no capture allows.
+            for launch in self.launches:
+                if isinstance(launch, Call):
+                    launch.function()
+            wp.synchronize_device(self.device)
+            stream = torch.cuda.Stream(device=wp.device_to_torch(self.device))
+            graph = torch.cuda.CUDAGraph()
+            with wp.ScopedStream(wp.stream_from_torch(stream)), torch.cuda.graph(graph, stream=stream):
+                wp.capture_begin(device=self.device, force_module_load=False, external=True)
+                try:
+                    self._run_each()
+                finally:
+                    wp.capture_end(device=self.device)
+            self._graph = graph
+        # Replayed on Warp's stream, in order with everything else.
+        with torch.cuda.stream(wp.stream_to_torch(self.device.stream)):
+            self._graph.replay()
+
+    def _run_each(self) -> None:
+        for _ in range(self.repeat):
+            run_once(self.device, self.launches)
 
 
 def available_cores() -> int:
@@ -184,8 +236,10 @@ def _call(command: Callable[[], None]) -> None:
     command()
 
 
-def _record(launch: Launch, device: Any) -> list[Callable[[], None]]:
+def _record(launch: Launch | Call, device: Any) -> list[Callable[[], None]]:
     """The launch as recorded commands, one a slice."""
+    if isinstance(launch, Call):
+        return [launch.function]
     parts = available_cores() if launch.threads >= SPLIT_FROM else 1
     bounds = np.linspace(0, launch.threads, parts + 1).astype(int)
     commands = []
@@ -197,7 +251,10 @@ def _record(launch: Launch, device: Any) -> list[Callable[[], None]]:
     return commands
 
 
-def run_once(device: Any, launches: Iterable[Launch]) -> None:
+def run_once(device: Any, launches: Iterable[Launch | Call]) -> None:
     """Run launches now, one by one."""
     for launch in launches:
-        wp.launch(launch.kernel, dim=launch.threads, inputs=launch.values(0), device=device)
+        if isinstance(launch, Call):
+            launch.function()
+            continue
+        wp.launch(launch.kernel, dim=launch.threads, inputs=launch.values(0), device=device, block_dim=launch.block_dim)

@@ -14,7 +14,8 @@ class Material(Protocol):
 
     Newton's method asks for a third, `response`, the fast paths of the bond-associated law for `near`: cached
     factories, precision in bits -> Warp function, see kernels/materials.py. Fastest is a material that also says
-    `isotropic = True`.
+    `isotropic = True`. The neural law asks for `membrane`, a factory of two functions, see there, for `mu`, the unit
+    of its stress, and for `ratios`, which decide the stress over mu.
     """
 
     @property
@@ -77,6 +78,18 @@ class NeoHookean:
 
         return neo_hookean_near
 
+    @property
+    def membrane(self) -> Callable[[int], tuple[Any, Any]]:
+        """See `kernels.materials.neo_hookean_membrane`."""
+        from .kernels.materials import neo_hookean_membrane
+
+        return neo_hookean_membrane
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """What, besides the stretches, decides the stress over mu."""
+        return {"bulk/mu": self.bulk / self.mu}
+
 
 @dataclass(frozen=True)
 class Gent:
@@ -129,6 +142,18 @@ class Gent:
         from .kernels.materials import gent_near
 
         return gent_near
+
+    @property
+    def membrane(self) -> Callable[[int], tuple[Any, Any]]:
+        """See `kernels.materials.gent_membrane`."""
+        from .kernels.materials import gent_membrane
+
+        return gent_membrane
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """What, besides the stretches, decides the stress over mu."""
+        return {"bulk/mu": self.bulk / self.mu, "lock": self.lock}
 
 
 class PairwiseMaterial(Protocol):

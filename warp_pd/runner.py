@@ -18,6 +18,7 @@ import numpy as np
 
 from . import restart
 from .checks import InputError
+from .forces.neural import outside_count
 from .frame import Frame
 from .launches import run_once
 from .simulation import Built, Measure, Outcome, Simulation
@@ -155,7 +156,7 @@ class Recorder:
         built.bad.assign(np.array([n], np.int32))
         run_once(built.workspace.device, built.workspace.stages["frame"])
         bad = int(built.bad.numpy()[0])
-        energy = float(built.strain_energy.numpy().sum())
+        energy = float(built.strain_energy.numpy().sum()) if built.strain_energy is not None else 0.0
         if bad == n and np.isfinite(energy):
             self._require_slow(index, now, dt)
             return
@@ -196,9 +197,15 @@ class Recorder:
             )
         if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
             return f"the step {dt:.4g} s is above the stable step {self.stable_dt:.4g} s"
+        return self._cause_in_law()
+
+    def _cause_in_law(self) -> str:
+        built = self.built
         lock = getattr(built.simulation.force.material, "lock", None)
         if lock is not None:
             return f"the Gent lock Jm = {lock:g} was reached, or the sheet stiffened faster than the step followed"
+        if not built.force.has_energy:
+            return "the law has no energy: it can pump it in; try damping or the law bond_associated"
         if built.force.weights == "published":
             return "the published weights have no energy: they can pump it in once bonds break; try weights 'plain'"
         torn = ", as torn edges do" if built.breakable else ""
@@ -208,11 +215,16 @@ class Recorder:
         built, state = self.built, self.built.state
         row: dict[str, float] = {"time": frame.time, "step": dt}
         row["kinetic"] = float(built.kinetic_energy.numpy().sum())
-        row["strain"] = float(built.strain_energy.numpy().sum())
+        if built.strain_energy is not None:
+            row["strain"] = float(built.strain_energy.numpy().sum())
         if built.tracked:
             for name, array in (("external", state.work), ("damping", state.dissipated), ("rupture", state.released)):
-                row[name] = float(array.numpy().sum()) if array is not None else 0.0
-            row["balance_error"] = self._balance_error(row)
+                if name != "rupture" or built.force.has_energy:
+                    row[name] = float(array.numpy().sum()) if array is not None else 0.0
+            if built.force.has_energy:
+                row["balance_error"] = self._balance_error(row)
+        if getattr(built.force, "outside", None) is not None:
+            row["bonds_outside_training"] = float(outside_count(built.force))
         if state.impulse is not None:
             total = built.to_numpy(state.impulse).sum(axis=0)
             state.impulse.zero_()
@@ -241,11 +253,12 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
     damage = intact = None
     if built.damage is not None:
         damage = np.clip(built.to_numpy(built.damage), 0.0, 1.0)
-        intact = built.intact_faces(built.force.alive.numpy())  # type: ignore[union-attr]
+        intact = built.intact_faces(built.force.alive.numpy())
     ball = None
     if simulation.contact is not None:
         ball = np.array(simulation.contact.start, float) + now * np.array(simulation.contact.velocity, float)
     volume = simulation.sheet.areas * simulation.sheet.thickness
+    energy = built.strain_energy
     return Frame(
         index=index,
         time=now,
@@ -255,7 +268,7 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
         damage=damage,
         ball_center=ball,
         point_data={
-            "strain_energy_density": built.strain_energy.numpy() / volume,
+            **({} if energy is None else {"strain_energy_density": energy.numpy() / volume}),
             **{name: built.to_numpy(array) for name, array in built.fields.items()},
         },
     )
@@ -460,6 +473,22 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
     os.replace(aside, path)
 
 
+def _notes(built: Built, history: list[dict[str, float]]) -> list[str]:
+    """What a user should know of this run, one line each."""
+    notes = list(built.simulation.notes)
+    if not built.force.has_energy:
+        notes.append("energy: the law has no potential, so there is no strain energy and no balance to report")
+    left = [row.get("bonds_outside_training", 0.0) for row in history]
+    if left and max(left) > 0.0:
+        worst = history[left.index(max(left))]
+        least, most = built.simulation.force.loaded.stretches  # type: ignore[union-attr]
+        notes.append(
+            f"training range: up to {max(left):.0f} of {built.force.families.bond_count} bonds (at t = "
+            f"{worst['time']:.4g} s) were outside the principal stretches {least:g} to {most:g} that the network knows"
+        )
+    return notes
+
+
 def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str, Any]:
     """Value, unit and reference of a reported number; a number that does not exist (yet) is None."""
     if value is not None and not np.isfinite(value):
@@ -517,5 +546,6 @@ def _summary(
         "bytes_per_point": built.workspace.array_bytes() / simulation.sheet.size,
         "correction": force.correction,
         "energy": energy,
+        "notes": _notes(built, recorder.history),
         "measures": measures,
     }

@@ -24,8 +24,9 @@ import warp as wp
 from .checks import InputError, one_of, point_indices
 from .contact import RigidBall
 from .damage import CriticalStretch
-from .forces.bond_associated import BondAssociated
-from .forces.bond_based import BondBased, BondBasedForce
+from .forces import ForceLaw
+from .forces.bond_based import BondBasedForce
+from .forces.neural import NeuralForce
 from .frame import Frame, Surface
 from .launches import Workspace
 from .loads import BodyForce, BoundaryForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
@@ -99,10 +100,11 @@ class Simulation:
         section: Part of the paper that it rebuilds.
         pictures: Function (history, folder) that draws the scene's pictures into the folder of the results,
             or None.
+        notes: What a scene decided for the user, one line each; the summary and the command line repeat them.
     """
 
     sheet: Sheet
-    force: BondAssociated | BondBased
+    force: ForceLaw
     solver: Solver
     loads: Sequence[Load] = ()
     contact: RigidBall | None = None
@@ -116,6 +118,7 @@ class Simulation:
     scene: str = "simulation"
     section: str = ""
     pictures: Callable[[list[dict[str, float]], Any], None] | None = None
+    notes: Sequence[str] = ()
     settings: dict[str, Any] = field(default_factory=dict)
 
     def build(self, device: str | None = None, precision: int | None = None) -> Built:
@@ -222,7 +225,7 @@ class Built:
         self.schedules = ScheduleTable()
         self._schedule_ids = self._collect_schedules()
         self.workspace = Workspace(device, precision, self._module_name(precision))
-        self.force = simulation.force.build(self.workspace, simulation.sheet, simulation.damage is not None)
+        self.force: Any = simulation.force.build(self.workspace, simulation.sheet, simulation.damage is not None)
         self._allocate()
         from .kernels.integrate import integration
 
@@ -290,7 +293,8 @@ class Built:
         law = s.force.signature(layout, self.breakable)
         named = [getattr(part, "__module__", "") + "." + part.__qualname__ if callable(part) else part for part in law]
         key = (
-            precision, named, getattr(s.force, "fast", False), self.has_held, self.has_loads, self.damped, self.tracked, type(s.solver).__name__,
+            precision, named, getattr(s.force, "fast", False), self.has_held, self.has_loads, self.damped, self.tracked,
+            type(s.solver).__name__,
             sorted(set(kinds)), s.contact is not None, s.damage is not None and s.damage.spared is not None,
             bool(s.sheet.inclusions), bool(self.schedules.schedules),
         )  # fmt: skip
@@ -317,7 +321,7 @@ class Built:
             self.state.work = w.array("work", "energy balance", wp.float64, shape=n)
         if self.tracked and self.damped:
             self.state.dissipated = w.array("dissipated", "energy balance", wp.float64, shape=n)
-        if self.tracked and self.breakable:
+        if self.tracked and self.breakable and self.force.has_energy:
             self.state.released = w.array("released", "energy balance", wp.float64, shape=n)
         self.scheduled = self.advance = None
         if self.schedules.schedules:
@@ -502,13 +506,14 @@ class Built:
         from .kernels.damage import critical_stretch
 
         force, spared = self.force, None
+        tracked = self.tracked and force.has_energy
         if damage.spared is not None:
             mask = np.zeros(self.simulation.sheet.size, np.uint8)
             mask[point_indices("CriticalStretch.spared", damage.spared, len(mask))] = 1
             spared = self.workspace.array("spared", "CriticalStretch", wp.uint8, mask)
         self._break, self._damage = critical_stretch(
-            force.families.layout, self.types.bits, self.tracked, spared is not None,
-            force.kernels.earlier_energy if self.tracked else None, self.workspace.module,
+            force.families.layout, self.types.bits, tracked, spared is not None,
+            force.kernels.earlier_energy if tracked else None, self.workspace.module,
         )  # fmt: skip
         self.workspace.launch(
             stage, "CriticalStretch", self._break, self.simulation.sheet.size,
@@ -623,11 +628,14 @@ class Built:
         from .kernels.checks import finite_check
 
         w, n, state = self.workspace, self.simulation.sheet.size, self.state
-        self.strain_energy = w.array("strain_energy", "frames", wp.float64, shape=n)
+        self.strain_energy = w.array("strain_energy", "frames", wp.float64, shape=n) if self.force.has_energy else None
         self.kinetic_energy = w.array("kinetic_energy", "frames", wp.float64, shape=n)
         self.bad = w.array("bad", "frames", wp.int32, shape=1)
         self.damage = w.array("damage", "frames", wp.float32, shape=n) if self.breakable else None
-        self.force.add_energy("frame", state.displacement, self.strain_energy)
+        if self.strain_energy is not None:
+            self.force.add_energy("frame", state.displacement, self.strain_energy)
+        if isinstance(self.force, NeuralForce):
+            self.force.add_count("frame", state.displacement)
         self.fields = self._add_fields()
         w.launch(
             "frame", "frames", self.integration.kinetic_energy, n,

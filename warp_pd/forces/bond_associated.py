@@ -64,6 +64,8 @@ class BondAssociated:
     broken: str = "drop"
     fast: bool = True
 
+    has_tangent = True
+
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         one_of("weights", self.weights, WEIGHTS)
@@ -101,6 +103,8 @@ class BondAssociatedForce:
         weights: The weights in use, "published", "plain" or "corrected".
         correction: Report of the corrected weights, or None.
     """
+
+    has_energy = True
 
     def __init__(self, law: BondAssociated, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
         import warp as wp

@@ -43,6 +43,8 @@ class BondBased:
     state: str = "plane stress"
 
     weights = "pairwise"
+    has_energy = True
+    has_tangent = True
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -74,6 +76,7 @@ class BondBasedForce:
     """
 
     correction = None
+    has_energy = True
 
     def __init__(self, law: BondBased, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
         import warp as wp

@@ -118,6 +118,11 @@ class Newton:
         Raises:
             InputError: for weights without an energy, and for parts that Newton's method does not know.
         """
+        if not simulation.force.has_tangent:
+            raise InputError(
+                f"force = {type(simulation.force).__name__}: allowed with the solver Newton are BondAssociated and "
+                f"BondBased, which have a tangent; take the solver Relaxation"
+            )
         if simulation.force.weights == "published":
             raise InputError(
                 "weights = 'published': allowed with the solver Newton are 'plain' and 'corrected', which have an "

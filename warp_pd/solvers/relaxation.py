@@ -36,7 +36,7 @@ class Relaxation:
     (HE eqs. 94 to 97, with the tangent along the motion in place of a diagonal). Where HE take a unit step,
     stable by Gershgorin's bound, the largest frequency is estimated instead, which allows a step almost four
     times as long (docs/solvers.md). The true mass takes no part: relaxation with it is the special
-    case of equal points. A material without `response`, and a sheet with rigid
+    case of equal points. A law without a tangent, a material without `response`, and a sheet with rigid
     inclusions, whose bodies have true masses, keep it.
 
     With a rupture criterion every load step relaxes, breaks what is over-stretched, and relaxes again until
@@ -94,8 +94,7 @@ class Relaxation:
             density = w.array("density", OWNER, t.real, shape=simulation.sheet.size)
             force.add_density("density", built.state.displacement, density)
             return density
-        assert isinstance(law, BondAssociated)
-        if not hasattr(law.material, "response"):
+        if not isinstance(law, BondAssociated) or not hasattr(law.material, "response"):
             return built.mass
         layout, material, broken, form = law.signature(force.families.layout, built.breakable)
         rows, total = row_sums(layout, t.bits, material, law.material.response, broken, form, w.module)
@@ -262,7 +261,7 @@ class Relaxing:
         state.displacement.assign(good["displacement"])
         state.velocity.zero_()
         if "alive" in good:
-            self.built.force.alive.assign(good["alive"])  # type: ignore[union-attr]
+            self.built.force.alive.assign(good["alive"])
         if "time" in good:
             state.time.assign(good["time"])
         self.recorder.steps += self.entries[-1]["steps"]

@@ -1,0 +1,244 @@
+"""Nodal correspondence: one deformation gradient and one stress a point. It has zero-energy modes.
+
+With c_k = w_ik a_k over the standing bonds of the family H_i (Silling et al., J. Elast. 88, 2007; NN eqs. 2 to 5):
+
+    K_i = sum c_k X_ik (x) X_ik,      F_i = I + [sum c_k U_ik (x) X_ik] K_i^-1,   U_ik = u_k - u_i,
+    E = h sum_i a_i s_i Psi(F_i),     a_i a_k T_ik = a_i s_i c_k h P_i K_i^-1 X_ik,
+
+with s_i the share of the family's area that still stands: what broke carries nothing any more. The force is minus
+the gradient of E. Opposite members with equal displacements leave F_i alone, so a lattice does not feel a
+checkerboard, nor a family the place of its own middle: the zero-energy modes that other laws are measured by.
+
+A family whose points are (nearly) collinear determines no gradient and carries no force, see `bond_associated`.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .bond_associated import DEGENERATE
+from .families import WORD, family_functions
+from .numeric import numeric
+
+
+@dataclass(frozen=True)
+class PointFamily:
+    """Warp functions of the whole family of a point; i is a point, k a member of its family.
+
+    Attributes:
+        has: (family, alive, i, k) -> whether the bond stands.
+        gradient: (family, alive, displacement, velocity, back, i) -> displacement gradient times horizon (two
+            columns) of the displacement a time `back` ago, K^-1 (zero if degenerate), standing area.
+        green: (H1, H2) -> C - I.
+        gather: Kernel that sums bond_force [members, points] to the internal force [points], N.
+    """
+
+    has: Any
+    gradient: Any
+    green: Any
+    gather: Any
+
+
+@dataclass(frozen=True)
+class NodalKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        family_force: Fills bond_force [members, points], N.
+        gather: Sums bond_force to the internal force [points], N.
+        strain_energy: Energy of each family [points], J.
+        earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
+    """
+
+    family_force: Any
+    gather: Any
+    strain_energy: Any
+    earlier_energy: Any
+
+
+@functools.cache
+def point_family(layout, bits, breakable, module):
+    """Functions of the whole family of a point; `breakable` says whether bonds can break."""
+    types = numeric(bits)
+    real, vec3, mat22 = types.real, types.vec3, types.mat22
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    word_size = WORD
+    degenerate = DEGENERATE
+
+    @wp.func(module=module)
+    def standing(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, word: int):
+        """Bits of the members whose bonds stand."""
+        if wp.static(breakable):
+            return alive[word, i]
+        else:
+            return f.whole(family, i, word)
+
+    @wp.func(module=module)
+    def has(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, k: int):
+        word = k // word_size
+        return ((standing(family, alive, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
+
+    @wp.func(module=module)
+    def gradient(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        i: int,
+    ):
+        """Displacement gradient times horizon, K^-1 (zero if degenerate), standing area over the reference area."""
+        ui = displacement[i]
+        first = vec3(real(0.0), real(0.0), real(0.0))
+        second = vec3(real(0.0), real(0.0), real(0.0))
+        shape = vec3(real(0.0), real(0.0), real(0.0))
+        size = real(0.0)
+        whole = bool(True)
+        for word in range(family.words):
+            members = standing(family, alive, i, word)
+            if wp.static(breakable):
+                if members != f.whole(family, i, word):
+                    whole = False
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    m = f.neighbour(family, i, k)
+                    a = f.area(family, m)
+                    xi = f.bond(family, i, k)
+                    cxi = f.influence(family, i, k) * a * xi
+                    stretch = displacement[m] - ui - back * (velocity[m] - velocity[i])
+                    first += cxi[0] * stretch
+                    second += cxi[1] * stretch
+                    if wp.static(breakable):
+                        shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                        size += a
+                members = members >> wp.uint32(1)
+                k += 1
+        inverse = f.shape(family, i, 0)
+        if whole:
+            size = f.family_area(family, i)
+        else:
+            inverse = vec3(real(0.0), real(0.0), real(0.0))
+            determinant = shape[0] * shape[2] - shape[1] * shape[1]
+            half_trace = real(0.5) * (shape[0] + shape[2])
+            if determinant > real(degenerate) * half_trace * half_trace:
+                inverse = vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
+        return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
+
+    @wp.func(module=module)
+    def green(H1: vec3, H2: vec3):
+        """C - I of the gradient with columns H1, H2, without adding and taking away one."""
+        shear = H1[1] + H2[0] + wp.dot(H1, H2)
+        return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def gather(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        bond_force: wp.array2d(dtype=vec3),
+        first: int,
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(family.members):
+            if has(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                pull += bond_force[k, i] - bond_force[f.mate(family, i, k), m]
+        force[i] = pull
+
+    return PointFamily(has, gradient, green, gather)
+
+
+@functools.cache
+def nodal(layout, bits, material, breakable, module):
+    """Kernels of the nodal law.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        material: Factory of (stress, energy), called with `bits`.
+        breakable: Whether bonds can break.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    point = point_family(layout, bits, breakable, module)
+    stress, energy = material(bits)
+
+    @wp.func(module=module)
+    def family_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        constants: parameters,
+        inverse_horizon: real,
+        i: int,
+    ):
+        """Energy of the family of i over (thickness x reference area) [J/m^3]."""
+        G1, G2, inverse, size = point.gradient(family, alive, displacement, velocity, back, i)
+        stored = real(0.0)
+        if inverse[0] > real(0.0):
+            share = size / f.family_area(family, i)
+            stored = (
+                f.area(family, i) * share * energy(point.green(inverse_horizon * G1, inverse_horizon * G2), constants)
+            )
+        return stored
+
+    @wp.kernel(module=module, enable_backward=False)
+    def strain_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        density = family_energy(family, alive, displacement, displacement, real(0.0), constants, inverse_horizon, i)
+        out[i] = wp.float64(unit_volume * density)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def family_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        G1, G2, inverse, size = point.gradient(family, alive, displacement, displacement, real(0.0), i)
+        A1 = vec3(real(0.0), real(0.0), real(0.0))
+        A2 = vec3(real(0.0), real(0.0), real(0.0))
+        if inverse[0] > real(0.0):
+            H1 = inverse_horizon * G1
+            H2 = inverse_horizon * G2
+            S = stress(point.green(H1, H2), constants)
+            scale = unit_force * f.area(family, i) * size / f.family_area(family, i)
+            F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
+            F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+            P1 = scale * (S[0, 0] * F1 + S[1, 0] * F2)
+            P2 = scale * (S[0, 1] * F1 + S[1, 1] * F2)
+            A1 = P1 * inverse[0] + P2 * inverse[1]
+            A2 = P1 * inverse[1] + P2 * inverse[2]
+        for k in range(family.members):
+            force = vec3(real(0.0), real(0.0), real(0.0))
+            if point.has(family, alive, i, k):
+                xi = f.bond(family, i, k)
+                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+                force = c * (xi[0] * A1 + xi[1] * A2)
+            bond_force[k, i] = force
+
+    return NodalKernels(family_force, point.gather, strain_energy, family_energy)
