@@ -80,7 +80,7 @@ def test_rupture_ends_alike():
             square(15), horizon=2.015, law={"fast": fast}, damage=CriticalStretch(1.5), solver=Explicit(duration=0.02)
         )
         sheet, intact = built.simulation.sheet, built.force.alive.numpy().copy()
-        built.state.velocity.assign(np.column_stack([60.0 * sheet.points[:, 0], 0 * sheet.points]))
+        built.state.velocity.assign(np.column_stack([120.0 * sheet.points[:, 0], 0 * sheet.points]))
         internal_force(built, np.zeros((sheet.size, 3)))
         built.step.fill_(2e-5)
         built.workspace.sequence("step", 400).run()
