@@ -1,16 +1,17 @@
 #!/usr/bin/env bash
-# Sets up an environment in .venv on the first call, then runs. No torch, no CUDA packages: Warp brings what it
-# needs for a GPU and for a CPU.
-#   tools/start.sh test               lint, types, tests
+# Sets up an environment in .venv on the first call, then runs. Warp brings what it needs for a GPU and for a CPU.
+#   tools/start.sh test               lint, types, tests; these take torch too, for the neural law
 #   tools/start.sh run SCENE ...      warp-pd run SCENE ..., and so for plan, list, info
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 extras=""
-if [ "${1:-}" = test ]; then extras="[test]"; fi
+if [ "${1:-}" = test ]; then extras="[neural,test]"; fi
 stamp=".venv/installed${extras}-$(cksum < pyproject.toml | cut -d' ' -f1)"
 if [ ! -e "$stamp" ]; then
   if [ ! -x .venv/bin/python ]; then "${PYTHON:-python3}" -m venv .venv; fi
+  # By its version, first: where a file for CPUs is at hand it is taken, and gigabytes of CUDA packages are not.
+  if [ -n "$extras" ]; then .venv/bin/python -m pip install --quiet torch==2.13.0; fi
   .venv/bin/python -m pip install --quiet --editable ".$extras"
   touch "$stamp"
 fi
