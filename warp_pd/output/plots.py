@@ -100,6 +100,7 @@ def surfaces(
         if frame.ball is not None:
             axes.plot_surface(*_sphere(*frame.ball), color="tab:blue", alpha=0.35, linewidth=0, zorder=3)
         grown = shown_extent / extent
+        grown /= grown.min()
         stretched = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", grown, strict=True) if g > 1.05]
         axes.set(title=", ".join([f"t = {frame.time:.4g} s", *stretched]))
         for c, name in enumerate("xyz"):
