@@ -17,7 +17,9 @@ from .numeric import numeric
 
 @functools.cache
 def register_force(layout, bits, material, near, breakable, members, listed, module, fast_module):
-    """Kernel that fills bond_force [members, points] and force [points], its own half; variational form.
+    """Kernel that fills bond_force [members, ring] and force [points], its own half; variational form.
+
+    Point i has column i % ring of `bond_force`.
 
     `near` is the factory of stress_near, `members` the most members of a family, `fast_module` the module of the
     kernel itself. With `listed`, the points are those on the list `others`, instead of all. Other arguments as of
@@ -125,10 +127,11 @@ def register_force(layout, bits, material, near, breakable, members, listed, mod
                         on = wp.where(bit != wp.uint32(0), real(1.0), real(0.0))
                         T[k] = T[k] + ((on * X[k, 0]) * A1 + (on * X[k, 1]) * A2)
         scale = unit_force * family_scale(family, i, whole, total)
+        slot = i % bond_force.shape[1]
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
             t = (scale * weighted[k]) * T[k]
-            bond_force[wp.static(k), i] = t
+            bond_force[wp.static(k), slot] = t
             pull += t
         force[i] = pull
 
@@ -158,14 +161,21 @@ def gather_mates(layout, bits, members, listed, module):
     ):
         i = wp.tid() + first
         if wp.static(listed):
-            # The list is used up; the next step begins another.
-            if i == 0:
+            # The list is used up; the next launches begin another.
+            if wp.tid() == 0:
                 other_count[0] = 0
+        ring = bond_force.shape[1]
+        slot = i % ring
         push = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
             members_here = f.whole(family, i, wp.static(k // word_size))
             if (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0):
-                push += bond_force[f.mate(family, i, wp.static(k)), f.neighbour(family, i, wp.static(k))]
+                column = slot + f.neighbour(family, i, wp.static(k)) - i
+                if column < 0:
+                    column += ring
+                if column >= ring:
+                    column -= ring
+                push += bond_force[f.mate(family, i, wp.static(k)), column]
         force[i] = force[i] - push
 
     return gather_from_mates

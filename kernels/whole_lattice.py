@@ -46,7 +46,9 @@ class Stencil:
 
 @functools.cache
 def whole_lattice_force(bits, near, stencil, breakable, listed, module):
-    """Kernel that fills bond_force [members, points] and force [points], their own half, of whole inner families.
+    """Kernel that fills bond_force [members, ring] and force [points], their own half, of whole inner families.
+
+    Point i has column i % ring of `bond_force`: all points, or a ring that turns over with the launches.
 
     Args:
         bits: 32 or 64.
@@ -170,13 +172,14 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, module):
                 before = T1
                 T1 = turn(T2)
                 T2 = -turn(before)
+        slot = i % bond_force.shape[1]
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
             t = T[k]
             if wp.static(large):
                 t += wp.static(c1[k]) * T1 + wp.static(c2[k]) * T2
             t = unit_force * t
-            bond_force[wp.static(k), i] = t
+            bond_force[wp.static(k), slot] = t
             pull += t
         force[i] = pull
 

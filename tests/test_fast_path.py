@@ -61,6 +61,16 @@ def test_families_in_registers(monkeypatch, sheet, broken):
     assert quick[-3:-1] == ["any_family_force", "gather_from_mates"]
 
 
+@pytest.mark.parametrize("cut", [None, ((0.02, 0.031), (0.071, 0.08))], ids=["whole", "torn"])
+def test_forces_through_a_ring(monkeypatch, cut):
+    """A large sheet in strips, here with a small ring."""
+    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+    monkeypatch.setattr(fast_path, "RING", 300)
+    quick, _ = compare(square(33), 2.015, 64, cut=cut)
+    assert quick.count("whole_family_force") > 4
+    assert quick.count("gather_from_mates") == quick.count("whole_family_force")
+
+
 def test_the_list_of_other_points_is_used_up(monkeypatch):
     monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
     built = build(square(13), damage=CriticalStretch(1e3))

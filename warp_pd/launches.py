@@ -48,6 +48,7 @@ class Launch:
         threads: Number of threads.
         arguments: Value of every argument but `first`, by name.
         block_dim: Threads of a block on CUDA.
+        begin: What the first thread gets for `first`.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Launch:
     threads: int
     arguments: dict[str, Any]
     block_dim: int = 256
+    begin: int = 0
 
     def values(self, first: int) -> list[Any]:
         """Arguments in the kernel's order, for threads that begin with `first`."""
@@ -120,9 +122,9 @@ class Workspace:
         self.arrays.append(ArrayUse(name, owner, array))
         return array
 
-    def launch(self, stage: str, owner: str, kernel: Any, threads: int, **arguments: Any) -> Launch:
-        """Add a launch to a stage."""
-        launch = Launch(kernel.func.__name__, owner, kernel, threads, arguments)
+    def launch(self, stage: str, owner: str, kernel: Any, threads: int, *, begin: int = 0, **arguments: Any) -> Launch:
+        """Add a launch to a stage; `begin` is what the first thread gets for `first`."""
+        launch = Launch(kernel.func.__name__, owner, kernel, threads, arguments, begin=begin)
         launch.check()
         self.stages.setdefault(stage, []).append(launch)
         return launch
@@ -241,7 +243,7 @@ def _record(launch: Launch | Call, device: Any) -> list[Callable[[], None]]:
     if isinstance(launch, Call):
         return [launch.function]
     parts = available_cores() if launch.threads >= SPLIT_FROM else 1
-    bounds = np.linspace(0, launch.threads, parts + 1).astype(int)
+    bounds = launch.begin + np.linspace(0, launch.threads, parts + 1).astype(int)
     commands = []
     for begin, end in itertools.pairwise(bounds):
         command = wp.launch(
@@ -257,4 +259,10 @@ def run_once(device: Any, launches: Iterable[Launch | Call]) -> None:
         if isinstance(launch, Call):
             launch.function()
             continue
-        wp.launch(launch.kernel, dim=launch.threads, inputs=launch.values(0), device=device, block_dim=launch.block_dim)
+        wp.launch(
+            launch.kernel,
+            dim=launch.threads,
+            inputs=launch.values(launch.begin),
+            device=device,
+            block_dim=launch.block_dim,
+        )

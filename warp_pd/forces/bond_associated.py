@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -126,15 +127,18 @@ class BondAssociatedForce:
         if breakable:
             standing = self.families.rows_of_points(pack(self.families.exists)).T
             self.alive = workspace.array("alive", "CriticalStretch", wp.uint32, standing)
-        self.bond_force = workspace.array(
-            "bond_force", self.owner, self.types.vec3, shape=(self.families.members, sheet.size)
-        )
         self.thickness = sheet.thickness
         self.points = sheet.size
         self.columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.constants = self.types.parameters(*padded_constants(law.material))
         self.signature = (layout, workspace.bits, *law_key[1:])
         self.fast_path = fast_path(self, inverse, weights)
+
+    @functools.cached_property
+    def bond_force(self) -> Any:
+        """What the family of a point does to each of its pairs [N], shape (members, N); for those who ask for it."""
+        shape = (self.families.members, self.points)
+        return self.workspace.array("bond_force", self.owner, self.types.vec3, shape=shape)
 
     @property
     def inverse_horizon(self) -> float:

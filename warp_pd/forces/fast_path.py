@@ -3,11 +3,15 @@
 Whole families inside a square lattice have a kernel of their own, if the material is isotropic. On a GPU it puts all
 other points on a list, which a second kernel works off with the family in registers, so that threads side by side
 do the same; on clouds there is only the second. On a CPU registers are few: there all others take the plain kernel.
+
+The forces between the points of large lattices pass through a ring, a strip of the sheet at a time: they would take
+most of the memory, and a strip of them stays in the cache of a GPU.
 """
 
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +24,8 @@ if TYPE_CHECKING:
 
 # Largest family that is held in registers; larger ones compile slowly and spill.
 MOST_MEMBERS = 48
+# Columns of the ring; a strip of so many points keeps a GPU busy.
+RING = 2**18
 
 
 def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
@@ -63,32 +69,54 @@ class FastPath:
         self.listed = registers and stencil is not None
         self.others = w.array("other_points", force.owner, wp.int32, shape=force.points) if self.listed else None
         self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None
+        self.strips = self._strips() if self.listed else []
+        if len(self.strips) > 1:
+            shape = (force.families.members, RING)
+            self.bond_force = w.array("bond_force_ring", force.owner, force.types.vec3, shape=shape)
+        else:
+            self.bond_force = force.bond_force
+
+    def _strips(self) -> list[Strip]:
+        """Strips of the sheet, each with the points whose force is complete with it."""
+        assert self.force.families.shift is not None
+        points, reach = self.force.points, int(np.abs(self.force.families.shift).max())
+        size = RING - 2 * reach
+        if points <= 2 * RING or size < RING // 2:
+            return [Strip(0, points, 0, points)]
+        strips: list[Strip] = []
+        for begin in range(0, points, size):
+            end = min(begin + size, points)
+            gathered = strips[-1].gather_end if strips else 0
+            strips.append(Strip(begin, end, gathered, points if end == points else end - reach))
+        return strips
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
-        if self.stencil is not None:
-            self._add_whole(stage, displacement, force)
-        if self.registers:
-            self._add_registers(stage, displacement, force)
-        else:
+        everything = Strip(0, self.force.points, 0, self.force.points)
+        for strip in self.strips or [everything]:
+            if self.stencil is not None:
+                self._add_whole(stage, strip, displacement, force)
+            if self.registers:
+                self._add_registers(stage, strip, displacement, force)
+        if not self.registers:
             self.force.add_plain_families(stage, displacement, inner=self.stencil[1])
             self.force.add_gather(stage, force)
 
-    def _add_whole(self, stage: str, displacement: Any, force: Any) -> None:
+    def _add_whole(self, stage: str, strip: Strip, displacement: Any, force: Any) -> None:
         from ..kernels.whole_lattice import whole_lattice_force
 
         law, (stencil, inner) = self.force, self.stencil
         _, bits, _, breakable, _ = law.signature
         kernel = whole_lattice_force(bits, self.near, stencil, breakable is not None, self.listed, self.module)
         law.workspace.launch(
-            stage, law.owner, kernel, law.points,
+            stage, law.owner, kernel, strip.end - strip.begin, begin=strip.begin,
             kind=law.struct.kind, inner=inner, alive=law.alive, displacement=displacement, columns=law.columns,
             turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
-            other_count=self.other_count, bond_force=law.bond_force, force=force,
+            other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
 
-    def _add_registers(self, stage: str, displacement: Any, force: Any) -> None:
+    def _add_registers(self, stage: str, strip: Strip, displacement: Any, force: Any) -> None:
         from ..kernels.family_registers import gather_mates, register_force
 
         law, w = self.force, self.force.workspace
@@ -99,11 +127,23 @@ class FastPath:
             register_force(
                 layout, bits, material, self.near, breakable, members, self.listed, w.module, self.module
             ),
-            law.points, family=law.struct, alive=law.alive, others=self.others, other_count=self.other_count,
-            displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,
-            unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.bond_force, force=force,
+            strip.end - strip.begin, family=law.struct, alive=law.alive, others=self.others,
+            other_count=self.other_count, displacement=displacement, constants=law.constants,
+            inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon,
+            bond_force=self.bond_force, force=force,
         )  # fmt: skip
         w.launch(
-            stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module), law.points,
-            family=law.struct, bond_force=law.bond_force, other_count=self.other_count, force=force,
+            stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module),
+            strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
+            family=law.struct, bond_force=self.bond_force, other_count=self.other_count, force=force,
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Points begin to end - 1 of a sheet, and those whose force is complete with the forces of these families."""
+
+    begin: int
+    end: int
+    gather_begin: int
+    gather_end: int
