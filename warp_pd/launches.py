@@ -15,6 +15,8 @@ import warp as wp
 
 # Below this many threads a launch is not worth splitting over the cores of a CPU.
 SPLIT_FROM = 4096
+# Below this many points small blocks let a launch reach all processors of a GPU.
+SMALL, SMALL_BLOCK = 2**17, 64
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Launch:
     kernel: Any
     threads: int
     arguments: dict[str, Any]
-    block_dim: int = 256
+    block_dim: int
     begin: int = 0
 
     def values(self, first: int) -> list[Any]:
@@ -102,6 +104,7 @@ class Workspace:
         device: The Warp device.
         bits: Precision, 32 or 64.
         module: Name of the Warp module that holds every kernel of this configuration.
+        block_dim: Threads of a block on CUDA; one number for all launches, as kernels are compiled for it.
         arrays: All arrays, in the order they were asked for.
         stages: Launches by stage, in order: "setup" once, "step" every step, "frame" at frames, "estimate"
             for one iteration of the stable step.
@@ -110,6 +113,7 @@ class Workspace:
     device: Any
     bits: int
     module: str
+    block_dim: int = 256
     arrays: list[ArrayUse] = field(default_factory=list)
     stages: dict[str, list[Launch | Call]] = field(default_factory=dict)
 
@@ -124,7 +128,7 @@ class Workspace:
 
     def launch(self, stage: str, owner: str, kernel: Any, threads: int, *, begin: int = 0, **arguments: Any) -> Launch:
         """Add a launch to a stage; `begin` is what the first thread gets for `first`."""
-        launch = Launch(kernel.func.__name__, owner, kernel, threads, arguments, begin=begin)
+        launch = Launch(kernel.func.__name__, owner, kernel, threads, arguments, self.block_dim, begin)
         launch.check()
         self.stages.setdefault(stage, []).append(launch)
         return launch

@@ -28,7 +28,7 @@ from .forces import ForceLaw
 from .forces.bond_based import BondBasedForce
 from .forces.neural import NeuralForce
 from .frame import Frame, Surface
-from .launches import Workspace
+from .launches import SMALL, SMALL_BLOCK, Workspace
 from .loads import BodyForce, BoundaryForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
 from .sheet import Sheet
 
@@ -224,7 +224,8 @@ class Built:
         self.held, self._motions = _constraints(simulation)
         self.schedules = ScheduleTable()
         self._schedule_ids = self._collect_schedules()
-        self.workspace = Workspace(device, precision, self._module_name(precision))
+        block = SMALL_BLOCK if simulation.sheet.size < SMALL else 256
+        self.workspace = Workspace(device, precision, self._module_name(precision), block)
         self.force: Any = simulation.force.build(self.workspace, simulation.sheet, simulation.damage is not None)
         self._allocate()
         from .kernels.integrate import integration

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Largest family that is held in registers; larger ones compile slowly and spill.
 MOST_MEMBERS = 48
+# Threads of a block: a family in registers leaves room for few threads on a processor.
+BLOCK = 64
 # Columns of the ring; a strip of so many points keeps a GPU busy.
 RING = 2**18
 
@@ -108,13 +110,14 @@ class FastPath:
         law, (stencil, inner) = self.force, self.stencil
         _, bits, _, breakable, _ = law.signature
         kernel = whole_lattice_force(bits, self.near, stencil, breakable is not None, self.listed, self.module)
-        law.workspace.launch(
+        launch = law.workspace.launch(
             stage, law.owner, kernel, strip.end - strip.begin, begin=strip.begin,
             kind=law.struct.kind, inner=inner, alive=law.alive, displacement=displacement, columns=law.columns,
             turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
+        launch.block_dim = BLOCK
 
     def _add_registers(self, stage: str, strip: Strip, displacement: Any, force: Any) -> None:
         from ..kernels.family_registers import gather_mates, register_force
@@ -122,7 +125,7 @@ class FastPath:
         law, w = self.force, self.force.workspace
         layout, bits, material, breakable, _ = law.signature
         members = law.families.members
-        w.launch(
+        launch = w.launch(
             stage, law.owner,
             register_force(
                 layout, bits, material, self.near, breakable, members, self.listed, w.module, self.module
@@ -132,6 +135,7 @@ class FastPath:
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon,
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
+        launch.block_dim = BLOCK
         w.launch(
             stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module),
             strip.gather_end - strip.gather_begin, begin=strip.gather_begin,

@@ -1,6 +1,8 @@
-"""The linear solves of Newton's method: SciPy's solvers on a CPU, Warp's on a GPU.
+"""The linear solves of Newton's method: SciPy's solvers on a CPU, Warp's conjugate gradients on a GPU.
 
-Warp's take 0.3 s a scalar product on a CPU, SciPy's would copy every vector to the host.
+Warp's take 0.3 s a scalar product on a CPU. SciPy's copy every vector to the host, which costs a second or so on a
+million points; GMRES, for follower loads, is SciPy's everywhere: Warp's looks at the residual only when it
+restarts, and with the few vectors that makes affordable it did not converge on a million points.
 """
 
 from __future__ import annotations
@@ -20,8 +22,6 @@ if TYPE_CHECKING:
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
 MOST_ITERATIONS = {"multigrid": 60, "direct": 60, "jacobi": 4000}
 RESTART = 60
-# Warp's GMRES looks at the residual only when it restarts: that much is always spent.
-DEVICE_RESTART = {"multigrid": 6, "direct": 4, "jacobi": 30}
 
 
 class LinearSolver:
@@ -57,7 +57,7 @@ class LinearSolver:
         """
         if self._sparse is not None and not self.level.follower:
             assign(self.level.direction, self._factors(right_side))
-        elif self.level.workspace.device.is_cpu:
+        elif self.level.workspace.device.is_cpu or self.level.follower:
             self._on_host(right_side, accuracy)
         else:
             self._on_device(right_side, accuracy)
@@ -101,7 +101,7 @@ class LinearSolver:
     # Warp ----------------------------------------------------------------------------------------------
 
     def _on_device(self, right_side: np.ndarray, accuracy: float) -> None:
-        from warp.optim.linear import LinearOperator, cg, gmres
+        from warp.optim.linear import LinearOperator, cg
 
         level, n = self.level, self.level.points
         device, vec3 = level.workspace.device, level.types.vec3
@@ -109,18 +109,11 @@ class LinearSolver:
         M = LinearOperator((n, n), vec3, device, self._device_precondition)
         assign(self._right_side, right_side)
         level.direction.zero_()
-        most = MOST_ITERATIONS[self.kind]
         # Warp's absolute tolerance would else be the relative one, in newtons far above any force here.
-        if level.follower:
-            gmres(
-                A, self._right_side, level.direction, tol=accuracy, atol=0.0, restart=DEVICE_RESTART[self.kind],
-                maxiter=most, M=M, check_every=1, use_cuda_graph=False,
-            )  # fmt: skip
-        else:
-            cg(
-                A, self._right_side, level.direction, tol=accuracy, atol=0.0, maxiter=most, M=M, check_every=5,
-                use_cuda_graph=False,
-            )  # fmt: skip
+        cg(
+            A, self._right_side, level.direction, tol=accuracy, atol=0.0, maxiter=MOST_ITERATIONS[self.kind], M=M,
+            check_every=5, use_cuda_graph=False,
+        )  # fmt: skip
 
     def _device_product(self, x: Any, y: Any, z: Any, alpha: float, beta: float) -> None:
         wp.copy(self.level.vector, x)
@@ -143,6 +136,7 @@ class LinearSolver:
             wp.launch(
                 self.level.fields.scale_blocks, dim=self.level.points,
                 inputs=[self.level.inverse_blocks, x, 0, solution], device=self.level.workspace.device,
+                block_dim=self.level.workspace.block_dim,
             )  # fmt: skip
         self._combine(solution, alpha, y, beta, z)
 
@@ -150,4 +144,5 @@ class LinearSolver:
         wp.launch(
             self.level.fields.combine, dim=self.level.points,
             inputs=[x, float(alpha), y, float(beta), 0, z], device=self.level.workspace.device,
+            block_dim=self.level.workspace.block_dim,
         )  # fmt: skip

@@ -206,7 +206,7 @@ def _coarse_tangent(finest: Tangent, sheet: Sheet, lattice: Lattice, finest_latt
     coarse = Sheet.rectangle(
         width, height, thickness=sheet.thickness, density=sheet.density, points=(lattice.columns, lattice.rows)
     )
-    own = Workspace(w.device, w.bits, w.module, arrays=w.arrays)
+    own = Workspace(w.device, w.bits, w.module, w.block_dim, arrays=w.arrays)
     law = finest.force.law
     ratio = max(COARSE_HORIZON, 1.001 * float(np.hypot(lattice.dx, lattice.dy)) / coarse.spacing)
     force = BondAssociatedForce(replace(law, weights="plain", horizon=ratio), own, coarse, False)
