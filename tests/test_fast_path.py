@@ -52,13 +52,21 @@ def test_families_with_broken_bonds(broken):
     compare(square(15), 2.015, 64, cut=((0.02, 0.031), (0.071, 0.08)), broken=broken)
 
 
+@pytest.mark.parametrize("most_split", [0, 10_000], ids=["one thread", "four threads"])
 @pytest.mark.parametrize("broken", ["drop", "redistribute"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
-def test_families_in_registers(monkeypatch, sheet, broken):
+def test_families_in_registers(monkeypatch, sheet, broken, most_split):
     """What a GPU does, here on a CPU."""
     monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+    monkeypatch.setattr(fast_path, "MOST_SPLIT", most_split)
     quick, _ = compare(sheet, 2.015, 64, cut=((0.02, 0.031), (0.071, 0.08)), broken=broken)
     assert quick[-3:-1] == ["any_family_force", "gather_from_mates"]
+
+
+def test_four_threads_a_point_on_a_large_family(monkeypatch):
+    """Where sums run over the members outside an intersection."""
+    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+    compare(square(13), 3.15, 64)
 
 
 @pytest.mark.parametrize("cut", [None, ((0.02, 0.031), (0.071, 0.08))], ids=["whole", "torn"])
@@ -66,6 +74,7 @@ def test_forces_through_a_ring(monkeypatch, cut):
     """A large sheet in strips, here with a small ring."""
     monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
     monkeypatch.setattr(fast_path, "RING", 300)
+    monkeypatch.setattr(fast_path, "MOST_SPLIT", 0)
     quick, _ = compare(square(33), 2.015, 64, cut=cut)
     assert quick.count("whole_family_force") > 4
     assert quick.count("gather_from_mates") == quick.count("whole_family_force")

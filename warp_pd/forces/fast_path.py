@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 MOST_MEMBERS = 48
 # Threads of a block: a family in registers leaves room for few threads on a processor.
 BLOCK = 64
-# Columns of the ring; a strip of so many points keeps a GPU busy.
-RING = 2**18
+# Columns of the ring: every strip waits for the few families at edges, which take as long as 2^16 whole ones.
+RING = 2**20
+# On sheets of at most so many points four threads share a point: fewer threads do not fill a GPU.
+MOST_SPLIT = 40_000
 
 
 def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
@@ -72,11 +74,21 @@ class FastPath:
         self.others = w.array("other_points", force.owner, wp.int32, shape=force.points) if self.listed else None
         self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None
         self.strips = self._strips() if self.listed else []
-        if len(self.strips) > 1:
-            shape = (force.families.members, RING)
-            self.bond_force = w.array("bond_force_ring", force.owner, force.types.vec3, shape=shape)
+        members = force.families.members
+        self.parts = 4 if self.listed and force.points <= MOST_SPLIT and force.signature[3] != "redistribute" else 1
+        self.turned_members = None
+        if len(self.strips) > 1 or self.parts > 1:
+            columns = RING if len(self.strips) > 1 else force.points
+            self.bond_force = w.array(
+                "bond_force_parts", force.owner, force.types.vec3, shape=(self.parts * members, columns)
+            )
         else:
             self.bond_force = force.bond_force
+        if self.parts > 1:
+            turns = [np.arange(members)]
+            for _ in range(3):
+                turns.append(np.array(stencil[0].turned)[turns[-1]])
+            self.turned_members = w.array("turned_members", force.owner, wp.int32, np.concatenate(turns))
 
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete with it."""
@@ -109,11 +121,14 @@ class FastPath:
 
         law, (stencil, inner) = self.force, self.stencil
         _, bits, _, breakable, _ = law.signature
-        kernel = whole_lattice_force(bits, self.near, stencil, breakable is not None, self.listed, self.module)
+        kernel = whole_lattice_force(
+            bits, self.near, stencil, breakable is not None, self.listed, self.parts, self.module
+        )
         launch = law.workspace.launch(
-            stage, law.owner, kernel, strip.end - strip.begin, begin=strip.begin,
+            stage, law.owner, kernel, self.parts * (strip.end - strip.begin), begin=strip.begin,
             kind=law.struct.kind, inner=inner, alive=law.alive, displacement=displacement, columns=law.columns,
-            turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            turns=1 if self.parts > 1 else 4, turned_members=self.turned_members,
+            constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
@@ -128,16 +143,16 @@ class FastPath:
         launch = w.launch(
             stage, law.owner,
             register_force(
-                layout, bits, material, self.near, breakable, members, self.listed, w.module, self.module
+                layout, bits, material, self.near, breakable, members, self.listed, self.parts, w.module, self.module
             ),
-            strip.end - strip.begin, family=law.struct, alive=law.alive, others=self.others,
+            self.parts * (strip.end - strip.begin), family=law.struct, alive=law.alive, others=self.others,
             other_count=self.other_count, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon,
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
         launch.block_dim = BLOCK
         w.launch(
-            stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module),
+            stage, law.owner, gather_mates(layout, bits, members, self.listed, self.parts, w.module),
             strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
             family=law.struct, bond_force=self.bond_force, other_count=self.other_count, force=force,
         )  # fmt: skip
