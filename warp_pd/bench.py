@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .checks import InputError, one_of
+from .checks import InputError, finite, one_of
 from .contact import RigidBall
 from .damage import CriticalStretch
 from .forces.bond_associated import BondAssociated
@@ -58,6 +58,8 @@ class Case:
         for feature in self.features:
             one_of("features", feature, FEATURES)
         one_of("layout", self.layout, ("lattice", "cloud"))
+        if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
+            raise InputError(f"damaged = {self.damaged!r}: allowed is a share from 0 to 1")
         if self.damaged > 0.0 and "rupture" not in self.features:
             raise InputError(f"damaged = {self.damaged!r}: allowed is 0 without the feature 'rupture'")
 

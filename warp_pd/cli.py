@@ -1,4 +1,4 @@
-"""Command line: warp-pd list, run, plan, draw, info."""
+"""Command line: warp-pd list, run, plan, draw, info, bench."""
 
 from __future__ import annotations
 
@@ -274,6 +274,39 @@ def info(file: Path) -> None:
     from .output.info import describe
 
     click.echo(describe(file))
+
+
+@main.command()
+@click.option("--points", type=int, multiple=True, default=(101,), help="Points along a side; may be repeated.")
+@click.option("--horizon", type=float, multiple=True, default=(2.015, 3.15), help="In spacings; may be repeated.")
+@click.option("--precision", type=int, default=32, help="32 or 64.")
+@click.option("--features", default="", help="supports, pressure, contact, rupture, energy, damping; or all.")
+@click.option("--layout", default="lattice", help="lattice or cloud.")
+@click.option("--damaged", type=float, default=0.0, help="Share of the points that have lost a bond, with rupture.")
+@click.option("--plain", is_flag=True, help="Take the plain kernels.")
+@click.option("--seconds", type=float, default=1.0, help="Measured time of each case.")
+@click.option("--device", help="Such as cpu or cuda:0.")
+def bench(
+    points: tuple[int, ...], horizon: tuple[float, ...], precision: int, features: str, layout: str, damaged: float,
+    plain: bool, seconds: float, device: str | None,
+) -> None:  # fmt: skip
+    """Time the steps of a sheet, and print a table."""
+    from .bench import FEATURES, Case, copy_rate, measure, table
+    from .checks import count, positive
+    from .simulation import find_device
+
+    one_of("precision", precision, (32, 64))
+    positive("seconds", seconds)
+    chosen = FEATURES if features == "all" else tuple(name.strip() for name in features.split(",") if name.strip())
+    cases = [
+        Case(count("points", n, 3), positive("horizon", m), precision, chosen, layout, "plain", damaged, not plain)
+        for m in horizon
+        for n in points
+    ]
+    where = find_device(device)
+    copied = copy_rate(where, 1024 if where.is_cuda else 64)
+    click.echo(f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written")
+    click.echo(table([measure(case, str(where), seconds) for case in cases], copied))
 
 
 if __name__ == "__main__":

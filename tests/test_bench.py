@@ -1,0 +1,85 @@
+"""The benchmark times what it says: the right case, at both ends of a broken bond, in any feature."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from warp_pd import InputError
+from warp_pd.bench import FEATURES, Case, break_some, copy_rate, measure, table
+from warp_pd.bonds import unpack
+from warp_pd.cli import main
+
+
+@pytest.mark.parametrize("layout", ["lattice", "cloud"])
+def test_bonds_are_broken_at_both_ends(layout):
+    case = Case(15, 2.015, 64, features=("rupture",), layout=layout, damaged=0.3)
+    built = case.simulation().build("cpu", 64)
+    families = built.force.families
+    before = unpack(built.force.alive.numpy().T.copy(), families.members)
+    break_some(built, case.damaged)
+    after = unpack(built.force.alive.numpy().T.copy(), families.members)
+    lost = before & ~after
+    assert 0.15 < lost.any(axis=1).mean() < 0.45
+    tail, member = np.nonzero(lost)
+    if families.neighbours is None:
+        head, mate = tail + families.shift[member], families.mates[member]
+    else:
+        head, mate = families.neighbours[tail, member], families.mates[tail, member]
+    assert lost[head, mate].all()
+
+
+def test_a_measured_sheet_stays_as_it_is_and_the_table_has_its_numbers():
+    case = Case(15, 2.015, 64, features=FEATURES)
+    timing = measure(case, "cpu", seconds=0.05, repeats=4)
+    assert timing.points == 225
+    assert timing.step > 0.0
+    assert timing.point_steps == pytest.approx(225 / timing.step)
+    assert timing.bond_steps > 8 * timing.point_steps
+    lines = table([timing], copy_rate("cpu", 1)).splitlines()
+    assert len(lines) == 3
+    assert lines[0].count("|") == lines[1].count("|") == lines[2].count("|")
+    assert "supports, pressure, contact, rupture, energy, damping" in lines[2]
+
+
+def test_a_feature_that_is_left_out_takes_no_bytes():
+    bare, torn = (Case(15, 1.5, 64, features=f).simulation().build("cpu", 64) for f in ((), ("rupture",)))
+    assert bare.workspace.array_bytes() < torn.workspace.array_bytes()
+    assert len(bare.workspace.stages["step"]) < len(torn.workspace.stages["step"])
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"features": ("fire",)}, "features = 'fire'"),
+        ({"layout": "mesh"}, "layout = 'mesh'"),
+        ({"damaged": 0.1}, "damaged = 0.1"),
+        ({"damaged": 2.0, "features": ("rupture",)}, "damaged = 2.0"),
+        ({"damaged": float("nan")}, "damaged = nan"),
+    ],
+)
+def test_wrong_cases(values, message):
+    with pytest.raises(InputError, match=message):
+        Case(15, 2.015, **values)
+
+
+def test_the_command_prints_a_table():
+    arguments = ["bench", "--points", "11", "--horizon", "1.5", "--seconds", "0.02", "--device", "cpu"]
+    done = CliRunner().invoke(main, arguments)
+    assert done.exit_code == 0
+    assert "| 121 | lattice | 1.5 | 32 | none |" in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--points", "2"], "points = 2"),
+        (["--precision", "16"], "precision = 16"),
+        (["--seconds", "0"], "seconds = 0"),
+        (["--horizon", "0.5"], "horizon = 0.5"),
+        (["--features", "fire"], "features = 'fire'"),
+    ],
+)
+def test_wrong_arguments_of_the_command(arguments, message):
+    done = CliRunner().invoke(main, ["bench", "--device", "cpu", *arguments])
+    assert done.exit_code == 2
+    assert message in done.output
