@@ -21,6 +21,7 @@ from .checks import InputError
 from .forces.neural import outside_count
 from .frame import Frame
 from .launches import run_once
+from .output.background import Background
 from .simulation import Built, Measure, Outcome, Simulation
 
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
@@ -326,7 +327,8 @@ def run(
         restart.restore(saved, recorder)
     run_once(built.workspace.device, built.workspace.stages["setup"])
     if folder is not None:
-        recorder.writers += _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)
+        files = _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)
+        recorder.writers.append(Background(files))
     setup_seconds = perf_counter() - begin - compile_seconds
     status, message = FINISHED, ""
     restore_signal = _stop_at_frames(recorder)

@@ -1,0 +1,75 @@
+"""Frames are written in a thread, in order; errors come back; nothing is left unwritten."""
+
+import threading
+
+import pytest
+
+from warp_pd.output.background import Background
+
+
+class Notes:
+    """A writer that waits for a gate, and fails at a frame."""
+
+    def __init__(self, fails_at=None):
+        self.done, self.closed, self.saved_after, self.fails_at = [], False, None, fails_at
+        self.threads = set()
+        self.gate = threading.Event()
+        self.gate.set()
+
+    def write(self, frame):
+        assert self.gate.wait(30.0)
+        self.threads.add(threading.get_ident())
+        if frame == self.fails_at:
+            raise OSError("disk full")
+        self.done.append(frame)
+
+    def save(self):
+        self.saved_after = list(self.done)
+
+    def close(self):
+        self.closed = True
+
+
+def test_frames_are_written_in_order_by_another_thread():
+    notes = Notes()
+    writer = Background([notes])
+    notes.gate.clear()
+    writer.write(0)
+    assert notes.done == []
+    notes.gate.set()
+    for frame in range(1, 5):
+        writer.write(frame)
+    writer.close()
+    assert notes.done == [0, 1, 2, 3, 4]
+    assert notes.closed
+    assert threading.get_ident() not in notes.threads
+
+
+def test_saving_waits_for_the_frame_before():
+    notes = Notes()
+    writer = Background([notes])
+    writer.write(7)
+    writer.save()
+    assert notes.saved_after == [7]
+    writer.close()
+
+
+def test_an_error_is_raised_at_the_next_call_and_files_are_closed():
+    bad, good = Notes(fails_at=1), Notes()
+    writer = Background([bad, good])
+    writer.write(0)
+    writer.write(1)
+    with pytest.raises(OSError, match="disk full"):
+        writer.write(2)
+    writer.close()
+    assert bad.closed and good.closed
+    assert good.done == [0]
+
+
+def test_an_error_in_the_last_frame_is_raised_at_closing():
+    notes = Notes(fails_at=0)
+    writer = Background([notes])
+    writer.write(0)
+    with pytest.raises(OSError, match="disk full"):
+        writer.close()
+    assert notes.closed

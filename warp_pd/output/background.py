@@ -1,0 +1,54 @@
+"""Files are written beside the computation: one frame at a time, in a thread of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+from ..frame import Frame
+
+
+class Background:
+    """A writer that hands frames to other writers and returns at once.
+
+    At most one frame waits: the next one is taken when it has been written, so memory stays bounded, and a killed run
+    loses one frame at most. What goes wrong in the thread is raised at the next call.
+
+    Args:
+        writers: Take every frame, in turn; see `warp_pd.runner.Writer`.
+    """
+
+    def __init__(self, writers: Sequence[Any]) -> None:
+        self.writers = list(writers)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="warp_pd_writer")
+        self._waiting: Future[None] | None = None
+
+    def write(self, frame: Frame) -> None:
+        """Take one frame, once the one before has been written."""
+        self._settle()
+        self._waiting = self._thread.submit(self._write, frame)
+
+    def save(self) -> None:
+        """Bring everything written so far to the disk."""
+        self._settle()
+        for writer in self.writers:
+            writer.save()
+
+    def close(self) -> None:
+        """Write what waits, and close all files, even if one of them failed."""
+        try:
+            self._settle()
+        finally:
+            self._thread.shutdown()
+            for writer in self.writers:
+                writer.close()
+
+    def _write(self, frame: Frame) -> None:
+        for writer in self.writers:
+            writer.write(frame)
+
+    def _settle(self) -> None:
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            waiting.result()
