@@ -9,6 +9,8 @@ step the strip comes to rest, breaks what is over-stretched, and comes to rest a
 are free to contract; the middle of each keeps its height.
 """
 
+import math
+
 import numpy as np
 
 from warp_pd import (
@@ -24,7 +26,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.checks import InputError, one_of, positive
+from warp_pd.checks import InputError, count, one_of, positive
 from warp_pd.measures import TearLine, largest, support_force, when_above
 from warp_pd.solvers import Solver
 
@@ -43,7 +45,13 @@ def build(
 ) -> Simulation:
     if not 0.0 < positive("start", start) < TRAVEL:
         raise InputError(f"start = {start!r}: allowed are displacements above 0 and below {TRAVEL:g} m")
-    further = max(1, round((TRAVEL - start) / positive("increment", increment)))
+    if not 0.0 < positive("increment", increment) <= TRAVEL - start:
+        raise InputError(f"increment = {increment!r}: allowed are steps above 0, up to {TRAVEL - start:g} m")
+    further = max(1, round((TRAVEL - start) / increment))
+    if count("points", points, 3) * NOTCH < 2.0 * WIDTH:
+        raise InputError(
+            f"points = {points}: allowed is {math.ceil(2.0 * WIDTH / NOTCH)} or more, two spacings a notch"
+        )
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, load_steps=1 + further, most_iterations=60),
         "relaxation": Relaxation(tolerance=tolerance, load_steps=1 + further, most_steps=10_000_000),
@@ -75,7 +83,7 @@ def build(
         ],
         outcomes=[
             Outcome("largest_load", "N", largest("load")),
-            Outcome("tear_begins_at", "m", when_above("end_displacement", "largest_damage", 0.35)),
+            Outcome("tear_begins_at", "m", when_above("end_displacement", "crack_length", 0.0)),
         ],
         fields=("principal_stress", "wrinkle_level"),
         section="IM 6.5",
@@ -88,11 +96,9 @@ def pictures(history, folder):
 
     ends = np.array([row["end_displacement"] for row in history])
     times = [history[int(np.argmin(np.abs(ends - end)))]["time"] for end in SHOWN]
-    shown = plots.magnified(plots.frames_at(folder, times), 50.0)
-    plots.from_above(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
-    plots.from_above(
-        folder / "wrinkles.png", shown, field="wrinkle_level", label="wrinkle level", limits=(0.0, 1.0)
-    )  # fmt: skip
+    shown = plots.frames_at(folder, times)
+    plots.reference(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.reference(folder / "wrinkles.png", shown, field="wrinkle_level", label="wrinkle level", limits=(0.0, 1.0))
     plots.curves(
         folder / "load.png", history, ["load"], ylabel="load (N)", against="end_displacement", xlabel="Ux (m)"
     )  # fmt: skip

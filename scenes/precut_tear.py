@@ -109,7 +109,8 @@ def build(
 def pictures(history, folder):
     from warp_pd.output import plots
 
-    shown = plots.frames_at(folder, [t for t in SHOWN if t <= history[-1]["time"]])
+    end = history[-1]["time"]
+    shown = plots.frames_at(folder, [t for t in SHOWN if t <= end] or [end])
     plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)", view=(35.0, -70.0))
     plots.surfaces(folder / "deflection_at_end.png", shown[-1:], field="u3", label="u3 (m)", view=(35.0, -70.0))
     plots.from_above(folder / "from_above.png", shown, field="u3", label="u3 (m)")

@@ -7,13 +7,13 @@ The paper prints a horizon of 5e-3 m: one spacing, four bonds a point. Such a ne
 along its lines; pulled at its corners it turns into a shape in which no bond is compressed, without any wrinkled
 region (`--horizon 1`). The paper's pictures show wrinkles, so here the horizon is that of its other examples, 3
 spacings. 5 N are far beyond small strain where they act: on 0.1 N/m of stiffness times spacing, the bonds of a corner
-point stretch to several times their length. `--set force=0.05` stays small.
+point stretch to several times their length. `--set pull=0.05` stays small.
 """
 
 import numpy as np
 
 from warp_pd import Bimodular, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
-from warp_pd.checks import one_of
+from warp_pd.checks import one_of, positive
 from warp_pd.solvers import Solver
 
 SIDE = 0.5
@@ -22,19 +22,19 @@ SIDE = 0.5
 def build(
     points: int = 100,
     horizon: float = 3.0,
-    force: float = 5.0,
+    pull: float = 5.0,
     solver: str = "newton",
     tolerance: float | None = None,
     most_iterations: int = 60,
 ) -> Simulation:
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, most_iterations=most_iterations),
-        "relaxation": Relaxation(tolerance=tolerance),
+        "relaxation": Relaxation(tolerance=tolerance, ramp_steps=20 * points),
     }
     sheet = Sheet.rectangle(SIDE, SIDE, thickness=1e-3, density=1000.0, points=points, centred=True)
     corners = [sheet.nearest(x, y) for x in (0.0, SIDE) for y in (0.0, SIDE)]
     middle = sheet.where(lambda x, y: np.maximum(abs(x - 0.5 * SIDE), abs(y - 0.5 * SIDE)) < 0.8 * sheet.spacing)
-    outwards = np.sign(sheet.points[corners] - 0.5 * SIDE) * force / np.sqrt(2.0)
+    outwards = np.sign(sheet.points[corners] - 0.5 * SIDE) * positive("pull", pull) / np.sqrt(2.0)
     pulls = [
         PointForce([corner], (fx, fy, 0.0), ramp=[(0.0, 0.0), (1.0, 1.0)])
         for corner, (fx, fy) in zip(corners, outwards, strict=True)

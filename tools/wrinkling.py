@@ -218,7 +218,7 @@ def square(page: Page) -> list[str]:
     for horizon, force in ((3.0, 5.0), (3.0, 0.05), (1.5, 5.0), (1.0, 5.0)):
         folder = f"square-{horizon:g}-{force:g}"
         result = page.run(
-            "square_wrinkles", page.points(100), pictures=folder, horizon=horizon, force=force, tolerance=PAPER
+            "square_wrinkles", page.points(100), pictures=folder, horizon=horizon, pull=force, tolerance=PAPER
         )
         m = {name: entry["value"] for name, entry in result.summary["measures"].items()}
         rows.append(
@@ -290,7 +290,7 @@ def strip(page: Page) -> list[str]:
     return [
         "## Notched strip (6.5)",
         "",
-        f"{page.points(200, 10)} points along x; {result.status} {result.summary['message']};",
+        f"{page.points(200, 10)} points along x; {result.summary['message'] or result.status};",
         f"{found['iterations']} Newton steps in {len(found['load_steps'])} equilibria, {found['seconds']:.0f} s.",
         "",
         "| Ux (1e-4 m) | load (mN) | crack (mm) | mean wrinkle level | largest damage |",

@@ -358,6 +358,8 @@ def run(
     result = Result(summary, recorder.history, built, recorder.last, folder)
     if folder is not None:
         before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
+        # First, so that a picture that cannot be drawn does not take the numbers with it.
+        write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
         if pictures and simulation.pictures is not None:
             simulation.pictures(result.history, folder)
         summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
@@ -519,8 +521,12 @@ def _summary(
         "dissipated": {"damping": row.get("damping"), "rupture": row.get("rupture")} if built.tracked else None,
         "balance_error": row.get("balance_error"),
     }
-    measures = {m.name: _compared(m, row.get(m.name), "last frame") for m in simulation.measures}
-    measures |= {o.name: _compared(o, o.value(recorder.history), "whole run") for o in simulation.outcomes}
+    # The start of a search that found nothing is no result.
+    found = recorder.frame_index > 0 or simulation.solver.in_time
+    measures = {m.name: _compared(m, row.get(m.name) if found else None, "last frame") for m in simulation.measures}
+    measures |= {
+        o.name: _compared(o, o.value(recorder.history) if found else None, "whole run") for o in simulation.outcomes
+    }
     rate = built.simulation.sheet.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
     return {
         "scene": simulation.scene,

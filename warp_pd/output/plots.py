@@ -57,11 +57,6 @@ def _shown(path: Path, index: int) -> Shown:
     return Shown(time, points, points - fields["displacement"], triangles, fields, read_ball(path, index))
 
 
-def magnified(frames: Sequence[Shown], factor: float) -> list[Shown]:
-    """The frames with displacements drawn so many times as large."""
-    return [replace(f, points=f.reference + factor * (f.points - f.reference)) for f in frames]
-
-
 def surfaces(
     path: Path,
     frames: Sequence[Shown],
@@ -233,7 +228,7 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     x, y = frame.reference[chosen, :2].T
     width = 8.0
     figure, axes = plt.subplots(figsize=(width + 1.5, max(2.5, width * size[1] / size[0]) + 0.6), layout="constrained")
-    length = np.sqrt(np.maximum(largest, 0.0) / max(largest.max(), 1e-300))
+    length = np.sqrt(np.maximum(largest, 0.0) / (largest.max() if largest.max() > 0.0 else 1.0))
     drawn = axes.quiver(
         x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=COLOURS, pivot="mid", headwidth=0,
         headlength=0, headaxislength=0, scale=0.7 * across,
