@@ -26,9 +26,9 @@ from typing import Any
 import warp as wp
 
 from .families import WORD, family_functions
+from .kinematics import kinematics
 from .numeric import numeric
-
-DEGENERATE = 0.2
+from .standing import energy_of_families, gather_pairs, standing_bonds
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec3, mat22 = types.real, types.vec3, types.mat22
+    real, vec3 = types.real, types.vec3
     parameters = types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
@@ -97,35 +97,9 @@ def bond_associated(layout, bits, material, breakable, form, module):
     redistribute = breakable == "redistribute"
     published = form == "published"
     word_size = WORD
-    degenerate = DEGENERATE
-
-    @wp.func(module=module)
-    def present(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, word: int):
-        """Bits of the members whose bonds stand."""
-        if wp.static(damaged):
-            return alive[word, i]
-        else:
-            return f.whole(family, i, word)
-
-    @wp.func(module=module)
-    def is_whole(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
-        """Whether the tables of the undamaged sheet hold for the family of i."""
-        answer = bool(True)
-        if wp.static(damaged):
-            for word in range(family.words):
-                if alive[word, i] != f.whole(family, i, word):
-                    answer = False
-        return answer
-
-    @wp.func(module=module)
-    def inverse_shape(shape: vec3):
-        """Inverse of the symmetric tensor (11, 12, 22), or zero where it is degenerate."""
-        determinant = shape[0] * shape[2] - shape[1] * shape[1]
-        half_trace = real(0.5) * (shape[0] + shape[2])
-        if determinant > real(degenerate) * half_trace * half_trace:
-            return vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
-        else:
-            return vec3(real(0.0), real(0.0), real(0.0))
+    standing = standing_bonds(layout, bits, damaged, module)
+    present, is_whole, has = standing.present, standing.is_whole, standing.has
+    green, inverse_shape = kinematics(bits)
 
     def declare_intersection(name, earlier):
         @wp.func(module=module, name=name)
@@ -180,12 +154,6 @@ def bond_associated(layout, bits, material, breakable, form, module):
     earlier_intersection = declare_intersection("earlier_intersection", True)
 
     @wp.func(module=module)
-    def green(H1: vec3, H2: vec3):
-        """C - I of the gradient with columns H1, H2, without adding and taking away one."""
-        shear = H1[1] + H2[0] + wp.dot(H1, H2)
-        return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
-
-    @wp.func(module=module)
     def area_weight(family: Family, i: int, j: int, whole: bool, size: real):
         """W_ij over the reference area; for a damaged family up to the factor `family_scale`."""
         if wp.static(redistribute or published):
@@ -195,11 +163,6 @@ def bond_associated(layout, bits, material, breakable, form, module):
                 return size
         else:
             return f.weight(family, i, j)
-
-    @wp.func(module=module)
-    def has(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, k: int):
-        word = k // word_size
-        return ((present(family, alive, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
 
     @wp.func(module=module)
     def family_scale(family: Family, i: int, whole: bool, total: real):
@@ -244,40 +207,9 @@ def bond_associated(layout, bits, material, breakable, form, module):
     family_energy = declare_energy("family_energy", intersection)
     earlier_energy = declare_energy("earlier_energy", earlier_intersection)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def strain_energy(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_volume: real,
-        first: int,
-        out: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        density = family_energy(family, alive, displacement, displacement, real(0.0), constants, inverse_horizon, i)
-        out[i] = wp.float64(unit_volume * density)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def gather(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        bond_force: wp.array2d(dtype=vec3),
-        first: int,
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(family.members):
-            if has(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                pull += bond_force[k, i] - bond_force[f.mate(family, i, k), m]
-        force[i] = pull
-
     return BondAssociatedKernels(
-        gather=gather,
-        strain_energy=strain_energy,
+        gather=gather_pairs(layout, bits, damaged, module),
+        strain_energy=energy_of_families(layout, bits, family_energy, module),
         earlier_energy=earlier_energy,
         mechanics=FamilyMechanics(
             present, is_whole, has, intersection, green, area_weight, family_scale, inverse_shape

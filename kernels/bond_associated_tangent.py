@@ -18,8 +18,9 @@ from typing import Any
 
 import warp as wp
 
-from .bond_associated import DEGENERATE, bond_associated
+from .bond_associated import bond_associated
 from .families import WORD, family_functions
+from .kinematics import DEGENERATE
 from .numeric import numeric
 
 

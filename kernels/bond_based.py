@@ -21,8 +21,9 @@ from typing import Any
 
 import warp as wp
 
-from .families import WORD, family_functions
+from .families import family_functions
 from .numeric import numeric
+from .standing import energy_of_families, standing_bonds
 
 
 @dataclass(frozen=True)
@@ -67,17 +68,7 @@ def bond_functions(layout, bits, breakable, module):
     """Warp functions of one bond: `standing` (family, alive, i, k), `strain` and `image` of xi and U."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    f = family_functions(layout, bits, module)
-    Family = f.struct
-    word_size = WORD
-
-    @wp.func(module=module)
-    def standing(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, k: int):
-        word = k // word_size
-        if wp.static(breakable):
-            return ((alive[word, i] >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
-        else:
-            return ((f.whole(family, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
+    standing = standing_bonds(layout, bits, breakable, module).has
 
     @wp.func(module=module)
     def image(xi: vec2, U: vec3):
@@ -156,21 +147,6 @@ def bond_based(layout, bits, pairwise, breakable, module):
                 s = strain(f.bond(family, i, k), inverse_horizon * U)
                 stored += f.weight(family, i, k) * energy_of(s, constants)
         return stored
-
-    @wp.kernel(module=module, enable_backward=False)
-    def strain_energy(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_volume: real,
-        first: int,
-        out: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        density = earlier_energy(family, alive, displacement, displacement, real(0.0), constants, inverse_horizon, i)
-        out[i] = wp.float64(unit_volume * density)
 
     @wp.kernel(module=module, enable_backward=False)
     def principal_stress(
@@ -255,6 +231,7 @@ def bond_based(layout, bits, pairwise, breakable, module):
                 total += weight / wp.length_sq(xi) * stiffest
         density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
 
+    strain_energy = energy_of_families(layout, bits, earlier_energy, module)
     return BondBasedKernels(pair_force, strain_energy, earlier_energy, principal_stress, wrinkle_level, row_sums)
 
 

@@ -4,8 +4,8 @@ import functools
 
 import warp as wp
 
-from .bond_associated import DEGENERATE
 from .families import WORD, family_functions
+from .kinematics import DEGENERATE
 from .numeric import numeric
 
 

@@ -18,9 +18,10 @@ from typing import Any
 
 import warp as wp
 
-from .bond_associated import DEGENERATE
 from .families import WORD, family_functions
+from .kinematics import kinematics
 from .numeric import numeric
+from .standing import energy_of_families, gather_pairs, standing_bonds
 
 
 @dataclass(frozen=True)
@@ -62,24 +63,12 @@ class NodalKernels:
 def point_family(layout, bits, breakable, module):
     """Functions of the whole family of a point; `breakable` says whether bonds can break."""
     types = numeric(bits)
-    real, vec3, mat22 = types.real, types.vec3, types.mat22
+    real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
     word_size = WORD
-    degenerate = DEGENERATE
-
-    @wp.func(module=module)
-    def standing(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, word: int):
-        """Bits of the members whose bonds stand."""
-        if wp.static(breakable):
-            return alive[word, i]
-        else:
-            return f.whole(family, i, word)
-
-    @wp.func(module=module)
-    def has(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, k: int):
-        word = k // word_size
-        return ((standing(family, alive, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1)) != wp.uint32(0)
+    bonds = standing_bonds(layout, bits, breakable, module)
+    green, inverse_shape = kinematics(bits)
 
     @wp.func(module=module)
     def gradient(
@@ -96,12 +85,8 @@ def point_family(layout, bits, breakable, module):
         second = vec3(real(0.0), real(0.0), real(0.0))
         shape = vec3(real(0.0), real(0.0), real(0.0))
         size = real(0.0)
-        whole = bool(True)
         for word in range(family.words):
-            members = standing(family, alive, i, word)
-            if wp.static(breakable):
-                if members != f.whole(family, i, word):
-                    whole = False
+            members = bonds.present(family, alive, i, word)
             k = word * word_size
             while members != wp.uint32(0):
                 if (members & wp.uint32(1)) != wp.uint32(0):
@@ -118,39 +103,13 @@ def point_family(layout, bits, breakable, module):
                 members = members >> wp.uint32(1)
                 k += 1
         inverse = f.shape(family, i, 0)
-        if whole:
+        if bonds.is_whole(family, alive, i):
             size = f.family_area(family, i)
         else:
-            inverse = vec3(real(0.0), real(0.0), real(0.0))
-            determinant = shape[0] * shape[2] - shape[1] * shape[1]
-            half_trace = real(0.5) * (shape[0] + shape[2])
-            if determinant > real(degenerate) * half_trace * half_trace:
-                inverse = vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
+            inverse = inverse_shape(shape)
         return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
 
-    @wp.func(module=module)
-    def green(H1: vec3, H2: vec3):
-        """C - I of the gradient with columns H1, H2, without adding and taking away one."""
-        shear = H1[1] + H2[0] + wp.dot(H1, H2)
-        return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
-
-    @wp.kernel(module=module, enable_backward=False)
-    def gather(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        bond_force: wp.array2d(dtype=vec3),
-        first: int,
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(family.members):
-            if has(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                pull += bond_force[k, i] - bond_force[f.mate(family, i, k), m]
-        force[i] = pull
-
-    return PointFamily(has, gradient, green, gather)
+    return PointFamily(bonds.has, gradient, green, gather_pairs(layout, bits, breakable, module))
 
 
 @functools.cache
@@ -193,21 +152,6 @@ def nodal(layout, bits, material, breakable, module):
         return stored
 
     @wp.kernel(module=module, enable_backward=False)
-    def strain_energy(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_volume: real,
-        first: int,
-        out: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        density = family_energy(family, alive, displacement, displacement, real(0.0), constants, inverse_horizon, i)
-        out[i] = wp.float64(unit_volume * density)
-
-    @wp.kernel(module=module, enable_backward=False)
     def family_force(
         family: Family,
         alive: wp.array2d(dtype=wp.uint32),
@@ -241,4 +185,5 @@ def nodal(layout, bits, material, breakable, module):
                 force = c * (xi[0] * A1 + xi[1] * A2)
             bond_force[k, i] = force
 
+    strain_energy = energy_of_families(layout, bits, family_energy, module)
     return NodalKernels(family_force, point.gather, strain_energy, family_energy)

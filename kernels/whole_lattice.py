@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from .kinematics import kinematics
 from .numeric import numeric
 
 # From this many members on, sums over the members outside an intersection pay (measured on an H200).
@@ -64,8 +65,9 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
+    real, vec3, parameters = types.real, types.vec3, types.parameters
     stress_near = near(bits)
+    green, _ = kinematics(bits)
     n, bonds = len(stencil.steps), len(stencil.quarter)
     full = (1 << n) - 1
     right = [step[0] for step in stencil.steps]
@@ -160,9 +162,7 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
                         if wp.static(inside[j][k]):
                             H1 += wp.static(b1[j][k]) * U[k]
                             H2 += wp.static(b2[j][k]) * U[k]
-                shear = H1[1] + H2[0] + wp.dot(H1, H2)
-                G = mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
-                S, guess = stress_near(G, constants, guess)
+                S, guess = stress_near(green(H1, H2), constants, guess)
                 F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
                 F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
                 W = wp.static(weights[j])

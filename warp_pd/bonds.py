@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from .checks import InputError, finite, one_of
-from .kernels.bond_associated import DEGENERATE
 from .kernels.families import WORD
+from .kernels.kinematics import DEGENERATE
 from .launches import Workspace
 from .sheet import Sheet, crosses
 
@@ -143,11 +143,18 @@ class Families:
         )
         sums = np.einsum(over_members, mask, terms, optimize=True)
         shape, size = sums[..., :3], sums[..., 3]
-        determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
-        usable = self.exists[part] & (determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2)
-        safe = np.where(usable, determinant, 1.0)
-        inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1) / safe[..., None]
+        inverse, usable = inverse_shape(shape)
+        usable &= self.exists[part]
         return np.where(usable[..., None], inverse, 0.0), np.where(usable, size, 0.0)
+
+
+def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse of shape tensors (11, 12, 22), shape (..., 3); zero where degenerate, and where not, shape (...)."""
+    determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
+    usable = determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2
+    inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
+    inverse /= np.where(usable, determinant, 1.0)[..., None]
+    return np.where(usable[..., None], inverse, 0.0), usable
 
 
 def pack(mask: np.ndarray) -> np.ndarray:
@@ -194,15 +201,26 @@ def build_families(
             + (f"for the sheet is {across:.4g} spacings long" if across < MOST else "beyond, families get too large")
         )
     function = influence_function(influence)
+    if intersections:
+        require_diagonals(sheet, horizon)
     if sheet.lattice is not None:
-        shortest = np.hypot(sheet.lattice.dx, sheet.lattice.dy)
-        if intersections and ratio * sheet.spacing < shortest * (1.0 - TOLERANCE):
-            raise InputError(
-                f"horizon = {horizon!r}: allowed on a lattice is 1.42 or more, "
-                f"so that families hold their diagonal neighbours"
-            )
         return _lattice_families(sheet, ratio * sheet.spacing, function, depth, intersections)
     return _cloud_families(sheet, ratio * sheet.spacing, function, intersections)
+
+
+def require_diagonals(sheet: Sheet, horizon: float) -> None:
+    """Check that the families of a lattice determine deformation gradients.
+
+    Raises:
+        InputError: for a horizon, over the spacing, that leaves out the diagonal neighbours.
+    """
+    if sheet.lattice is None:
+        return
+    if horizon * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
+        raise InputError(
+            f"horizon = {horizon!r}: allowed on a lattice is 1.42 or more, "
+            f"so that families hold their diagonal neighbours"
+        )
 
 
 def _lattice_families(

@@ -34,7 +34,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from .checks import InputError, count, finite
-from .kernels.bond_associated import DEGENERATE
+from .kernels.kinematics import DEGENERATE
 
 # Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
 FLOOR = 0.05

@@ -8,19 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bonds import (
-    Families,
-    InfluenceFunction,
-    build_families,
-    family_struct,
-    influence_function,
-    pack,
-    unpack,
-)
+from ..bonds import Families, InfluenceFunction, build_families, influence_function, unpack
 from ..checks import InputError, one_of, positive
 from ..launches import Workspace
 from ..materials import Material, padded_constants
 from ..sheet import Sheet
+from .family_force import FamilyForce
 from .fast_path import fast_path
 
 if TYPE_CHECKING:
@@ -94,44 +87,26 @@ class BondAssociated:
         return BondAssociatedForce(self, workspace, sheet, breakable)
 
 
-class BondAssociatedForce:
+class BondAssociatedForce(FamilyForce):
     """The law on one sheet and device.
 
     Attributes:
-        families: The families on the host.
-        struct: The families on the device.
-        alive: Bits of the standing bonds, shape (words, N), or None if nothing can break.
         weights: The weights in use, "published", "plain" or "corrected".
-        correction: Report of the corrected weights, or None.
+        fast_path: Its fast kernels, or None.
     """
 
     has_energy = True
 
     def __init__(self, law: BondAssociated, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
-        import warp as wp
-
         from ..kernels.bond_associated import bond_associated
-        from ..kernels.families import family_functions
-        from ..kernels.numeric import numeric
 
-        self.law, self.workspace, self.owner = law, workspace, "BondAssociated"
         self.weights = law.resolved_weights(breakable)
-        self.types = numeric(workspace.bits)
-        self.families, inverse, weights, self.correction = tables(law, sheet, self.weights)
-        layout = self.families.layout
-        self.functions = family_functions(layout, workspace.bits, workspace.module)
-        self.struct = family_struct(self.families, self.functions, self.types, workspace, self.owner, inverse, weights)
-        law_key = law.signature(layout, breakable)
-        self.kernels = bond_associated(layout, workspace.bits, *law_key[1:], workspace.module)
-        self.alive = None
-        if breakable:
-            standing = self.families.rows_of_points(pack(self.families.exists)).T
-            self.alive = workspace.array("alive", "CriticalStretch", wp.uint32, standing)
-        self.thickness = sheet.thickness
-        self.points = sheet.size
+        families, inverse, weights, self.correction = tables(law, sheet, self.weights)
+        super().__init__("BondAssociated", law, workspace, sheet, breakable, families, inverse, weights)
         self.columns = sheet.lattice.columns if sheet.lattice is not None else 0
-        self.constants = self.types.parameters(*padded_constants(law.material))
-        self.signature = (layout, workspace.bits, *law_key[1:])
+        layout, *key = law.signature(families.layout, breakable)
+        self.signature = (layout, workspace.bits, *key)
+        self.kernels = bond_associated(*self.signature, workspace.module)
         self.fast_path = fast_path(self, inverse, weights)
 
     @functools.cached_property
@@ -140,71 +115,23 @@ class BondAssociatedForce:
         shape = (self.families.members, self.points)
         return self.workspace.array("bond_force", self.owner, self.types.vec3, shape=shape)
 
-    @property
-    def inverse_horizon(self) -> float:
-        """1 / horizon [1/m]."""
-        return 1.0 / self.families.horizon
-
-    @property
-    def unit_volume(self) -> float:
-        """Thickness times reference area [m^3]."""
-        return self.thickness * self.families.reference_area
-
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launches that turn a displacement [m] into the internal force [N], both (N,) vec3."""
         if self.fast_path is not None:
             self.fast_path.add_force(stage, displacement, force)
             return
         self.add_plain_families(stage, displacement)
-        self.add_gather(stage, force)
+        self.add_gather(stage, self.bond_force, force)
 
     def add_plain_families(self, stage: str, displacement: Any, inner: int = -1) -> None:
         """Add the launch that fills `bond_force`, but for whole families of the kind `inner`."""
         from ..kernels.bond_associated import plain_force
 
         self.workspace.launch(
-            stage,
-            self.owner,
-            plain_force(*self.signature, inner >= 0, self.workspace.module),
-            self.points,
-            family=self.struct,
-            alive=self.alive,
-            displacement=displacement,
-            constants=self.constants,
-            inverse_horizon=self.inverse_horizon,
-            unit_force=self.unit_volume * self.inverse_horizon,
-            inner=inner,
-            bond_force=self.bond_force,
-        )
-
-    def add_gather(self, stage: str, force: Any) -> None:
-        """Add the launch that sums `bond_force` to the force of each point."""
-        self.workspace.launch(
-            stage,
-            self.owner,
-            self.kernels.gather,
-            self.points,
-            family=self.struct,
-            alive=self.alive,
-            bond_force=self.bond_force,
-            force=force,
-        )
-
-    def add_energy(self, stage: str, displacement: Any, out: Any) -> None:
-        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
-        self.workspace.launch(
-            stage,
-            self.owner,
-            self.kernels.strain_energy,
-            self.points,
-            family=self.struct,
-            alive=self.alive,
-            displacement=displacement,
-            constants=self.constants,
-            inverse_horizon=self.inverse_horizon,
-            unit_volume=self.unit_volume,
-            out=out,
-        )
+            stage, self.owner, plain_force(*self.signature, inner >= 0, self.workspace.module), self.points,
+            **self.family_arguments(displacement), constants=self.constants,
+            unit_force=self.unit_volume * self.inverse_horizon, inner=inner, bond_force=self.bond_force,
+        )  # fmt: skip
 
 
 def tables(

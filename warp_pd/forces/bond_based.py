@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..bonds import build_families, family_struct, pack
+from ..bonds import Families, build_families
 from ..checks import InputError, one_of, positive
 from ..launches import Workspace
 from ..materials import PairwiseMaterial, padded_constants
 from ..sheet import Sheet
+from .family_force import FamilyForce
 
 # g of c_i = g E / sum_j |X_ij| V_j (IM eq. 4): 4/(1 - nu) with nu = 1/3 in plane stress, and 2 along a line.
 STIFFNESS = {"plane stress": 6.0, "line": 2.0}
@@ -64,26 +65,14 @@ class BondBased:
         return BondBasedForce(self, workspace, sheet, breakable)
 
 
-class BondBasedForce:
-    """The law on one sheet and device.
+class BondBasedForce(FamilyForce):
+    """The law on one sheet and device."""
 
-    Attributes:
-        families: The families on the host.
-        struct: The families on the device.
-        alive: Bits of the standing bonds, shape (words, N), or None if nothing can break.
-        weights: "pairwise".
-        correction: None.
-    """
-
-    correction = None
+    weights = "pairwise"
     has_energy = True
 
     def __init__(self, law: BondBased, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
-        import warp as wp
-
         from ..kernels.bond_based import bond_based
-        from ..kernels.families import family_functions
-        from ..kernels.numeric import numeric
 
         line = sheet.lattice is not None and sheet.lattice.rows == 1
         if line != (law.state == "line"):
@@ -91,57 +80,17 @@ class BondBasedForce:
                 f"state = {law.state!r} on a sheet {'of one row of points' if line else 'in the plane'}: "
                 f"allowed is {'line' if line else 'plane stress'!r}"
             )
-        self.law, self.workspace, self.owner, self.weights = law, workspace, "BondBased", law.weights
-        self.types = numeric(workspace.bits)
-        self.families = build_families(sheet, law.horizon, "inverse", intersections=False)
-        layout = self.families.layout
-        self.functions = family_functions(layout, workspace.bits, workspace.module)
-        self.struct = family_struct(
-            self.families, self.functions, self.types, workspace, self.owner, None, self._bond_weights()
-        )
-        self.kernels = bond_based(layout, workspace.bits, law.material.pairwise, breakable, workspace.module)
-        self.alive = None
-        if breakable:
-            standing = self.families.rows_of_points(pack(self.families.exists)).T
-            self.alive = workspace.array("alive", "CriticalStretch", wp.uint32, standing)
-        self.thickness = sheet.thickness
-        self.points = sheet.size
-        self.constants = self.types.parameters(*padded_constants(law.material))
-
-    def _bond_weights(self) -> np.ndarray:
-        """W_ik = (g/2) a_i a_k |xi_ik| / sum_k |xi_ik| a_k by row, areas over the reference area, shape (R, n)."""
-        families = self.families
-        length = np.where(families.exists, np.linalg.norm(families.bonds, axis=-1), 0.0)
-        share = length * families.member_areas
-        return 0.5 * STIFFNESS[self.law.state] * families.areas[:, None] * share / share.sum(axis=1, keepdims=True)
-
-    @property
-    def inverse_horizon(self) -> float:
-        """1 / horizon [1/m]."""
-        return 1.0 / self.families.horizon
-
-    @property
-    def unit_volume(self) -> float:
-        """Thickness times reference area [m^3]."""
-        return self.thickness * self.families.reference_area
-
-    def _family(self) -> dict[str, Any]:
-        return {"family": self.struct, "alive": self.alive, "inverse_horizon": self.inverse_horizon}
+        families = build_families(sheet, law.horizon, "inverse", intersections=False)
+        weights = _bond_weights(families, STIFFNESS[law.state])
+        super().__init__("BondBased", law, workspace, sheet, breakable, families, None, weights)
+        self.kernels = bond_based(families.layout, workspace.bits, law.material.pairwise, breakable, workspace.module)
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launch that turns a displacement [m] into the internal force [N], both (N,) vec3."""
         self.workspace.launch(
             stage, self.owner, self.kernels.pair_force, self.points,
-            **self._family(), displacement=displacement, constants=self.constants,
+            **self.family_arguments(displacement), constants=self.constants,
             unit_force=self.unit_volume * self.inverse_horizon, force=force,
-        )  # fmt: skip
-
-    def add_energy(self, stage: str, displacement: Any, out: Any) -> None:
-        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
-        self.workspace.launch(
-            stage, self.owner, self.kernels.strain_energy, self.points,
-            **self._family(), displacement=displacement, constants=self.constants, unit_volume=self.unit_volume,
-            out=out,
         )  # fmt: skip
 
     def add_density(self, stage: str, displacement: Any, density: Any) -> None:
@@ -149,7 +98,7 @@ class BondBasedForce:
         scale = max(self.law.material.constants) * self.thickness
         self.workspace.launch(
             stage, self.owner, self.kernels.row_sums, self.points,
-            **self._family(), displacement=displacement, constants=self.constants,
+            **self.family_arguments(displacement), constants=self.constants,
             unit_stiffness=self.unit_volume * self.inverse_horizon**2, least=1e-3 * scale, density=density,
         )  # fmt: skip
 
@@ -175,7 +124,14 @@ class BondBasedForce:
             extra = {"constants": self.constants} if stress else {}
             self.workspace.launch(
                 stage, "fields", getattr(self.kernels, name), self.points,
-                **self._family(), **extra, displacement=displacement, out=array,
+                **self.family_arguments(displacement), **extra, out=array,
             )  # fmt: skip
             arrays[name] = array
         return arrays
+
+
+def _bond_weights(families: Families, stiffness: float) -> np.ndarray:
+    """W_ik = (g/2) a_i a_k |xi_ik| / sum_k |xi_ik| a_k by row, areas over the reference area, shape (R, n)."""
+    length = np.where(families.exists, np.linalg.norm(families.bonds, axis=-1), 0.0)
+    share = length * families.member_areas
+    return 0.5 * stiffness * families.areas[:, None] * share / share.sum(axis=1, keepdims=True)

@@ -114,7 +114,7 @@ class FastPath:
                 self._add_registers(stage, strip, displacement, force)
         if not self.registers:
             self.force.add_plain_families(stage, displacement, inner=self.stencil[1])
-            self.force.add_gather(stage, force)
+            self.force.add_gather(stage, self.force.bond_force, force)
 
     def _add_whole(self, stage: str, strip: Strip, displacement: Any, force: Any) -> None:
         from ..kernels.whole_lattice import whole_lattice_force

@@ -18,7 +18,7 @@ from ..materials import Material, padded_constants
 from ..sheet import Sheet
 from . import network as networks
 from .network import Network
-from .nodal import PointForce
+from .nodal import WholeFamilyForce
 
 if TYPE_CHECKING:
     from ..kernels.neural import NeuralKernels
@@ -114,7 +114,7 @@ class Neural:
         return NeuralForce(self, workspace, sheet, breakable)
 
 
-class NeuralForce(PointForce):
+class NeuralForce(WholeFamilyForce):
     """The law on one sheet and device.
 
     Attributes:
@@ -189,7 +189,7 @@ class NeuralForce(PointForce):
                 stage, self.owner, kernels.direct, self.points,
                 **shared, constants=self.constants, unit_force=unit_force, bond_force=self.bond_force,
             )  # fmt: skip
-        self.add_gather(stage, kernels.gather, force)
+        self.add_gather(stage, self.bond_force, force)
 
     def add_count(self, stage: str, displacement: Any) -> None:
         """Add the launch that counts bonds outside the training range; none if there is no known range."""

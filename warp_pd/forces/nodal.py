@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bonds import Families, InfluenceFunction, build_families, family_struct, influence_function, pack
+from ..bonds import Families, InfluenceFunction, build_families, influence_function, inverse_shape, require_diagonals
 from ..checks import positive
 from ..launches import Workspace
 from ..materials import Material, padded_constants
 from ..sheet import Sheet
+from .family_force import FamilyForce
 
 if TYPE_CHECKING:
     from ..kernels.nodal import NodalKernels
@@ -56,78 +57,25 @@ class Nodal:
         return NodalForce(self, workspace, sheet, breakable)
 
 
-class PointForce:
+class WholeFamilyForce(FamilyForce):
     """What laws of whole families keep on the device.
 
+    The families have no intersections, and K_i^-1 and 2 / tr K_i of the undamaged sheet in place of K_ij^-1 and W_ij.
+
     Attributes:
-        families: The families on the host; their intersections are left out.
-        struct: The families on the device, with K_i^-1 and 2 / tr K_i of the undamaged sheet in place of K_ij^-1
-            and W_ij.
-        alive: Bits of the standing bonds, shape (words, N), or None if nothing can break.
         bond_force: What the family of a point does to each of its pairs [N], shape (members, N).
     """
 
     weights = "point"
-    correction = None
 
-    def __init__(
-        self,
-        owner: str,
-        law: Any,
-        workspace: Workspace,
-        sheet: Sheet,
-        breakable: bool,
-    ) -> None:
-        import warp as wp
-
-        from ..kernels.families import family_functions
-        from ..kernels.numeric import numeric
-
-        self.law, self.workspace, self.owner = law, workspace, owner
-        self.types = numeric(workspace.bits)
-        self.families = _without_intersections(build_families(sheet, law.horizon, law.influence))
-        inverse, share = _shapes(self.families)
-        functions = family_functions(self.families.layout, workspace.bits, workspace.module)
-        self.struct = family_struct(self.families, functions, self.types, workspace, owner, inverse, share)
-        self.alive = None
-        if breakable:
-            standing = self.families.rows_of_points(pack(self.families.exists)).T
-            self.alive = workspace.array("alive", "CriticalStretch", wp.uint32, standing)
-        self.bond_force = workspace.array(
-            "bond_force", owner, self.types.vec3, shape=(self.families.members, sheet.size)
-        )
-        self.thickness = sheet.thickness
-        self.points = sheet.size
-        self.constants = self.types.parameters(*padded_constants(law.material))
-
-    @property
-    def inverse_horizon(self) -> float:
-        """1 / horizon [1/m]."""
-        return 1.0 / self.families.horizon
-
-    @property
-    def unit_volume(self) -> float:
-        """Thickness times reference area [m^3]."""
-        return self.thickness * self.families.reference_area
-
-    def family_arguments(self, displacement: Any) -> dict[str, Any]:
-        """Arguments that all launches of a law share."""
-        return {
-            "family": self.struct,
-            "alive": self.alive,
-            "displacement": displacement,
-            "inverse_horizon": self.inverse_horizon,
-        }
-
-    def add_gather(self, stage: str, gather: Any, force: Any) -> None:
-        """Add the launch that sums the bonds of each point to its force [N]."""
-        self.workspace.launch(
-            stage, self.owner, gather, self.points,
-            family=self.struct, alive=self.alive, bond_force=self.bond_force, force=force,
-        )  # fmt: skip
+    def __init__(self, owner: str, law: Any, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
+        families = build_families(sheet, law.horizon, law.influence, intersections=False)
+        require_diagonals(sheet, law.horizon)
+        super().__init__(owner, law, workspace, sheet, breakable, families, *_shapes(families))
+        self.bond_force = workspace.array("bond_force", owner, self.types.vec3, shape=(families.members, sheet.size))
 
 
-class NodalForce(PointForce):
+class NodalForce(WholeFamilyForce):
     """The nodal law on one sheet and device."""
 
     has_energy = True
@@ -147,30 +95,13 @@ class NodalForce(PointForce):
             **self.family_arguments(displacement), constants=self.constants,
             unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.bond_force,
         )  # fmt: skip
-        self.add_gather(stage, self.kernels.gather, force)
-
-    def add_energy(self, stage: str, displacement: Any, out: Any) -> None:
-        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
-        self.workspace.launch(
-            stage, self.owner, self.kernels.strain_energy, self.points,
-            **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume, out=out,
-        )  # fmt: skip
-
-
-def _without_intersections(families: Families) -> Families:
-    """The families without the masks of D_ij, which no law of whole families reads."""
-    return replace(families, common=np.zeros((0,) * families.common.ndim, np.uint32))
+        self.add_gather(stage, self.bond_force, force)
 
 
 def _shapes(families: Families) -> tuple[np.ndarray, np.ndarray]:
     """K_i^-1 of every row (11, 12, 22; zero where degenerate), shape (R, 1, 3), and 2 / tr K_i, shape (R, 1)."""
-    from ..kernels.bond_associated import DEGENERATE
-
     bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
     c = np.where(families.exists, families.influence, 0.0) * families.member_areas
     shape = np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], axis=-1)
-    trace = shape[:, 0] + shape[:, 2]
-    determinant = shape[:, 0] * shape[:, 2] - shape[:, 1] ** 2
-    usable = determinant > DEGENERATE * (0.5 * trace) ** 2
-    inverse = np.stack([shape[:, 2], -shape[:, 1], shape[:, 0]], axis=-1) / np.where(usable, determinant, 1.0)[:, None]
-    return np.where(usable[:, None], inverse, 0.0)[:, None], (2.0 / trace)[:, None]
+    inverse, _ = inverse_shape(shape)
+    return inverse[:, None], (2.0 / (shape[:, 0] + shape[:, 2]))[:, None]

@@ -38,10 +38,14 @@ class LinearSolver:
         self.products = 0
         self._factors: Any = None
         self._sparse = self.level.sparse() if self.kind == "direct" else None
-        if not self.level.workspace.device.is_cpu:
+        if self._stays_on_device:
             w, n = self.level.workspace, self.level.points
             self._right_side = w.array("krylov_right_side", OWNER, self.level.types.vec3, shape=n)
             self._preconditioned = w.array("preconditioned", OWNER, self.level.types.vec3, shape=n)
+
+    @property
+    def _stays_on_device(self) -> bool:
+        return not (self.level.workspace.device.is_cpu or self.level.follower)
 
     def prepare(self) -> bool:
         """Factorise if that is the preconditioner; whether the tangent allows it."""
@@ -57,10 +61,10 @@ class LinearSolver:
         """
         if self._sparse is not None and not self.level.follower:
             assign(self.level.direction, self._factors(right_side))
-        elif self.level.workspace.device.is_cpu or self.level.follower:
-            self._on_host(right_side, accuracy)
-        else:
+        elif self._stays_on_device:
             self._on_device(right_side, accuracy)
+        else:
+            self._on_host(right_side, accuracy)
 
     # SciPy ---------------------------------------------------------------------------------------------
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from ..bonds import DEGENERATE, Families, unpack
+from ..bonds import Families, unpack
 from ..checks import InputError
 from ..forces.bond_associated import BondAssociatedForce
+from ..kernels.kinematics import DEGENERATE
 from ..launches import Workspace
 from .equilibrium import OWNER, Equilibrium, factorised
 
