@@ -147,6 +147,22 @@ def volume(bits):
 
 
 @functools.cache
+def volume_from(root, bits):
+    """Function (G, constants) -> z of the material whose factory of root_change is `root`."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    area_change, _, _ = invariants(bits)
+    root_change = root(bits)
+    volume_of = volume(bits)
+
+    @wp.func
+    def volume_change(G: mat22, constants: parameters):
+        return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
+
+    return volume_change
+
+
+@functools.cache
 def neo_hookean_root(bits):
     """Function (tr C - 2, det C - 1, constants, guess) -> d = J^(2/3) - 1 of the neo-Hookean material."""
     types = numeric(bits)
@@ -185,17 +201,7 @@ def neo_hookean_root(bits):
 @functools.cache
 def neo_hookean_volume(bits):
     """Function (G, constants) -> z of the neo-Hookean material."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, _ = invariants(bits)
-    root_change = neo_hookean_root(bits)
-    volume_of = volume(bits)
-
-    @wp.func
-    def volume_change(G: mat22, constants: parameters):
-        return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
-
-    return volume_change
+    return volume_from(neo_hookean_root, bits)
 
 
 @functools.cache
@@ -323,17 +329,7 @@ def gent_root(bits):
 @functools.cache
 def gent_volume(bits):
     """Function (G, constants) -> z of the Gent material."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, _ = invariants(bits)
-    root_change = gent_root(bits)
-    volume_of = volume(bits)
-
-    @wp.func
-    def volume_change(G: mat22, constants: parameters):
-        return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
-
-    return volume_change
+    return volume_from(gent_root, bits)
 
 
 @functools.cache
