@@ -21,9 +21,12 @@ from typing import Any
 
 import warp as wp
 
-from .families import family_functions
+from .families import WORD, family_functions
 from .numeric import numeric
 from .standing import energy_of_families, standing_bonds
+
+# Least |Y| over the horizon to divide by: a bond of no length has no direction.
+TINY = 1e-30
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,8 @@ def bond_based(layout, bits, pairwise, breakable, module):
     Family = f.struct
     standing, strain, image = bond_functions(layout, bits, breakable, module)
     tension_of, slope_of, energy_of = pairwise(bits)
+    present = standing_bonds(layout, bits, breakable, module).present
+    word_size, tiny = WORD, TINY
 
     @wp.kernel(module=module, enable_backward=False)
     def pair_force(
@@ -117,14 +122,24 @@ def bond_based(layout, bits, pairwise, breakable, module):
         i = wp.tid() + first
         ui = displacement[i]
         pull = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(family.members):
-            if standing(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                xi = f.bond(family, i, k)
-                U = inverse_horizon * (displacement[m] - ui)
-                tension = tension_of(strain(xi, U), constants)
-                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
-                pull += (weight * tension / wp.length(xi)) * wp.normalize(image(xi, U))
+        for word in range(family.words):
+            members = present(family, alive, i, word)
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    m = f.neighbour(family, i, k)
+                    xi = f.bond(family, i, k)
+                    U = inverse_horizon * (displacement[m] - ui)
+                    Y = image(xi, U)
+                    length = wp.length(xi)
+                    stretched = wp.length(Y)
+                    # Two divisions and two roots are what a bond costs on a CPU.
+                    share = real(1.0) / (length * wp.max(stretched, real(tiny)))
+                    s = (real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)) / (length * (length + stretched))
+                    weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+                    pull += (weight * tension_of(s, constants) * share) * Y
+                members = members >> wp.uint32(1)
+                k += 1
         force[i] = unit_force * pull
 
     @wp.func(module=module)

@@ -18,9 +18,9 @@ import warp as wp
 from .checks import InputError, finite, one_of
 from .contact import RigidBall
 from .damage import CriticalStretch
-from .forces.bond_associated import BondAssociated
+from .forces import BondAssociated, BondBased, ForceLaw
 from .loads import Fixed, Load, Pressure
-from .materials import Gent
+from .materials import Bimodular, Gent
 from .sheet import Sheet
 from .simulation import Built, Simulation
 from .solvers import Explicit
@@ -43,6 +43,7 @@ class Case:
         weights: As of `BondAssociated`.
         damaged: Share of the points that have lost a bond, with "rupture".
         fast: Whether the fast kernels are taken.
+        law: "bond_associated" (Gent) or "bond_based" (one modulus).
     """
 
     points: int
@@ -53,11 +54,13 @@ class Case:
     weights: str = "plain"
     damaged: float = 0.0
     fast: bool = True
+    law: str = "bond_associated"
 
     def __post_init__(self) -> None:
         for feature in self.features:
             one_of("features", feature, FEATURES)
         one_of("layout", self.layout, ("lattice", "cloud"))
+        one_of("law", self.law, ("bond_associated", "bond_based"))
         if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
             raise InputError(f"damaged = {self.damaged!r}: allowed is a share from 0 to 1")
         if self.damaged > 0.0 and "rupture" not in self.features:
@@ -76,9 +79,7 @@ class Case:
         ball = RigidBall(diameter=0.15, start=(0.5, 0.5, 0.5), velocity=(0.0, 0.0, -0.1))
         return Simulation(
             sheet,
-            force=BondAssociated(
-                Gent(mu=1e3, bulk=200e3, lock=160.0), horizon=self.horizon, weights=self.weights, fast=self.fast
-            ),
+            force=self.force(),
             loads=loads,
             contact=ball if "contact" in self.features else None,
             damage=CriticalStretch(1e3) if "rupture" in self.features else None,
@@ -86,6 +87,13 @@ class Case:
             track_energy="energy" in self.features,
             initial_displacement=_rough(sheet),
         )
+
+    def force(self) -> ForceLaw:
+        """The force law."""
+        if self.law == "bond_based":
+            return BondBased(Bimodular(3e3), horizon=self.horizon)
+        gent = Gent(mu=1e3, bulk=200e3, lock=160.0)
+        return BondAssociated(gent, horizon=self.horizon, weights=self.weights, fast=self.fast)
 
 
 @dataclass(frozen=True)
@@ -223,9 +231,9 @@ def copy_rate(device: Any, megabytes: int = 1024) -> float:
 def table(timings: Iterable[Timing], copied: float) -> str:
     """The measurements as a markdown table; `copied` as of `copy_rate`."""
     lines = [
-        "| points | layout | horizon | float | features | step | spread | point-steps/s | bond-steps/s | "
+        "| points | law | layout | horizon | float | features | step | spread | point-steps/s | bond-steps/s | "
         "bytes a point | arrays a step / copy rate | set-up s | compile s |",
-        "|---" * 13 + "|",
+        "|---" * 14 + "|",
     ]
     for t in timings:
         c = t.case
@@ -236,7 +244,7 @@ def table(timings: Iterable[Timing], copied: float) -> str:
             features += ", plain kernels"
         share = t.array_bytes / t.step / copied
         lines.append(
-            f"| {t.points} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
+            f"| {t.points} | {c.law} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
             f"{100.0 * t.spread:.1f} % | {t.point_steps:.3g} | {t.bond_steps:.3g} | {t.array_bytes / t.points:.0f} | "
             f"{100.0 * share:.0f} % | {t.setup:.2f} | {t.compile:.2f} |"
         )

@@ -279,6 +279,7 @@ def info(file: Path) -> None:
 @main.command()
 @click.option("--points", type=int, multiple=True, default=(101,), help="Points along a side; may be repeated.")
 @click.option("--horizon", type=float, multiple=True, default=(2.015, 3.15), help="In spacings; may be repeated.")
+@click.option("--law", default="bond_associated", help="bond_associated or bond_based.")
 @click.option("--precision", type=int, default=32, help="32 or 64.")
 @click.option("--features", default="", help="supports, pressure, contact, rupture, energy, damping; or all.")
 @click.option("--layout", default="lattice", help="lattice or cloud.")
@@ -287,8 +288,8 @@ def info(file: Path) -> None:
 @click.option("--seconds", type=float, default=1.0, help="Measured time of each case.")
 @click.option("--device", help="Such as cpu or cuda:0.")
 def bench(
-    points: tuple[int, ...], horizon: tuple[float, ...], precision: int, features: str, layout: str, damaged: float,
-    plain: bool, seconds: float, device: str | None,
+    points: tuple[int, ...], horizon: tuple[float, ...], law: str, precision: int, features: str, layout: str,
+    damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
     """Time the steps of a sheet, and print a table."""
     from .bench import FEATURES, Case, copy_rate, measure, table
@@ -299,7 +300,16 @@ def bench(
     positive("seconds", seconds)
     chosen = FEATURES if features == "all" else tuple(name.strip() for name in features.split(",") if name.strip())
     cases = [
-        Case(count("points", n, 3), positive("horizon", m), precision, chosen, layout, "plain", damaged, not plain)
+        Case(
+            count("points", n, 3),
+            positive("horizon", m),
+            precision,
+            chosen,
+            layout,
+            damaged=damaged,
+            fast=not plain,
+            law=law,
+        )
         for m in horizon
         for n in points
     ]
