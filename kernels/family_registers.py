@@ -16,14 +16,14 @@ from .numeric import numeric
 
 
 @functools.cache
-def register_force(layout, bits, material, near, breakable, members, listed, parts, module, fast_module):
+def register_force(layout, bits, material, near, breakable, members, listed, module, fast_module):
     """Kernel that fills bond_force [members, ring] and force [points], its own half; variational form.
 
     Point i has column i % ring of `bond_force`.
 
     `near` is the factory of stress_near, `members` the most members of a family, `fast_module` the module of the
-    kernel itself. With `listed`, the points are those on the list `others`, instead of all. `parts`: as of
-    `whole_lattice_force`; broken bonds are then dropped. Other arguments as of `bond_associated`.
+    kernel itself. With `listed`, the points are those on the list `others`, instead of all. Other arguments as of
+    `bond_associated`.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -56,8 +56,7 @@ def register_force(layout, bits, material, near, breakable, members, listed, par
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
-        i = (wp.tid() + first) // wp.static(parts)
-        part = (wp.tid() + first) % wp.static(parts)
+        i = wp.tid() + first
         if wp.static(listed):
             if i >= other_count[0]:
                 return
@@ -84,7 +83,7 @@ def register_force(layout, bits, material, near, breakable, members, listed, par
         whole = is_whole(family, alive, i)
         total = real(0.0)
         guess = real(0.0)
-        for j in range(part, family.members, wp.static(parts)):
+        for j in range(family.members):
             here = j // word_size
             if ((present(family, alive, i, here) >> wp.uint32(j - here * word_size)) & wp.uint32(1)) != wp.uint32(0):
                 common = Words()
@@ -132,20 +131,19 @@ def register_force(layout, bits, material, near, breakable, members, listed, par
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
             t = (scale * weighted[k]) * T[k]
-            bond_force[wp.static(n) * part + wp.static(k), slot] = t
+            bond_force[wp.static(k), slot] = t
             pull += t
-        if wp.static(parts == 1):
-            force[i] = pull
+        force[i] = pull
 
     return any_family_force
 
 
 @functools.cache
-def gather_mates(layout, bits, members, listed, parts, module):
+def gather_mates(layout, bits, members, listed, module):
     """Kernel that takes from each point's own half of the force [points] what the families around it do to it.
 
     Broken bonds carry zero, so the bonds of the undamaged sheet will do. `listed`: whether a list of other points
-    was used, which is emptied. With several `parts` each point's own half is gathered here too.
+    was used, which is emptied.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -177,16 +175,7 @@ def gather_mates(layout, bits, members, listed, parts, module):
                     column += ring
                 if column >= ring:
                     column -= ring
-                mate = f.mate(family, i, wp.static(k))
-                push += bond_force[mate, column]
-                if wp.static(parts > 1):
-                    for part in range(wp.static(1), wp.static(parts)):
-                        push += bond_force[wp.static(n) * part + mate, column]
-                    for part in range(wp.static(parts)):
-                        push -= bond_force[wp.static(n) * part + wp.static(k), slot]
-        if wp.static(parts > 1):
-            force[i] = -push
-        else:
-            force[i] = force[i] - push
+                push += bond_force[f.mate(family, i, wp.static(k)), column]
+        force[i] = force[i] - push
 
     return gather_from_mates

@@ -8,9 +8,6 @@ half of a large family, the sum runs over the members outside it and is taken fr
 A quarter turn maps the stencil onto itself. The kernel therefore spells out the bonds of one quarter and goes
 around four times, each time with displacements and forces seen from axes turned by 90 degrees. So the family
 stays in registers, and the code in the instruction cache of a GPU. It takes an isotropic material.
-
-A small sheet does not fill a GPU, and waits for one point. There four threads share a point, a quarter each; what
-they find for a member stands in four rows of the table, which the gather adds up.
 """
 
 import functools
@@ -49,7 +46,7 @@ class Stencil:
 
 
 @functools.cache
-def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
+def whole_lattice_force(bits, near, stencil, breakable, listed, module):
     """Kernel that fills bond_force [members, ring] and force [points], their own half, of whole inner families.
 
     Point i has column i % ring of `bond_force`: all points, or a ring that turns over with the launches.
@@ -60,8 +57,6 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
         stencil: Stencil.
         breakable: Whether families may have lost bonds; those count as others.
         listed: Whether the indices of all other points go to the list `others` (in any order).
-        parts: Threads that share a point, 1 or 4. With 4, bond_force has 4 x members rows, those of one thread
-            together, and force is left alone; `turned_members` [4 x members] says which member each thread sees.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -83,8 +78,6 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
     weights = [real(w) for w in stencil.weights]
     Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
 
-    split = parts > 1
-
     @wp.func(module=module)
     def turn(v: vec3):
         return vec3(v[1], -v[0], v[2])
@@ -97,7 +90,6 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
         displacement: wp.array(dtype=vec3),
         columns: int,
         turns: int,
-        turned_members: wp.array(dtype=wp.int32),
         constants: parameters,
         inverse_horizon: real,
         unit_force: real,
@@ -107,27 +99,15 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
-        i = (wp.tid() + first) // wp.static(parts)
-        part = (wp.tid() + first) % wp.static(parts)
+        i = wp.tid() + first
         whole = kind[i] == inner
         if wp.static(breakable):
             if alive[0, i] != wp.uint32(wp.static(full)):
                 whole = False
         if not whole:
             if wp.static(listed):
-                if part == 0:
-                    others[wp.atomic_add(other_count, 0, 1)] = i
+                others[wp.atomic_add(other_count, 0, 1)] = i
             return
-        # Cosine and sine of the angle by which this thread's axes are turned.
-        cosine = int(1 - part)
-        sine = int(part)
-        if part > 1:
-            cosine = part - 3
-            sine = 2 - part
-        c = real(cosine)
-        s = real(sine)
-        along = sine * columns + cosine
-        across = cosine * columns - sine
         origin = displacement[i]
         U = Vectors()
         T = Vectors()
@@ -136,9 +116,7 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
         T1 = vec3(real(0.0), real(0.0), real(0.0))
         T2 = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
-            u = inverse_horizon * (displacement[i + wp.static(up[k]) * across + wp.static(right[k]) * along] - origin)
-            if wp.static(split):
-                u = vec3(c * u[0] + s * u[1], c * u[1] - s * u[0], u[2])
+            u = inverse_horizon * (displacement[i + wp.static(up[k]) * columns + wp.static(right[k])] - origin)
             U[k] = u
             if wp.static(large):
                 U1 += wp.static(c1[k]) * u
@@ -180,21 +158,20 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
                     for k in range(wp.static(n)):
                         if wp.static(inside[j][k]):
                             T[k] = T[k] + (wp.static(b1[j][k]) * P1 + wp.static(b2[j][k]) * P2)
-            if wp.static(not split):
-                U_seen = Vectors()
-                T_seen = Vectors()
-                for k in range(wp.static(n)):
-                    U_seen[k] = turn(U[wp.static(turned[k])])
-                    T_seen[k] = turn(T[wp.static(turned[k])])
-                U = U_seen
-                T = T_seen
-                if wp.static(large):
-                    before = U1
-                    U1 = turn(U2)
-                    U2 = -turn(before)
-                    before = T1
-                    T1 = turn(T2)
-                    T2 = -turn(before)
+            U_seen = Vectors()
+            T_seen = Vectors()
+            for k in range(wp.static(n)):
+                U_seen[k] = turn(U[wp.static(turned[k])])
+                T_seen[k] = turn(T[wp.static(turned[k])])
+            U = U_seen
+            T = T_seen
+            if wp.static(large):
+                before = U1
+                U1 = turn(U2)
+                U2 = -turn(before)
+                before = T1
+                T1 = turn(T2)
+                T2 = -turn(before)
         slot = i % bond_force.shape[1]
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
@@ -202,13 +179,8 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, parts, module):
             if wp.static(large):
                 t += wp.static(c1[k]) * T1 + wp.static(c2[k]) * T2
             t = unit_force * t
-            if wp.static(split):
-                row = wp.static(n) * part + turned_members[wp.static(n) * part + wp.static(k)]
-                bond_force[row, slot] = vec3(c * t[0] - s * t[1], s * t[0] + c * t[1], t[2])
-            else:
-                bond_force[wp.static(k), slot] = t
-                pull += t
-        if wp.static(not split):
-            force[i] = pull
+            bond_force[wp.static(k), slot] = t
+            pull += t
+        force[i] = pull
 
     return whole_family_force

@@ -66,7 +66,7 @@ def test_the_command_prints_a_table():
     arguments = ["bench", "--points", "11", "--horizon", "1.5", "--seconds", "0.02", "--device", "cpu"]
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 0
-    assert "| 121 | lattice | 1.5 | 32 | none |" in done.output
+    assert "| 121 | bond_associated | lattice | 1.5 | 32 | none |" in done.output
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,13 @@ from warp_pd.forces import fast_path
 TOLERANCE = {32: 2e-6, 64: 1e-12}
 
 
+@pytest.fixture
+def large_on_gpu(monkeypatch):
+    """Take the kernels of large sheets on a GPU, here for small ones on a CPU."""
+    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+    monkeypatch.setattr(fast_path, "MOST_BOND_THREADS", {32: 0, 64: 0})
+
+
 def rough(sheet, seed=0):
     """A stretched, curved sheet with noise."""
     noise = np.random.default_rng(seed).uniform(-0.05, 0.05, (sheet.size, 3)) * sheet.spacing
@@ -52,36 +59,39 @@ def test_families_with_broken_bonds(broken):
     compare(square(15), 2.015, 64, cut=((0.02, 0.031), (0.071, 0.08)), broken=broken)
 
 
-@pytest.mark.parametrize("most_split", [0, 10_000], ids=["one thread", "four threads"])
+@pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize("cut", [None, ((0.02, 0.031), (0.071, 0.08))], ids=["whole", "torn"])
+@pytest.mark.parametrize("sheet", [square(13), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052))])
+def test_a_thread_a_bond(monkeypatch, sheet, cut, bits):
+    """What a GPU does with small sheets, here on a CPU."""
+    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+    quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
+    assert quick[-4:-1] == ["bond_stress", "member_force", "gather"]
+
+
 @pytest.mark.parametrize("broken", ["drop", "redistribute"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
-def test_families_in_registers(monkeypatch, sheet, broken, most_split):
+def test_families_in_registers(large_on_gpu, sheet, broken):
     """What a GPU does, here on a CPU."""
-    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
-    monkeypatch.setattr(fast_path, "MOST_SPLIT", most_split)
     quick, _ = compare(sheet, 2.015, 64, cut=((0.02, 0.031), (0.071, 0.08)), broken=broken)
     assert quick[-3:-1] == ["any_family_force", "gather_from_mates"]
 
 
-def test_four_threads_a_point_on_a_large_family(monkeypatch):
+def test_a_large_family_in_registers(large_on_gpu):
     """Where sums run over the members outside an intersection."""
-    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
     compare(square(13), 3.15, 64)
 
 
 @pytest.mark.parametrize("cut", [None, ((0.02, 0.031), (0.071, 0.08))], ids=["whole", "torn"])
-def test_forces_through_a_ring(monkeypatch, cut):
+def test_forces_through_a_ring(monkeypatch, large_on_gpu, cut):
     """A large sheet in strips, here with a small ring."""
-    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
     monkeypatch.setattr(fast_path, "RING", 300)
-    monkeypatch.setattr(fast_path, "MOST_SPLIT", 0)
     quick, _ = compare(square(33), 2.015, 64, cut=cut)
     assert quick.count("whole_family_force") > 4
     assert quick.count("gather_from_mates") == quick.count("whole_family_force")
 
 
-def test_the_list_of_other_points_is_used_up(monkeypatch):
-    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+def test_the_list_of_other_points_is_used_up(large_on_gpu):
     built = build(square(13), damage=CriticalStretch(1e3))
     first = internal_force(built, rough(built.simulation.sheet))
     assert array(built, "other_count").numpy()[0] == 0

@@ -4,6 +4,8 @@ Whole families inside a square lattice have a kernel of their own, if the materi
 other points on a list, which a second kernel works off with the family in registers, so that threads side by side
 do the same; on clouds there is only the second. On a CPU registers are few: there all others take the plain kernel.
 
+Small sheets do not fill a GPU with a thread a point: there every thread has one bond.
+
 The forces between the points of large lattices pass through a ring, a strip of the sheet at a time: they would take
 most of the memory, and a strip of them stays in the cache of a GPU.
 """
@@ -28,11 +30,11 @@ MOST_MEMBERS = 48
 BLOCK = 64
 # Columns of the ring: every strip waits for the few families at edges, which take as long as 2^16 whole ones.
 RING = 2**20
-# On sheets of at most so many points four threads share a point: fewer threads do not fill a GPU.
-MOST_SPLIT = 40_000
+# On sheets of at most so many bonds a thread has one bond; in float64, where a thread a point is slower, so many more.
+MOST_BOND_THREADS = {32: 400_000, 64: 1_000_000}
 
 
-def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
+def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | BondThreads | None:
     """The fast kernels for a force law on a sheet, or None where there are none.
 
     Args:
@@ -45,7 +47,11 @@ def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarr
     if not force.law.fast or force.weights == "published" or near is None:
         return None
     stencil = whole_stencil(force.families, inverse, weights) if getattr(material, "isotropic", False) else None
-    registers = in_registers(force.workspace.device) and force.families.members <= MOST_MEMBERS
+    on_gpu = in_registers(force.workspace.device)
+    bonds = force.points * force.families.members
+    if on_gpu and bonds <= MOST_BOND_THREADS[force.workspace.bits] and force.signature[3] != "redistribute":
+        return BondThreads(force, near)
+    registers = on_gpu and force.families.members <= MOST_MEMBERS
     return FastPath(force, near, stencil, registers) if stencil or registers else None
 
 
@@ -75,20 +81,10 @@ class FastPath:
         self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None
         self.strips = self._strips() if self.listed else []
         members = force.families.members
-        self.parts = 4 if self.listed and force.points <= MOST_SPLIT and force.signature[3] != "redistribute" else 1
-        self.turned_members = None
-        if len(self.strips) > 1 or self.parts > 1:
-            columns = RING if len(self.strips) > 1 else force.points
-            self.bond_force = w.array(
-                "bond_force_parts", force.owner, force.types.vec3, shape=(self.parts * members, columns)
-            )
+        if len(self.strips) > 1:
+            self.bond_force = w.array("bond_force_ring", force.owner, force.types.vec3, shape=(members, RING))
         else:
             self.bond_force = force.bond_force
-        if self.parts > 1:
-            turns = [np.arange(members)]
-            for _ in range(3):
-                turns.append(np.array(stencil[0].turned)[turns[-1]])
-            self.turned_members = w.array("turned_members", force.owner, wp.int32, np.concatenate(turns))
 
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete with it."""
@@ -121,14 +117,12 @@ class FastPath:
 
         law, (stencil, inner) = self.force, self.stencil
         _, bits, _, breakable, _ = law.signature
-        kernel = whole_lattice_force(
-            bits, self.near, stencil, breakable is not None, self.listed, self.parts, self.module
-        )
+        kernel = whole_lattice_force(bits, self.near, stencil, breakable is not None, self.listed, self.module)
         launch = law.workspace.launch(
-            stage, law.owner, kernel, self.parts * (strip.end - strip.begin), begin=strip.begin,
+            stage, law.owner, kernel, strip.end - strip.begin, begin=strip.begin,
             kind=law.struct.kind, inner=inner, alive=law.alive, displacement=displacement, columns=law.columns,
-            turns=1 if self.parts > 1 else 4, turned_members=self.turned_members,
-            constants=law.constants, inverse_horizon=law.inverse_horizon,
+            # Not a number in the code: the turns must not be spelled out.
+            turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
@@ -143,19 +137,56 @@ class FastPath:
         launch = w.launch(
             stage, law.owner,
             register_force(
-                layout, bits, material, self.near, breakable, members, self.listed, self.parts, w.module, self.module
+                layout, bits, material, self.near, breakable, members, self.listed, w.module, self.module
             ),
-            self.parts * (strip.end - strip.begin), family=law.struct, alive=law.alive, others=self.others,
+            strip.end - strip.begin, family=law.struct, alive=law.alive, others=self.others,
             other_count=self.other_count, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon,
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
         launch.block_dim = BLOCK
         w.launch(
-            stage, law.owner, gather_mates(layout, bits, members, self.listed, self.parts, w.module),
+            stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module),
             strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
             family=law.struct, bond_force=self.bond_force, other_count=self.other_count, force=force,
         )  # fmt: skip
+
+
+class BondThreads:
+    """A thread a bond, on one small sheet and device.
+
+    Attributes:
+        near: Factory of the material's stress_near.
+    """
+
+    stencil = None
+
+    def __init__(self, force: BondAssociatedForce, near: Any) -> None:
+        self.force, self.near = force, near
+        w = force.workspace
+        self.module = f"{w.module}_bonds"
+        wp.get_module(self.module).options["fast_math"] = w.bits == 32
+        shape = (2, force.families.members, force.points)
+        self.stress = w.array("bond_stress", force.owner, force.types.vec3, shape=shape)
+
+    def add_force(self, stage: str, displacement: Any, force: Any) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        from ..kernels.bond_threads import bond_threads
+
+        law, w = self.force, self.force.workspace
+        layout, bits, material, breakable, _ = law.signature
+        threads = law.points * law.families.members
+        bond_stress, member_force = bond_threads(layout, bits, material, self.near, w.module, self.module, breakable)
+        w.launch(
+            stage, law.owner, bond_stress, threads,
+            **law.family_arguments(displacement), constants=law.constants, stress=self.stress,
+        )  # fmt: skip
+        w.launch(
+            stage, law.owner, member_force, threads,
+            family=law.struct, alive=law.alive, stress=self.stress,
+            unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.bond_force,
+        )  # fmt: skip
+        law.add_gather(stage, law.bond_force, force)
 
 
 @dataclass(frozen=True)
