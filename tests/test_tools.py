@@ -9,6 +9,7 @@ import pytest
 from warp_pd.cli import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+import error_vs_time as evt
 import tearing
 
 CUT = {"double_notch": (1, 0.005), "off_plane_tear": (1, 0.05), "precut_tear": (0, 0.5), "ball_penetration": (0, 0.5)}
@@ -48,3 +49,47 @@ def test_an_order_is_told_only_where_the_differences_show_one(values, order):
     row = tearing.convergence_row(study, [Found(p, v) for p, v in zip(study.spacings, values, strict=True)])
     assert row.split("|")[-2].strip() == order
     assert "nan" not in row
+
+
+def row(points, seconds, field, scalar=0.01, **case):
+    case = evt.Case(
+        **{"scene": "pressure", "law": "plain", "horizon": 2.015, "precision": 64, "solver": "newton", **case},
+        points=points,
+    )
+    status = "finished" if field is not None else "not converged"
+    return evt.Row(case, status, scalar, field, seconds, 0.0, 0.0, 0.0, 1e6 * seconds, "CPU", "today")
+
+
+def test_the_front_of_error_over_time_holds_what_nothing_beats():
+    rows = [row(11, 1.0, 0.1), row(21, 2.0, 0.2), row(31, 3.0, 0.02), row(41, 4.0, None), row(51, 2.5, 0.02)]
+    assert [r.case.points for r in evt.front(rows, evt.field_of, lambda r: r.seconds)] == [11, 51]
+
+
+def test_observed_orders_come_from_the_spacings():
+    table = evt.orders([row(11, 1.0, 0.16), row(21, 2.0, 0.04), row(41, 2.0, 0.01)])
+    assert table[-1].endswith("| 2.0, 2.0 |")
+
+
+def test_what_the_published_settings_lose():
+    published = row(101, 2.0, 0.05, law="published", horizon=3.15, solver="relaxation")
+    text = evt.published_text([published, row(51, 1.0, 0.05), row(101, 1.9, 0.001)])
+    assert "50 times less" in text
+    assert text.endswith("2 times less.")
+
+
+def test_errors_against_finite_elements_vanish_for_their_own_field():
+    """Their field, and what a sheet of 21 points finds: known from the runs of the solvers' tests."""
+    options = evt.parsed(["--fast"])
+    study = evt.STUDIES[0]
+    case = evt.Case("pressure", "corrected", 2.015, 21, 64, "newton")
+    found = evt.measure(study, case, "cpu", 1, options.enough, "here", [])
+    assert 0.0 < found.scalar < 0.01
+    assert 0.0 < found.field < 0.015
+    sheet = evt.simulation_of(study, case).sheet
+    data = np.load(evt.DATA / "pressure.npz")
+    moved = data["x"] - np.column_stack([data["X"], np.zeros(len(data["X"]))])
+    field = evt.quarter_field(data["X"], moved, sheet.points, (0.05, 0.05))
+    corner = evt.quarter_field(data["X"], moved, 0.1 - sheet.points, (0.05, 0.05))
+    assert evt.field_error(sheet, field, field) == 0.0
+    # Turned by half a turn about the centre, the sheet deflects alike and moves in its plane the other way.
+    assert evt.field_error(sheet, field * [-1.0, -1.0, 1.0], corner) < 1e-9

@@ -132,8 +132,8 @@ def introduction(processor: str) -> list[str]:
         "# Beside other codes",
         "",
         f"Measured by `tools/peers/compare.py` {stamp(processor)}.",
-        "Square lattice, horizon 3.015 spacings, float64, whole steps with the test whether a bond breaks. All codes ran",
-        "in turn, several rounds; the best of each counts.",
+        "Square lattice, horizon 3.015 spacings, float64, whole steps with the test whether a bond breaks. All codes",
+        "ran in turn, several rounds; the best of each counts.",
         "",
     ]
 
