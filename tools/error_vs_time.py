@@ -476,7 +476,7 @@ def page(rows: Sequence[Row]) -> str:
         "Made by `tools/error_vs_time.py`; numbers of every run are in `docs/error-vs-time/`. Time is that of a whole",
         "run without files, set-up included and compilation not, the median of repeated runs. Point-steps are points",
         "times force evaluations. Errors are relative to finite elements; the field error is the L2 norm of the",
-        "difference of the displacements over that of the displacement. `published`, `plain` and `corrected` are weights",
+        "difference of the displacements over that of the displacement. `published`, `plain`, `corrected` are weights",
         "of the bond-associated law, `bond_based` is linear (E = 3 mu, Poisson's ratio 1/3): another material at large",
         "strain. The number after a law is its horizon in spacings.",
         "",
