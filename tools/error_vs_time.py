@@ -262,7 +262,8 @@ def simulation_of(study: Study, case: Case) -> Simulation:
 def applies(study: Study, case: Case) -> bool:
     """Whether the law and the solver go together."""
     if case.solver == "newton":
-        return case.precision == 64 and case.law in ("plain", "corrected", "bond_based")
+        # Wider horizons have no multigrid, see docs/solvers.md.
+        return case.precision == 64 and case.horizon < 2.5 and case.law in ("plain", "corrected", "bond_based")
     if study.own is not None:
         return case.precision == 32 and 2.0 < case.horizon < 4.0
     if case.solver == "explicit" and len(study.solvers) > 1:
@@ -309,24 +310,29 @@ def measure(study: Study, case: Case, device: str, repeats: int, enough: float, 
     )
 
 
-def sweep(study: Study, options: argparse.Namespace, device: str, stand: str, done: Callable[[Row], None]) -> None:
-    """Every case from coarse to fine, until a run takes more than the limit allows for the next one."""
+def sweep(study: Study, options: argparse.Namespace, device: str, stand: str) -> list[Row]:
+    """Every case from coarse to fine, until the next one would pass the limit; saved ladder by ladder."""
+    found: list[Row] = []
     own: History = []
     if study.own is not None:
         own = simulation_of(study, study.own).run(device=device, precision=study.own.precision).history
     for case in cases(study, options.horizon, options.precision):
         if options.laws and case.law not in options.laws:
             continue
+        rows: list[Row] = []
         for points in study.points or sorted(options.points):
             fine = dataclasses.replace(case, points=points)
             try:
                 row = measure(study, fine, device, options.repeats, options.enough, stand, own)
             except (InputError, DivergedError) as error:
                 row = Row(fine, str(error), None, None, 0.0, 0.0, 0.0, 0.0, 0.0, device, stand)
-            done(row)
+            rows.append(row)
             print(describe(row), flush=True)
             if row.seconds * GROWTH > options.limit:
                 break
+        save(options.numbers, rows)
+        found += rows
+    return found
 
 
 def describe(row: Row) -> str:
@@ -535,8 +541,7 @@ def main() -> None:
         stand = stamp(device.name, options.stand)
         for study in STUDIES:
             if study.scene in options.scenes:
-                sweep(study, options, str(device), stand, rows.append)
-        save(options.numbers, rows)
+                rows += sweep(study, options, str(device), stand)
     if options.numbers == FOLDER:
         write_aside(PAGE, page(load(FOLDER)))
     else:

@@ -32,6 +32,7 @@ def main() -> None:
     options = parser.parse_args()
     device = find_device(options.device)
     copied = bench.copy_rate(device, 1024 if device.is_cuda else 64)
+    counted = {bits: bench.arithmetic_rate(device, bits) for bits in (32, 64)} if device.is_cuda else None
     groups = {"Sizes": bench.sweep(options.points, options.horizon, options.precision)}
     for points in options.features_at:
         for horizon in options.horizon:
@@ -43,6 +44,7 @@ def main() -> None:
         "Variational bond-associated law, Gent, plain weights; forces, loads and integration of whole steps. Median of",
         "nine measurements; spread: half the range of the middle half. Copying an array on this device moves",
         f"{copied / 1e9:.0f} GB/s, read and written.",
+        *([f"Multiply-adds a second: {counted[32]:.2e} in float32, {counted[64]:.2e} in float64."] if counted else []),
         "",
     ]
     timings = []
@@ -50,8 +52,8 @@ def main() -> None:
         measured = []
         for case in cases:
             measured.append(bench.measure(case, str(device), options.seconds))
-            print(bench.table(measured[-1:], copied).splitlines()[-1], flush=True)
-        lines += [f"## {title}", "", bench.table(measured, copied), ""]
+            print(bench.table(measured[-1:], copied, counted).splitlines()[-1], flush=True)
+        lines += [f"## {title}", "", bench.table(measured, copied, counted), ""]
         timings += measured
     if options.out is not None:
         options.out.parent.mkdir(parents=True, exist_ok=True)

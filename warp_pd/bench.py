@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from .bonds import unpack
 from .checks import InputError, finite, one_of
 from .contact import RigidBall
 from .damage import CriticalStretch
@@ -109,6 +110,7 @@ class Timing:
         array_bytes: Bytes of all arrays.
         setup: Time to build the simulation [s].
         compile: Time to compile or load its kernels [s].
+        multiply_adds: Counted a step, see `multiply_adds`.
     """
 
     case: Case
@@ -119,6 +121,7 @@ class Timing:
     array_bytes: int
     setup: float
     compile: float
+    multiply_adds: float
 
     @property
     def point_steps(self) -> float:
@@ -144,6 +147,22 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
     wp.synchronize_device(built.workspace.device)
     setup = perf_counter() - begin
     compiling = built.workspace.compile()
+    median, spread = time_step(built, seconds, repeats)
+    return Timing(
+        case=case,
+        points=built.simulation.sheet.size,
+        bonds=built.force.families.bond_count,
+        step=median,
+        spread=spread,
+        array_bytes=built.workspace.array_bytes(),
+        setup=setup,
+        compile=compiling,
+        multiply_adds=multiply_adds(built),
+    )
+
+
+def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, float]:
+    """Median time of a step [s] of a sheet that hardly moves, and half the range of the middle half over it."""
     built.step.fill_(STEP)
     if built.advance is not None:
         built.advance.assign(np.array([STEP, 1.0]))
@@ -152,16 +171,7 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
     ordered = sorted(times)
     middle = ordered[len(ordered) // 4 : -(len(ordered) // 4) or None]
     median = statistics.median(times)
-    return Timing(
-        case=case,
-        points=built.simulation.sheet.size,
-        bonds=built.force.families.bond_count,
-        step=median,
-        spread=0.5 * (middle[-1] - middle[0]) / median,
-        array_bytes=built.workspace.array_bytes(),
-        setup=setup,
-        compile=compiling,
-    )
+    return median, 0.5 * (middle[-1] - middle[0]) / median
 
 
 def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
@@ -212,6 +222,41 @@ def break_some(built: Built, share: float, seed: int = 0) -> None:
     built.force.alive.assign(alive)
 
 
+def multiply_adds(built: Built) -> float:
+    """Multiply-adds of a step as the formulas have them, on a sheet without edges.
+
+    Of the bond-associated law 12 a member of each intersection for its gradient, as many for its forces, and 100 a
+    stress; of the bond-based law 20 a bond. The fast kernels need fewer: a ratio to a limit counted so is a lower one.
+    """
+    families = built.force.families
+    if families.common.size == 0:
+        return 20.0 * families.bond_count
+    members = int(
+        unpack(families.common, families.members).sum(axis=-1).reshape(-1, families.members).sum(axis=-1).max()
+    )
+    return float(built.simulation.sheet.size) * (24.0 * members + 100.0 * families.members)
+
+
+def arithmetic_rate(device: Any, bits: int) -> float:
+    """Multiply-adds a second of independent sums in registers [1/s], the limit of any kernel on a GPU.
+
+    On a CPU it says little: there the compiler finds vectors in some kernels, and none in these sums.
+    """
+    from .kernels.rates import multiply_add
+
+    kernel, rounds = multiply_add(bits), 4096
+    threads = 2**18 if device.is_cuda else 256
+    out = wp.zeros(threads, dtype=wp.float32 if bits == 32 else wp.float64, device=device)
+    best = 0.0
+    for _ in range(4):
+        wp.synchronize_device(device)
+        begin = perf_counter()
+        wp.launch(kernel, dim=threads, inputs=[rounds, 0, out], device=device)
+        wp.synchronize_device(device)
+        best = max(best, 8.0 * rounds * threads / (perf_counter() - begin))
+    return best
+
+
 def copy_rate(device: Any, megabytes: int = 1024) -> float:
     """Bytes read and written a second when an array is copied [B/s]."""
     size = megabytes * 2**18
@@ -228,12 +273,18 @@ def copy_rate(device: Any, megabytes: int = 1024) -> float:
     return best
 
 
-def table(timings: Iterable[Timing], copied: float) -> str:
-    """The measurements as a markdown table; `copied` as of `copy_rate`."""
+def table(timings: Iterable[Timing], copied: float, counted: dict[int, float] | None = None) -> str:
+    """The measurements as a markdown table.
+
+    Args:
+        timings: What was measured.
+        copied: As of `copy_rate`.
+        counted: As of `arithmetic_rate`, by precision.
+    """
     lines = [
         "| points | law | layout | horizon | float | features | step | spread | point-steps/s | bond-steps/s | "
-        "bytes a point | arrays a step / copy rate | set-up s | compile s |",
-        "|---" * 14 + "|",
+        "bytes a point | arrays a step / copy rate | multiply-adds / rate | set-up s | compile s |",
+        "|---" * 15 + "|",
     ]
     for t in timings:
         c = t.case
@@ -246,9 +297,15 @@ def table(timings: Iterable[Timing], copied: float) -> str:
         lines.append(
             f"| {t.points} | {c.law} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
             f"{100.0 * t.spread:.1f} % | {t.point_steps:.3g} | {t.bond_steps:.3g} | {t.array_bytes / t.points:.0f} | "
-            f"{100.0 * share:.0f} % | {t.setup:.2f} | {t.compile:.2f} |"
+            f"{100.0 * share:.0f} % | {_share(t, counted)} | {t.setup:.2f} | {t.compile:.2f} |"
         )
     return "\n".join(lines)
+
+
+def _share(timing: Timing, counted: dict[int, float] | None) -> str:
+    if counted is None:
+        return ""
+    return f"{100.0 * timing.multiply_adds / timing.step / counted[timing.case.precision]:.0f} %"
 
 
 def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[int]) -> list[Case]:

@@ -292,7 +292,7 @@ def bench(
     damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
     """Time the steps of a sheet, and print a table."""
-    from .bench import FEATURES, Case, copy_rate, measure, table
+    from .bench import FEATURES, Case, arithmetic_rate, copy_rate, measure, table
     from .checks import count, positive
     from .simulation import find_device
 
@@ -315,8 +315,9 @@ def bench(
     ]
     where = find_device(device)
     copied = copy_rate(where, 1024 if where.is_cuda else 64)
+    counted = {precision: arithmetic_rate(where, precision)} if where.is_cuda else None
     click.echo(f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written")
-    click.echo(table([measure(case, str(where), seconds) for case in cases], copied))
+    click.echo(table([measure(case, str(where), seconds) for case in cases], copied, counted))
 
 
 if __name__ == "__main__":
