@@ -1,17 +1,19 @@
 #!/usr/bin/env bash
 # Sets up an environment in .venv on the first call, then runs. Warp brings what it needs for a GPU and for a CPU.
 #   tools/start.sh test               lint, types, tests; these take torch too, for the neural law
+#   tools/start.sh docs               docs/ and the API as a site, in site/
 #   tools/start.sh run SCENE ...      warp-pd run SCENE ..., and so for plan, list, info
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 extras=""
 if [ "${1:-}" = test ]; then extras="[neural,test]"; fi
+if [ "${1:-}" = docs ]; then extras="[docs]"; fi
 stamp=".venv/installed${extras}-$(cksum < pyproject.toml | cut -d' ' -f1)"
 if [ ! -e "$stamp" ]; then
   if [ ! -x .venv/bin/python ]; then "${PYTHON:-python3}" -m venv .venv; fi
   # By its version, first: where a file for CPUs is at hand it is taken, and gigabytes of CUDA packages are not.
-  if [ -n "$extras" ]; then .venv/bin/python -m pip install --quiet torch==2.13.0; fi
+  if [ "${1:-}" = test ]; then .venv/bin/python -m pip install --quiet torch==2.13.0; fi
   .venv/bin/python -m pip install --quiet --editable ".$extras"
   touch "$stamp"
 fi
@@ -22,5 +24,9 @@ if [ "${1:-}" = test ]; then
   .venv/bin/ruff format --check .
   .venv/bin/mypy
   exec .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" "$@"
+fi
+if [ "${1:-}" = docs ]; then
+  shift
+  exec .venv/bin/mkdocs build --strict "$@"
 fi
 exec .venv/bin/warp-pd "$@"

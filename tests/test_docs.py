@@ -1,0 +1,29 @@
+"""The documentation: its scenes can be built, and the site has every page."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SCENES = [
+    (page, code)
+    for page in ("README.md", "docs/guide.md")
+    for code in re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+    if "def build(" in code
+]
+
+
+@pytest.mark.parametrize(
+    "code", [code for _, code in SCENES], ids=[f"{page}-{k}" for k, (page, _) in enumerate(SCENES)]
+)
+def test_scenes_in_the_documentation_can_be_built(code):
+    names = {}
+    exec(compile(code, "scene", "exec"), names)
+    assert "launches" in names["build"](points=30).plan("cpu")
+
+
+def test_every_page_is_in_the_navigation():
+    named = [line for line in (ROOT / "mkdocs.yml").read_text().splitlines() if not line.strip().startswith("#")]
+    pages = {str(path.relative_to(ROOT / "docs")) for path in (ROOT / "docs").rglob("*.md")}
+    assert pages == set(re.findall(r"[\w/-]+\.md", "\n".join(named)))
