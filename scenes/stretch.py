@@ -18,6 +18,8 @@ a hole, membrane finite elements whose edges are on rollers. A uniaxial sheet wi
 17 to 58 % of its area: a real one wrinkles there, and plane solutions, these and the paper's, stop being physical.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from warp_pd import (
@@ -43,7 +45,7 @@ from warp_pd.solvers import Solver
 SIDE, THICKNESS, MU, DENSITY = 0.5, 0.01, 0.109e9 / 3.0, 1000.0
 HALF, RADIUS, CRACK = 0.5 * SIDE, 0.08, 0.16
 HORIZON = {"equibiaxial": 3.015, "planar": 3.015, "uniaxial": 9.015}
-STIFF = 1000.0
+STIFF = 100.0
 # Force on an edge of the sheet with a hole [N], by stretch: Q9 membrane elements, edges on rollers.
 HOLE = {
     "equibiaxial": {1.5: 202.99e3, 2.0: 301.24e3, 2.5: 383.71e3, 3.0: 462.65e3},
@@ -84,7 +86,7 @@ def build(
     sheet = whole_sheet(points, horizon, mode, bonds)
     edge = sheet.where(lambda x, y: (x >= HALF * (1.0 - 1e-9)) & (np.abs(y) <= HALF * (1.0 + 1e-9)))
     right = sheet.points[edge]
-    sheet = with_defect(sheet, defect)
+    sheet = with_defect(sheet, defect, bonds)
     edge = np.flatnonzero((sheet.points[:, None] == right).all(axis=2).any(axis=1))
     chosen: ForceLaw
     if bonds:
@@ -98,7 +100,7 @@ def build(
         "newton": Newton(tolerance=tolerance, load_steps=steps),
         "relaxation": Relaxation(tolerance=tolerance, load_steps=steps, ramp_steps=10 * points),
     }
-    solvers["auto"] = solvers["relaxation" if bonds or defect == "inclusion" else "newton"]
+    solvers["auto"] = solvers["relaxation" if bonds or "inclusion" in defect else "newton"]
     # The points of the sheet nearest to the middle line along y.
     near = np.abs(sheet.points[:, 0]) < 0.6 * sheet.spacing
     middle = np.flatnonzero(near & (np.abs(sheet.points[:, 1]) <= HALF * (1.0 + 1e-9)))
@@ -138,9 +140,13 @@ def whole_sheet(points: int, horizon: float, mode: str, bonds: bool) -> Sheet:
     )  # fmt: skip
 
 
-def with_defect(sheet: Sheet, defect: str) -> Sheet:
+def with_defect(sheet: Sheet, defect: str, bonds: bool) -> Sheet:
+    if defect == "hole" and bonds:
+        # As in the paper, every point that is left stands for its cell.
+        holed = sheet.hole((0.0, 0.0), RADIUS)
+        return replace(holed, areas=np.full(holed.size, sheet.areas[0]))
     if defect == "hole":
-        return sheet.hole((0.0, 0.0), RADIUS)
+        return with_round_hole(sheet)
     if defect == "crack":
         return sheet.cut((0.0, -0.5 * CRACK), (0.0, 0.5 * CRACK))
     if defect == "inclusion":
@@ -150,6 +156,15 @@ def with_defect(sheet: Sheet, defect: str) -> Sheet:
     return sheet
 
 
+def with_round_hole(sheet: Sheet) -> Sheet:
+    """Points on the edge of the hole, and those of the sheet that lie half a spacing and more outside."""
+    outside = np.hypot(*sheet.points.T) > RADIUS + 0.5 * sheet.spacing
+    angle = np.linspace(0.0, 2.0 * np.pi, round(2.0 * np.pi * RADIUS / sheet.spacing), endpoint=False)
+    ring = RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.vstack([sheet.points[outside], ring])
+    return Sheet.from_points(points, thickness=THICKNESS, density=DENSITY, spacing=sheet.spacing)
+
+
 def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed | Motion]:
     """Edges, or layers outside, that move as in an even stretch; the plane holds everything across itself."""
     x, y = np.abs(sheet.points).T >= HALF * (1.0 - 1e-9)
@@ -157,7 +172,8 @@ def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed |
     if mode == "uniaxial":
         y[:] = False
     moved = {"x": (x, stretch), "y": (y, across)} if grip == "roller" else {"x": (x | y, stretch), "y": (x | y, across)}
-    loads: list[Fixed | Motion] = [Fixed(range(sheet.size), "z")]
+    loose = np.setdiff1d(np.arange(sheet.size), np.concatenate([[], *sheet.inclusions]))
+    loads: list[Fixed | Motion] = [Fixed(loose, "z")]
     for c, (name, (held, goal)) in enumerate(moved.items()):
         # Points that lie alike move alike; rounding tells them apart by less than a spacing.
         place = np.round(sheet.points[:, c] / (1e-3 * sheet.spacing)).astype(int)
