@@ -1,6 +1,7 @@
 """The bond-based law of hyperelastic sheets: its formula, its constants, its surface correction, and what it is not."""
 
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -147,13 +148,15 @@ def test_the_force_has_no_potential():
     built = build(sheet, "equibiaxial")
     corners = [(1.0, 0.0), (1.6, 0.0), (1.6, 40.0), (1.0, 40.0), (1.0, 0.0)]
     work = []
-    for (a, p), (b, q) in zip(corners[:-1], corners[1:], strict=True):
+    for (a, p), (b, q) in pairwise(corners):
         places = [
             uniform(sheet, (turned(p + share * (q - p)) * (a + share * (b - a)))[:, :2])
             for share in np.linspace(0.0, 1.0, 21)
         ]
         forces = [internal_force(built, u) for u in places]
-        work += [0.5 * ((f + g) * (v - u)).sum() for f, g, u, v in zip(forces, forces[1:], places, places[1:])]  # noqa: B905
+        work += [
+            0.5 * ((f + g) * (v - u)).sum() for (f, g), (u, v) in zip(pairwise(forces), pairwise(places), strict=True)
+        ]
     assert abs(sum(work)) > 0.1 * np.abs(work).sum() / 2
     assert not HyperelasticBonds(BondNeoHookean(MU)).has_energy
 

@@ -16,8 +16,8 @@ from warp_pd import (
     HyperelasticBonds,
     InputError,
     Motion,
-    Newton,
     Neural,
+    Newton,
     Nodal,
     Simulation,
 )
@@ -190,9 +190,7 @@ def test_stiffness_goes_with_its_points():
         (lambda: built_with(Neural(NEO, horizon=2.015, evaluation="closed_form"), laminate(12)), "sheet.stiffness"),
         (lambda: built_with(BondAssociated(NEO, weights="published"), laminate(12)), "sheet.stiffness"),
         (
-            lambda: built_with(
-                BondAssociated(NEO, broken="redistribute"), laminate(12), damage=CriticalStretch(2.0)
-            ),
+            lambda: built_with(BondAssociated(NEO, broken="redistribute"), laminate(12), damage=CriticalStretch(2.0)),
             "sheet.stiffness",
         ),
     ],

@@ -99,7 +99,7 @@ def bond_energy(p: Coefficients, s: np.ndarray, cosine: np.ndarray) -> np.ndarra
     """Energy of bonds over c0 and influence (HE eqs. 28, 51, 70), zero without stretch."""
     a, b, c, d = p
 
-    def stored(s):
+    def stored(s: np.ndarray | float) -> np.ndarray | float:
         return a * s**2 + 2.0 * b / s + c / s**2 + 0.5 * d / s**4
 
     return stored(s) * cosine**2 - stored(1.0)
