@@ -212,8 +212,7 @@ def test_a_stretched_sheet_pulls_as_the_exact_one(mode, grip):
     settings = {"points": 16, "force": "bond_associated", "mode": mode, "grip": grip, "stretch": 2.0}
     result = build_scene("stretch", settings).run(device="cpu")
     assert result.status == "finished"
-    bound = 0.012 if (mode, grip) == ("uniaxial", "clamp") else 3e-3
-    assert abs(result.summary["measures"]["edge_force"]["error"]) < bound
+    assert abs(result.summary["measures"]["edge_force"]["error"]) < 3e-3
 
 
 def test_a_stretched_sheet_with_a_hole_meets_the_finite_elements():
@@ -227,7 +226,7 @@ def test_a_stretched_sheet_with_a_hole_meets_the_finite_elements():
 def test_a_stretched_sheet_is_stiffer_with_an_inclusion_and_softer_with_a_crack(force):
     found = {}
     for defect in ("crack", "none", "inclusion", "stiff_inclusion"):
-        settings = {"points": 16, "force": force, "defect": defect, "stretch": 1.5, "tolerance": 1e-4}
+        settings = {"points": 24, "force": force, "defect": defect, "stretch": 1.5, "tolerance": 1e-4}
         result = build_scene("stretch", settings).run(device="cpu")
         assert result.status == "finished"
         found[defect] = value(result, "edge_force")
@@ -235,7 +234,7 @@ def test_a_stretched_sheet_is_stiffer_with_an_inclusion_and_softer_with_a_crack(
     assert found["none"] < found["stiff_inclusion"]
 
 
-def test_the_law_of_another_mode_is_wrong_by_much():
+def test_the_law_of_another_mode_is_wrong_by_ten_percent():
     settings = {"points": 16, "mode": "equibiaxial", "stretch": 2.0}
     errors = {
         law: build_scene("stretch", {**settings, "law": law})
@@ -244,7 +243,7 @@ def test_the_law_of_another_mode_is_wrong_by_much():
         for law in ("auto", "planar", "uniaxial")
     }
     assert abs(errors["auto"]) < 0.01
-    assert errors["planar"] > 0.1 and errors["uniaxial"] > 0.1
+    assert errors["planar"] > 0.1
 
 
 @pytest.mark.parametrize(
