@@ -233,22 +233,28 @@ def draw_contours(mode: str, defect: str, everything: list[Case], work: Path, pa
     columns = list(dict.fromkeys(label for _, label in panels))
     components = (0,) if mode == "planar" else (0, 1)
     wide = [(label, c) for label in columns for c in components]
+    tall = 1.8 if mode == "planar" else 2.6
     figure, axes = plt.subplots(
-        len(STRETCHES), len(wide), figsize=(2.6 * len(wide), 2.6 * len(STRETCHES)), layout="constrained", squeeze=False
-    )
-    for r, stretch in enumerate(STRETCHES):
-        reach = {c: max((np.abs(v[:, c]).max() for (s, _), (_, v) in panels.items() if s == stretch), default=0.0)
-                 for c in components}  # fmt: skip
-        for axis, (label, c) in zip(axes[r], wide, strict=True):
+        len(STRETCHES), len(wide), figsize=(2.6 * len(wide) + 1.0, tall * len(STRETCHES)), layout="constrained",
+        squeeze=False,
+    )  # fmt: skip
+    for row, stretch in zip(axes, STRETCHES, strict=True):
+        here = {label: panel for (s, label), panel in panels.items() if s == stretch}
+        reach = max((np.abs(moved[:, components]).max() for _, moved in here.values()), default=0.0)
+        drawn = None
+        for axis, (label, c) in zip(row, wide, strict=True):
             axis.set_aspect("equal")
             axis.set_title(f"{label}, u{c + 1}, {stretch:g}", fontsize=8)
             axis.tick_params(labelsize=7)
-            if (stretch, label) not in panels:
+            axis.locator_params(nbins=4)
+            if label not in here:
                 axis.set_axis_off()
                 continue
-            mesh, moved = panels[stretch, label]
-            axis.tricontourf(mesh, moved[:, c], levels=np.linspace(-reach[c], reach[c], 12), cmap="coolwarm")
-    figure.suptitle(f"{mode}, {defect}: displacement on the deformed sheet (m), the same levels in a row", fontsize=10)
+            mesh, moved = here[label]
+            drawn = axis.tricontourf(mesh, moved[:, c], levels=np.linspace(-reach, reach, 12), cmap="coolwarm")
+        if drawn is not None:
+            figure.colorbar(drawn, ax=row.tolist(), label="m", format="%.2f").ax.tick_params(labelsize=7)
+    figure.suptitle(f"{mode}, {defect}: displacement on the deformed sheet", fontsize=10)
     figure.savefig(path, dpi=60)
     plt.close(figure)
     return True
@@ -284,7 +290,8 @@ def draw_curves(everything: list[Case], work: Path, path: Path) -> None:
         lower.axhline(0.0, color="k", linewidth=0.8)
         for axis in (upper, lower):
             axis.grid(alpha=0.3)
-            axis.legend(fontsize=8)
+    for axis in axes[:, 0]:
+        axis.legend(fontsize=8)
     figure.savefig(path, dpi=70)
     plt.close(figure)
 
