@@ -68,3 +68,7 @@ def test_errors_of_the_stretched_sheet_are_told_only_where_there_is_a_reference(
     assert stretch.wanted(whole, tmp_path, 2.0) == pytest.approx(357656, rel=1e-5)
     assert stretch.wanted(stretch.Case("planar", "hole", "bond_based", 30), tmp_path, 1.5) == pytest.approx(176580)
     assert stretch.error(whole, tmp_path, 2.0) == "-", "nothing has run"
+
+
+def test_the_staircase_of_a_hole_nears_its_circle():
+    assert [100.0 * stretch.hole_area_error(n) for n in (30, 40, 100)] == pytest.approx([5.0, -3.6, 1.0], abs=0.1)
