@@ -24,6 +24,7 @@ SMALL = {
     "precut_tear": {"points": 30, "horizon": 2.015, "safety": 0.4, "frames": 60},
     "pressure": {"points": 11},
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
+    "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
     "pressure_static": {"points": 21, "horizon": 2.015},
     "tension": {"points": 11},
 }
@@ -203,3 +204,61 @@ def test_turned_grids_have_the_same_scene():
         assert len(tops) > 20
         assert (tops > 0.01 - 1e-9).all()
         assert built.simulation.sheet.cuts
+
+
+@pytest.mark.parametrize("mode", ["equibiaxial", "planar", "uniaxial"])
+@pytest.mark.parametrize("grip", ["roller", "clamp"])
+def test_a_stretched_sheet_pulls_as_the_exact_one(mode, grip):
+    settings = {"points": 16, "force": "bond_associated", "mode": mode, "grip": grip, "stretch": 2.0}
+    result = build_scene("stretch", settings).run(device="cpu")
+    assert result.status == "finished"
+    assert abs(result.summary["measures"]["edge_force"]["error"]) < 3e-3
+
+
+def test_a_stretched_sheet_with_a_hole_meets_the_finite_elements():
+    for mode in ("equibiaxial", "planar"):
+        settings = {"points": 24, "force": "bond_associated", "mode": mode, "defect": "hole", "stretch": 1.5}
+        result = build_scene("stretch", settings).run(device="cpu")
+        assert abs(result.summary["measures"]["edge_force"]["error"]) < 5e-3
+
+
+@pytest.mark.parametrize("force", ["bond_based_refitted", "bond_associated"])
+def test_a_stretched_sheet_is_stiffer_with_an_inclusion_and_softer_with_a_crack(force):
+    found = {}
+    for defect in ("crack", "none", "inclusion", "stiff_inclusion"):
+        settings = {"points": 24, "force": force, "defect": defect, "stretch": 1.5, "tolerance": 1e-4}
+        result = build_scene("stretch", settings).run(device="cpu")
+        assert result.status == "finished"
+        found[defect] = value(result, "edge_force")
+    assert found["crack"] < found["none"] < found["inclusion"]
+    assert found["none"] < found["stiff_inclusion"]
+
+
+def test_the_law_of_another_mode_is_wrong_by_ten_percent():
+    settings = {"points": 16, "mode": "equibiaxial", "stretch": 2.0}
+    errors = {
+        law: build_scene("stretch", {**settings, "law": law})
+        .run(device="cpu")
+        .summary["measures"]["edge_force"]["error"]
+        for law in ("auto", "planar", "uniaxial")
+    }
+    assert abs(errors["auto"]) < 0.01
+    assert errors["planar"] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"mode": "shear"}, "mode = 'shear'"),
+        ({"defect": "slit"}, "defect = 'slit'"),
+        ({"stretch": 1.0}, "stretch = 1.0"),
+        ({"force": "nodal"}, "force = 'nodal'"),
+        ({"grip": "glue"}, "grip = 'glue'"),
+        ({"force": "bond_associated", "law": "planar"}, "law = 'planar'"),
+        ({"weights": "plain"}, "weights = 'plain'"),
+        ({"solver": "explicit"}, "solver = 'explicit'"),
+    ],
+)
+def test_the_stretched_sheet_names_wrong_input(settings, says):
+    with pytest.raises(InputError, match=says):
+        build_scene("stretch", settings)

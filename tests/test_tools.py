@@ -10,6 +10,7 @@ from warp_pd.cli import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import error_vs_time as evt
+import stretch
 import tearing
 
 CUT = {"double_notch": (1, 0.005), "off_plane_tear": (1, 0.05), "precut_tear": (0, 0.5), "ball_penetration": (0, 0.5)}
@@ -94,3 +95,26 @@ def test_errors_against_finite_elements_vanish_for_their_own_field():
     # Turned by half a turn about the centre, the sheet deflects alike and moves in its plane the other way; on the
     # lines of symmetry the cubics leave a motion across them.
     assert evt.field_error(sheet, field * [-1.0, -1.0, 1.0], corner) < 1e-5
+
+
+def test_the_mirrored_elements_are_the_whole_sheet_with_its_hole():
+    nodes, moved = stretch.elements("equibiaxial", 2.0)
+    assert np.allclose(np.abs(nodes).max(axis=0), 0.25)
+    assert np.hypot(*nodes.T).min() == pytest.approx(0.08, rel=1e-6)
+    right = nodes[:, 0] > 0.25 - 1e-9
+    assert np.allclose(moved[right, 0], 0.25)
+    assert np.allclose(moved.sum(axis=0), 0.0, atol=1e-9)
+    assert stretch.elements("uniaxial", 2.0) is None
+
+
+def test_errors_of_the_stretched_sheet_are_told_only_where_there_is_a_reference(tmp_path):
+    case = stretch.Case("uniaxial", "crack", "bond_associated", 30)
+    assert stretch.error(case, tmp_path, 2.0) == "-"
+    whole = stretch.Case("equibiaxial", "none", "bond_based", 30)
+    assert stretch.wanted(whole, tmp_path, 2.0) == pytest.approx(357656, rel=1e-5)
+    assert stretch.wanted(stretch.Case("planar", "hole", "bond_based", 30), tmp_path, 1.5) == pytest.approx(176580)
+    assert stretch.error(whole, tmp_path, 2.0) == "-", "nothing has run"
+
+
+def test_the_staircase_of_a_hole_nears_its_circle():
+    assert [100.0 * stretch.hole_area_error(n) for n in (30, 40, 100)] == pytest.approx([5.0, -3.6, 1.0], abs=0.1)

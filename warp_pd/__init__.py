@@ -5,10 +5,11 @@
 See README.md and the files in `scenes/`, which are meant to be read and changed.
 """
 
+from .bond_neo_hookean import BondNeoHookean
 from .checks import InputError
 from .contact import RigidBall
 from .damage import CriticalStretch
-from .forces import BondAssociated, BondBased, Neural, Nodal
+from .forces import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
 from .materials import Bimodular, Gent, Material, NeoHookean, PairwiseMaterial
@@ -24,6 +25,7 @@ __all__ = [
     "BodyForce",
     "BondAssociated",
     "BondBased",
+    "BondNeoHookean",
     "BoundaryForce",
     "Built",
     "CriticalStretch",
@@ -31,6 +33,7 @@ __all__ = [
     "Fixed",
     "Frame",
     "Gent",
+    "HyperelasticBonds",
     "InputError",
     "Material",
     "Measure",

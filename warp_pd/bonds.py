@@ -65,6 +65,7 @@ class Families:
         steps: Lattice steps to each member, shape (n, 2), on a lattice.
         first: A point of each row, shape (R,), on a lattice.
         severed: Whether the row lost members to a cut, shape (R,).
+        stiffness: Factor on the moduli of the row's point, shape (R,), or None on a sheet of one material.
     """
 
     horizon: float
@@ -82,6 +83,7 @@ class Families:
     steps: np.ndarray | None = None
     first: np.ndarray | None = None
     severed: np.ndarray | None = None
+    stiffness: np.ndarray | None = None
 
     @property
     def layout(self) -> str:
@@ -112,6 +114,10 @@ class Families:
     def rows_of_points(self, values: np.ndarray) -> np.ndarray:
         """Values by row, shape (R, ...), as values by point, shape (N, ...)."""
         return values if self.kind is None else values[self.kind]
+
+    def stiffened(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of the energy by row, shape (R, n), times the factor on the moduli."""
+        return weights if self.stiffness is None else self.stiffness[:, None] * weights
 
     def inverse_shapes(self) -> tuple[np.ndarray, np.ndarray]:
         """Inverse shape tensors and sizes of the intersections of every row.
@@ -253,6 +259,9 @@ def _lattice_families(
         patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
         code = code * (len(patterns) + 1)
         code[touched] += 1 + which.ravel()
+    if sheet.stiffness is not None:
+        factors, which = np.unique(sheet.stiffness, return_inverse=True)
+        code = code * len(factors) + which.ravel()
     _, first, kind = np.unique(code, return_index=True, return_inverse=True)
 
     to_x, to_y = column[first, None] + ox, row[first, None] + oy
@@ -282,6 +291,7 @@ def _lattice_families(
         steps=np.column_stack([ox, oy]),
         first=first,
         severed=severed_rows,
+        stiffness=None if sheet.stiffness is None else sheet.stiffness[first],
     )
 
 
@@ -365,6 +375,7 @@ def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, i
         mates=mates,
         neighbours=neighbours,
         severed=severed,
+        stiffness=sheet.stiffness,
     )
 
 

@@ -144,7 +144,7 @@ def _scene_options(command: Any) -> Any:
         click.option(
             "--force",
             help="bond_associated, nodal, closed_form, neural, neural_fused or a network's file (.npz), in the scenes "
-            "of the NN paper.",
+            "of the NN paper; bond_associated, bond_based, bond_based_refitted in `stretch`.",
         ),
         click.option("--weights", help="published, plain, corrected or auto."),
         click.option("--solver", help="explicit, relaxation or newton, in scenes at rest."),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .checks import InputError, count, finite, positive, vector
+from .checks import InputError, count, finite, point_indices, positive, vector
 
 Segment = tuple[tuple[float, float], tuple[float, float]]
 
@@ -33,7 +33,8 @@ class Lattice:
 class Sheet:
     """A flat reference sheet.
 
-    Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion` and `turned` give changed copies.
+    Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` give changed
+    copies.
 
     Attributes:
         points: Reference positions [m], shape (N, 2), float64.
@@ -45,6 +46,7 @@ class Sheet:
         lattice: The grid, if the points form a complete one.
         cuts: Segments that no bond crosses.
         inclusions: Point indices of each rigid inclusion.
+        stiffness: Factor on the moduli of the material at each point, shape (N,), or None: one everywhere.
     """
 
     points: np.ndarray
@@ -56,6 +58,7 @@ class Sheet:
     lattice: Lattice | None = None
     cuts: tuple[Segment, ...] = ()
     inclusions: tuple[np.ndarray, ...] = ()
+    stiffness: np.ndarray | None = None
 
     @staticmethod
     def rectangle(
@@ -361,6 +364,7 @@ class Sheet:
             triangles=renumber[kept_triangles].astype(np.int32),
             lattice=None,
             inclusions=tuple(renumber[i[kept[i]]].astype(np.int32) for i in self.inclusions),
+            stiffness=None if self.stiffness is None else self.stiffness[kept],
         )
 
     def inclusion(self, centre: tuple[float, float], radius: float) -> Sheet:
@@ -377,6 +381,19 @@ class Sheet:
                 f"allowed are three or more that are not on one line"
             )
         return replace(self, inclusions=(*self.inclusions, members))
+
+    def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
+        """A copy whose material is `factor` times as stiff at `points`: all its moduli are.
+
+        A family deforms as the material of its own point. So a bond between two materials has half its energy from
+        each: W_ij Psi_i(F_ij) + W_ji Psi_j(F_ji) in the bond-associated law, the mean of both ends in bond-based laws.
+
+        Raises:
+            InputError: for a factor that is not above zero, or an index that does not exist.
+        """
+        stiffness = np.ones(self.size) if self.stiffness is None else self.stiffness.copy()
+        stiffness[point_indices("points", points, self.size)] *= positive("factor", factor)
+        return replace(self, stiffness=stiffness)
 
     def turned(self, degrees: float) -> Sheet:
         """A copy whose points are turned about the middle of the sheet; it forgets its lattice."""

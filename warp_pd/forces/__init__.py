@@ -17,14 +17,15 @@ from ..checks import InputError, one_of
 from ..materials import Material
 from .bond_associated import BondAssociated
 from .bond_based import BondBased
+from .hyperelastic_bonds import HyperelasticBonds
 from .neural import Neural
 from .nodal import Nodal
 
-ForceLaw = BondAssociated | BondBased | Nodal | Neural
+ForceLaw = BondAssociated | BondBased | HyperelasticBonds | Nodal | Neural
 
 NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
 
-__all__ = ["NAMES", "BondAssociated", "BondBased", "ForceLaw", "Neural", "Nodal", "force_law"]
+__all__ = ["NAMES", "BondAssociated", "BondBased", "ForceLaw", "HyperelasticBonds", "Neural", "Nodal", "force_law"]
 
 
 def force_law(name: str, material: Material, horizon: float, weights: str = "auto") -> ForceLaw:

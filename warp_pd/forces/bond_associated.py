@@ -13,7 +13,7 @@ from ..checks import InputError, one_of, positive
 from ..launches import Workspace
 from ..materials import Material, padded_constants
 from ..sheet import Sheet
-from .family_force import FamilyForce
+from .family_force import FamilyForce, require_one_material
 from .fast_path import fast_path
 
 if TYPE_CHECKING:
@@ -101,7 +101,11 @@ class BondAssociatedForce(FamilyForce):
         from ..kernels.bond_associated import bond_associated
 
         self.weights = law.resolved_weights(breakable)
+        if self.weights == "published" or (breakable and law.broken == "redistribute"):
+            # Their kernels make weights of their own.
+            require_one_material(sheet, f"weights {self.weights!r} and broken {law.broken!r}")
         families, inverse, weights, self.correction = tables(law, sheet, self.weights)
+        weights = families.stiffened(weights)
         super().__init__("BondAssociated", law, workspace, sheet, breakable, families, inverse, weights)
         self.columns = sheet.lattice.columns if sheet.lattice is not None else 0
         layout, *key = law.signature(families.layout, breakable)

@@ -81,7 +81,7 @@ class BondBasedForce(FamilyForce):
                 f"allowed is {'line' if line else 'plane stress'!r}"
             )
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
-        weights = _bond_weights(families, STIFFNESS[law.state])
+        weights = families.stiffened(_bond_weights(families, STIFFNESS[law.state]))
         super().__init__("BondBased", law, workspace, sheet, breakable, families, None, weights)
         self.kernels = bond_based(families.layout, workspace.bits, law.material.pairwise, breakable, workspace.module)
 

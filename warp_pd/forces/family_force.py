@@ -7,9 +7,20 @@ from typing import Any
 import numpy as np
 
 from ..bonds import Families, family_struct, pack
+from ..checks import InputError
 from ..launches import Workspace
 from ..materials import padded_constants
 from ..sheet import Sheet
+
+
+def require_one_material(sheet: Sheet, what: str) -> None:
+    """Check that a sheet is of one material, for what knows no other.
+
+    Raises:
+        InputError: if it is not.
+    """
+    if sheet.stiffness is not None:
+        raise InputError(f"sheet.stiffness: allowed with {what} is a sheet of one material")
 
 
 class FamilyForce:

@@ -12,7 +12,7 @@ from ..checks import positive
 from ..launches import Workspace
 from ..materials import Material, padded_constants
 from ..sheet import Sheet
-from .family_force import FamilyForce
+from .family_force import FamilyForce, require_one_material
 
 if TYPE_CHECKING:
     from ..kernels.nodal import NodalKernels
@@ -69,6 +69,7 @@ class WholeFamilyForce(FamilyForce):
     weights = "point"
 
     def __init__(self, owner: str, law: Any, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
+        require_one_material(sheet, f"the law {owner}")
         families = build_families(sheet, law.horizon, law.influence, intersections=False)
         require_diagonals(sheet, law.horizon)
         super().__init__(owner, law, workspace, sheet, breakable, families, *_shapes(families))

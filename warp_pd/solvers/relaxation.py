@@ -12,6 +12,7 @@ import numpy as np
 from ..checks import count, positive
 from ..forces.bond_associated import BondAssociated
 from ..forces.bond_based import BondBasedForce
+from ..forces.hyperelastic_bonds import HyperelasticBondsForce
 from .rupture import LEAST_LOAD, MOST_ROUNDS, Rupture
 from .stable_step import BLOCK, StableStep
 
@@ -90,7 +91,7 @@ class Relaxation:
         law = simulation.force
         if simulation.sheet.inclusions:
             return built.mass
-        if isinstance(force, BondBasedForce):
+        if isinstance(force, BondBasedForce | HyperelasticBondsForce):
             density = w.array("density", OWNER, t.real, shape=simulation.sheet.size)
             force.add_density("density", built.state.displacement, density)
             return density

@@ -1,0 +1,166 @@
+"""Bond-based hyperelastic sheets (HE, chapter 3): bonds that pull along themselves, as the loading mode says.
+
+With s = |Y|/|X|, n = Y/|Y| and L = (X . Y) / (|X| |Y|), the force density of a bond is (HE eqs. 29, 52, 71)
+
+    f = (4 c0 delta / |X|^2) L^2 t(s) n,     c0 = mu / (2 pi h delta^2),     t(s) = a s - b/s^2 - c/s^3 - d/s^5,
+
+where the mode decides a, b, c, d (warp_pd/materials.py). Areas over a_ref and lengths over the horizon,
+
+    F_ik = (h a_ref / delta) (W_ik + W_ki)/2 G_ik L^2 mu t(s) / |xi|^2 n,     W_ik = (2/pi) (a_ref / delta^2) a_i a_k,
+
+and F_ki = -F_ik to the last bit. G_ik is the surface correction, an ellipse whose half-axes are the means of what
+both points want along x and y (HE eqs. 42 and 43).
+
+t is written with t(1) and e = s - 1, so that float32 keeps the digits of a small strain. The factor L^2 makes the
+size of the force depend on the angle that the bond has turned: the force has no potential and knows a direction.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .bond_based import bond_functions
+from .families import family_functions
+from .numeric import numeric
+
+
+@dataclass(frozen=True)
+class HyperelasticBondsKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        pair_force: Internal force [points], N.
+        row_sums: Fictitious density of dynamic relaxation [points], N/m.
+    """
+
+    pair_force: Any
+    row_sums: Any
+
+
+@functools.cache
+def hyperelastic_bonds(layout, bits, compressed, corrected, breakable, module):
+    """Kernels of the law.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        compressed: Whether bonds shorter than in the reference have constants of their own.
+        corrected: Whether there is a surface correction.
+        breakable: Whether bonds can break.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    standing, strain, image = bond_functions(layout, bits, breakable, module)
+
+    @wp.func(module=module)
+    def chosen(e: real, constants: parameters, shortened: parameters):
+        if wp.static(compressed):
+            return wp.where(e < real(0.0), shortened, constants)
+        else:
+            return constants
+
+    @wp.func(module=module)
+    def tension(e: real, p: parameters):
+        """t(1 + e) [Pa]; p holds t(1), b, c, d, and a = t(1) + b + c + d."""
+        r = real(1.0) / (real(1.0) + e)
+        r2 = r * r
+        second = (real(2.0) + e) * r2
+        third = (real(3.0) + e * (real(3.0) + e)) * r2 * r
+        fifth = (real(5.0) + e * (real(10.0) + e * (real(10.0) + e * (real(5.0) + e)))) * r2 * r2 * r
+        return p[0] * (real(1.0) + e) + e * (
+            p[1] * (real(1.0) + second) + p[2] * (real(1.0) + third) + p[3] * (real(1.0) + fifth)
+        )
+
+    @wp.func(module=module)
+    def slope(e: real, p: parameters):
+        """dt/ds [Pa]."""
+        r = real(1.0) / (real(1.0) + e)
+        r3 = r * r * r
+        return (
+            (p[0] + p[1] + p[2] + p[3]) + real(2.0) * p[1] * r3 + real(3.0) * p[2] * r3 * r + real(5.0) * p[3] * r3 * r3
+        )
+
+    @wp.func(module=module)
+    def share(
+        family: Family, factors: wp.array(dtype=vec2), i: int, k: int, m: int, xi: vec2, Y: vec3
+    ):  # fmt: skip
+        """(W_ik + W_ki)/2 G_ik L^2 / |xi|^2."""
+        squared = wp.length_sq(xi)
+        along = xi[0] * Y[0] + xi[1] * Y[1]
+        cosine = along * along / (squared * wp.dot(Y, Y))
+        weight = real(0.5) * (f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k)))
+        if wp.static(corrected):
+            mean = real(0.5) * (factors[i] + factors[m])
+            x = xi[0] / mean[0]
+            y = xi[1] / mean[1]
+            weight *= wp.sqrt(squared / (x * x + y * y))
+        return weight * cosine / squared
+
+    @wp.kernel(module=module, enable_backward=False)
+    def pair_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        factors: wp.array(dtype=vec2),
+        constants: parameters,
+        shortened: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        ui = displacement[i]
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                U = inverse_horizon * (displacement[m] - ui)
+                e = strain(xi, U)
+                Y = image(xi, U)
+                pull += (
+                    share(family, factors, i, k, m, xi, Y)
+                    * tension(e, chosen(e, constants, shortened))
+                    * wp.normalize(Y)
+                )
+        force[i] = unit_force * pull
+
+    @wp.kernel(module=module, enable_backward=False)
+    def row_sums(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        factors: wp.array(dtype=vec2),
+        constants: parameters,
+        shortened: parameters,
+        inverse_horizon: real,
+        unit_stiffness: real,
+        least: real,
+        first: int,
+        density: wp.array(dtype=real),
+    ):
+        """Sum of the row of the stiffness (HE eq. 93), the point's own block included.
+
+        A bond counts with the larger of what it resists along and across itself. A point that nothing holds keeps
+        the density `least`.
+        """
+        i = wp.tid() + first
+        total = real(0.0)
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                U = inverse_horizon * (displacement[m] - displacement[i])
+                e = strain(xi, U)
+                p = chosen(e, constants, shortened)
+                stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))
+                total += share(family, factors, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
+        density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
+
+    return HyperelasticBondsKernels(pair_force, row_sums)
