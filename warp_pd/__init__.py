@@ -11,7 +11,18 @@ from .damage import CriticalStretch
 from .forces import BondAssociated, BondBased, Neural, Nodal
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
-from .materials import Bimodular, Gent, Material, NeoHookean, PairwiseMaterial
+from .materials import (
+    ArrudaBoyce,
+    Bimodular,
+    Gent,
+    Incompressible,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    PairwiseMaterial,
+    Yeoh,
+)
 from .runner import Result
 from .sheet import Sheet
 from .simulation import Built, Measure, Outcome, Simulation
@@ -20,6 +31,7 @@ from .solvers import Explicit, Newton, Relaxation
 __version__ = "0.1.0"
 
 __all__ = [
+    "ArrudaBoyce",
     "Bimodular",
     "BodyForce",
     "BondAssociated",
@@ -31,14 +43,17 @@ __all__ = [
     "Fixed",
     "Frame",
     "Gent",
+    "Incompressible",
     "InputError",
     "Material",
     "Measure",
+    "MooneyRivlin",
     "Motion",
     "NeoHookean",
     "Neural",
     "Newton",
     "Nodal",
+    "Ogden",
     "Outcome",
     "PairwiseMaterial",
     "PointForce",
@@ -49,4 +64,5 @@ __all__ = [
     "Sheet",
     "Simulation",
     "Surface",
+    "Yeoh",
 ]
