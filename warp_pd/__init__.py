@@ -7,8 +7,8 @@ See README.md and the files in `scenes/`, which are meant to be read and changed
 
 from .checks import InputError
 from .contact import RigidBall
-from .damage import CriticalStretch
-from .forces import BondAssociated, BondBased, Neural, Nodal
+from .damage import CriticalEnergy, CriticalStretch
+from .forces import BondAssociated, BondBased, Neural, Nodal, Visco, ViscoBondBased
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
 from .materials import (
@@ -21,6 +21,7 @@ from .materials import (
     NeoHookean,
     Ogden,
     PairwiseMaterial,
+    Prony,
     Yeoh,
 )
 from .runner import Result
@@ -38,6 +39,7 @@ __all__ = [
     "BondBased",
     "BoundaryForce",
     "Built",
+    "CriticalEnergy",
     "CriticalStretch",
     "Explicit",
     "Fixed",
@@ -58,11 +60,14 @@ __all__ = [
     "PairwiseMaterial",
     "PointForce",
     "Pressure",
+    "Prony",
     "Relaxation",
     "Result",
     "RigidBall",
     "Sheet",
     "Simulation",
     "Surface",
+    "Visco",
+    "ViscoBondBased",
     "Yeoh",
 ]
