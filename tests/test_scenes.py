@@ -26,6 +26,10 @@ SMALL = {
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
     "pressure_static": {"points": 21, "horizon": 2.015},
     "tension": {"points": 11},
+    "visco_sheet": {"points": 13, "horizon": 2.015, "rate": 1.5},
+    "visco_hole": {"points": 17, "horizon": 2.015, "stretch": 2.0, "load_steps": 3},
+    "visco_crack": {"points": 16, "horizon": 2.015, "law": "published", "failure": True, "energy": 3e6},
+    "metamaterial": {"points": 20, "horizon": 2.015, "crack": True},
 }
 BREAKING = ("ball_penetration", "double_notch", "off_plane_tear", "precut_tear")
 

@@ -127,6 +127,27 @@ class Motion:
         return schedule("Motion", self.times, np.column_stack(columns))
 
 
+def stretching_edges(sheet: Sheet, horizon: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
+    """Rows of one horizon at all edges, moved in the plane as an equal stretch along x and y about the origin.
+
+    Args:
+        sheet: A rectangle about the origin.
+        horizon: Over the spacing [-].
+        times: Rising [s].
+        stretches: One a time.
+    """
+    reach = np.abs(sheet.points).max(axis=0) - (horizon - 0.5) * sheet.spacing
+    outside = np.flatnonzero((np.abs(sheet.points) > reach).any(axis=1))
+    motions = []
+    for axis, name in enumerate("xy"):
+        across = sheet.points[outside, axis]
+        for place in np.unique(across.round(12)):
+            path = [float((stretch - 1.0) * place) for stretch in stretches]
+            points = outside[np.abs(across - place) < 1e-3 * sheet.spacing]
+            motions.append(Motion(points, times, **{name: path}))  # type: ignore[arg-type]
+    return motions
+
+
 @dataclass(frozen=True)
 class Pressure:
     """Pressure on one side of the sheet, positive towards the side of +z.

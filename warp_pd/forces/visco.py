@@ -48,7 +48,8 @@ class Visco(BondAssociated):
 
     def signature(self, layout: str, breakable: bool) -> tuple[Any, ...]:
         """What decides which kernels are compiled."""
-        return (*super().signature(layout, breakable), bool(self.prony))
+        elastic = super().signature(layout, breakable)
+        return (*elastic, "prony") if self.prony else elastic
 
     def build(self, workspace: Workspace, sheet: Sheet, breakable: bool) -> BondAssociatedForce:
         """Families and tables on the device; without Prony terms those of BondAssociated.
