@@ -26,7 +26,7 @@ SMALL = {
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
     "pressure_static": {"points": 21, "horizon": 2.015},
     "tension": {"points": 11},
-    "visco_sheet": {"points": 13, "horizon": 2.015, "rate": 1.5},
+    "visco_sheet": {"points": 13, "horizon": 2.015},
     "visco_hole": {"points": 17, "horizon": 2.015, "stretch": 2.0, "load_steps": 3},
     "visco_crack": {"points": 16, "horizon": 2.015, "law": "published", "failure": True, "energy": 3e6},
     "metamaterial": {"points": 20, "horizon": 2.015, "crack": True},
@@ -207,3 +207,22 @@ def test_turned_grids_have_the_same_scene():
         assert len(tops) > 20
         assert (tops > 0.01 - 1e-9).all()
         assert built.simulation.sheet.cuts
+
+
+def test_a_visco_hyperelastic_sheet_has_the_exact_stress():
+    result = ran("visco_sheet")
+    error = result.summary["measures"]["nominal_stress"]["error"]
+    assert abs(error) < 5e-3
+    assert value(result, "kinetic_share") < 1e-4
+
+
+def test_a_round_hole_stays_round():
+    assert abs(value(ran("visco_hole"), "squareness")) < 0.02
+    assert value(ran("visco_hole"), "hole_growth") > 2.0
+
+
+def test_inclusions_move_apart_with_the_sheet_and_the_crack_opens():
+    result = ran("metamaterial")
+    assert value(result, "side_inclusion_moves") == pytest.approx(0.5 * 2.5 * 0.0625, rel=0.1)
+    assert 0.0 < value(result, "top_inclusion_moves") < value(result, "side_inclusion_moves")
+    assert value(result, "crack_opening") > 0.01

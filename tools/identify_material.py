@@ -145,7 +145,7 @@ def read(path: Path) -> list[Curve]:
         begins = len(curve.stretch) > 5 and abs(curve.stretch[0] - 1.0) < 1e-6
         if not begins or (curve.time is not None and not (np.diff(curve.time) > 0.0).all()):
             raise InputError(
-                f"file = {str(path)!r}: allowed are curves of six rows or more that begin at stretch 1 and go on in time"
+                f"file = {str(path)!r}: allowed are six rows or more a curve, from stretch 1 on, rising in time"
             )
     return curves
 
