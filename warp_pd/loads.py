@@ -144,7 +144,7 @@ def stretching_edges(sheet: Sheet, horizon: float, times: Sequence[float], stret
         for place in np.unique(across.round(12)):
             path = [float((stretch - 1.0) * place) for stretch in stretches]
             points = outside[np.abs(across - place) < 1e-3 * sheet.spacing]
-            motions.append(Motion(points, times, **{name: path}))  # type: ignore[arg-type]
+            motions.append(Motion(points, times, **{name: path}))
     return motions
 
 
