@@ -16,6 +16,8 @@ milliseconds later (status "diverged"); a `roughness`, in spacings, lets it buck
 `safety` put that off.
 """
 
+import math
+
 import numpy as np
 
 from warp_pd import (
@@ -69,8 +71,17 @@ def build(
     moving = viscous or failure
     duration = SHOWN[viscous][-1] if failure else (stretch - 1.0) / positive("rate", rate) if viscous else 1.0
     last = 1.0 + rate * duration if failure else stretch
+    # The published law's stress at a point depends on the whole families of its neighbours.
+    outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)
+    layers = (outside, outside)
     sheet = Sheet.rectangle(
-        SIZE, SIZE, thickness=THICKNESS, density=density, points=points + points % 2, origin=(-0.25, -0.25)
+        SIZE,
+        SIZE,
+        thickness=THICKNESS,
+        density=density,
+        points=points + points % 2,
+        origin=(-0.25, -0.25),
+        layers=layers,
     ).cut((0.0, -0.5 * CRACK), (0.0, 0.5 * CRACK))
     if safety is None:
         # The sheet stiffens by a factor of ten and more while it tears, faster than the stable step is estimated anew.
@@ -88,8 +99,8 @@ def build(
     )  # fmt: skip
     spacing = sheet.spacing
     faces = [sheet.nearest(side * 0.5 * spacing, 0.0) for side in (-1.0, 1.0)]
-    edge = sheet.where(lambda x, y: np.maximum(np.abs(x), np.abs(y)) > 0.25 - (2.0 * horizon + 0.5) * spacing)
-    layer = sheet.where(lambda x, y: x > 0.25 - (horizon + 0.5) * spacing)
+    edge = sheet.where(lambda x, y: np.maximum(np.abs(x), np.abs(y)) > 0.5 * SIZE - 1e-3 * spacing)
+    layer = sheet.where(lambda x, y: (x > 0.5 * SIZE - 1e-9) & (np.abs(y) < 0.5 * SIZE + 1e-9))
     line = TearLine(sheet)
     bumps = np.zeros((sheet.size, 3))
     bumps[:, 2] = roughness * spacing * np.random.default_rng(0).uniform(-1.0, 1.0, sheet.size)
@@ -117,7 +128,7 @@ def build(
         force=force,
         loads=[
             Fixed(edge if failure else range(sheet.size), "z"),
-            *stretching_edges(sheet, horizon, [0.0, duration], [1.0, last]),
+            *stretching_edges(sheet, 0.5 * SIZE, [0.0, duration], [1.0, last]),
         ],
         damage=CriticalEnergy(energy, spared=edge) if failure else None,
         solver=solver,

@@ -5,9 +5,11 @@ term and shows stretches of 4 and 7; section 6.6 (set viscous = True, stretch = 
 0.15 /s. The paper shows displacements by picture, and that the hole stays round.
 
 `law` is "stress_free", at rest by Newton's method, or "published", by dynamic relaxation. With `viscous` both move in
-time, and the density is exaggerated as in visco_sheet. The rows of one horizon at all edges move as in a uniform
+time, and the density is exaggerated as in visco_sheet. Edges and layers of points outside them move as in a uniform
 sheet: the paper does not say what its boundary layers leave free. Defaults are for two CPU cores.
 """
+
+import math
 
 import numpy as np
 
@@ -52,12 +54,15 @@ def build(
         raise InputError(f"stretch = {stretch!r}: allowed is a stretch above 1")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     duration = (stretch - 1.0) / positive("rate", rate) if viscous else 1.0
+    # The published law's stress at a point depends on the whole families of its neighbours.
+    outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)
+    layers = (outside, outside)
     sheet = Sheet.rectangle(
-        SIZE, SIZE, thickness=THICKNESS, density=density, points=points, origin=(-0.25, -0.25)
+        SIZE, SIZE, thickness=THICKNESS, density=density, points=points, origin=(-0.25, -0.25), layers=layers
     ).hole((0.0, 0.0), RADIUS)
     inner = np.hypot(*sheet.points.T) < RADIUS + 0.8 * sheet.spacing
     angle = np.arctan2(sheet.points[inner, 1], sheet.points[inner, 0])
-    layer = sheet.where(lambda x, y: x > 0.25 - (horizon + 0.5) * sheet.spacing)
+    layer = sheet.where(lambda x, y: (x > 0.5 * SIZE - 1e-9) & (np.abs(y) < 0.5 * SIZE + 1e-9))
     prony = (TERM,) if viscous else ()
     solver: Solver = Newton(tolerance=tolerance, load_steps=load_steps)
     if viscous:
@@ -82,7 +87,7 @@ def build(
     return Simulation(
         sheet,
         force=force,
-        loads=[Fixed(range(sheet.size), "z"), *stretching_edges(sheet, horizon, [0.0, duration], [1.0, stretch])],
+        loads=[Fixed(range(sheet.size), "z"), *stretching_edges(sheet, 0.5 * SIZE, [0.0, duration], [1.0, stretch])],
         solver=solver,
         initial_velocity=np.column_stack([rate * sheet.points, np.zeros(sheet.size)]) if viscous else None,
         measures=[

@@ -127,17 +127,16 @@ class Motion:
         return schedule("Motion", self.times, np.column_stack(columns))
 
 
-def stretching_edges(sheet: Sheet, horizon: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
-    """Rows of one horizon at all edges, moved in the plane as an equal stretch along x and y about the origin.
+def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
+    """Edges of a square about the origin and all points outside, moved in the plane as an equal stretch of it.
 
     Args:
-        sheet: A rectangle about the origin.
-        horizon: Over the spacing [-].
+        sheet: The sheet, with layers of points outside the square.
+        half: Half the side of the square [m].
         times: Rising [s].
         stretches: One a time.
     """
-    reach = np.abs(sheet.points).max(axis=0) - (horizon - 0.5) * sheet.spacing
-    outside = np.flatnonzero((np.abs(sheet.points) > reach).any(axis=1))
+    outside = np.flatnonzero((np.abs(sheet.points) > half - 1e-3 * sheet.spacing).any(axis=1))
     motions = []
     for axis, name in enumerate("xy"):
         across = sheet.points[outside, axis]
