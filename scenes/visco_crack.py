@@ -8,12 +8,12 @@ stretch = 1.5 and 2.5, at 0.15 /s): as in visco_hole, at rest or with exaggerate
 The crack runs (failure = True): rate 205 /s without Prony term, 159.4 /s with it, Gc 6.69 N/m, density 1100 kg/m^3
 (not given). The sheet starts with the velocity of uniform stretching: pulled at its edges alone it would be slower
 than they are (51 m/s against waves of some 35 m/s). The paper shows damage at 22, 23, 24 and 25 ms (hyperelastic) and
-25, 29, 30 and 31 ms (visco-hyperelastic), stretches of 5 and more. That cannot be with its numbers: a bond of a
-uniform sheet has released Gc / Nc at a stretch near 1.001, within 10 microseconds, and one is taut from the start by
-the published law. `energy` sets another Gc; the default is one for which the hyperelastic sheet begins to tear near
-22 ms. What snaps at such stretches is crushed where it lands, which ends runs of the stress-free law some
-milliseconds later (status "diverged"); a `roughness`, in spacings, lets it buckle, and the small steps of the default
-`safety` put that off.
+25, 29, 30 and 31 ms (visco-hyperelastic), stretches of 5 and more. That cannot be with its numbers: the first bonds
+of a uniform sheet have released Gc / Nc at a stretch of 1.0013 by the published law, which is taut from the start,
+and of 1.017 by the stress-free one: after 6 and 85 microseconds. `energy` sets another Gc; the default is one for
+which the hyperelastic sheet begins to tear near 22 ms. What snaps at such stretches is crushed where it lands, which
+ends runs of the stress-free law some milliseconds later (status "diverged"); a `roughness`, in spacings, lets it
+buckle, and the small steps of the default `safety` put that off.
 """
 
 import math

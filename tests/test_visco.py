@@ -275,6 +275,13 @@ def test_bonds_break_at_the_critical_energy_on_both_sides():
     np.testing.assert_array_equal(energy[k, i], energy[families.mates[k], m])
 
 
+def test_a_fixed_rate_makes_the_relaxation_time_a_constant():
+    """VE table 2 at 0.15 /s."""
+    c10, c20, time, exponent = Prony(0.01733e6, 0.0015e6, time=0.9466, exponent=1.6665, rate=0.15).constants
+    assert (c10, c20, exponent) == (0.01733e6, 0.0015e6, 0.0)
+    assert time == pytest.approx(0.9466 * 0.15**-1.6665)
+
+
 def test_bonds_across_a_line():
     assert crossing_bonds(3.015) == 36
     assert crossing_bonds(1.1) == 2
