@@ -9,7 +9,7 @@ inclusions, 144 GPa in the paper, are rigid; edges move as in visco_hole. Withou
 dynamic relaxation (viscous: in time, at `rate`, with exaggerated density).
 
 Failure: Gc 6.69 N/m and 1 stretch a microsecond, shown from 150 to 190 microseconds, would be stretches above 150, at
-170 times the speed of sound and more; here as in visco_crack, 205 /s or 159.4 /s with a Gc that fits such stretches.
+170 times the speed of sound and more; here as in visco_crack, 205 /s or 159.4 /s, and Gc read as 6.69 MN/m.
 """
 
 import math
@@ -49,13 +49,13 @@ def build(
     failure: bool = False,
     stretch: float | None = None,
     rate: float | None = None,
-    energy: float = 1e7,
+    energy: float = 6.69e6,
     density: float | None = None,
     tolerance: float | None = None,
     safety: float | None = None,
 ) -> Simulation:
     if stretch is None:
-        stretch = 4.0 if failure else 1.2 if viscous and crack else 1.5
+        stretch = 6.0 if failure else 1.2 if viscous and crack else 1.5
     if positive("stretch", stretch) <= 1.0:
         raise InputError(f"stretch = {stretch!r}: allowed is a stretch above 1")
     published = one_of("law", law, ("stress_free", "published")) == "published"

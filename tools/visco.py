@@ -48,7 +48,7 @@ RUNS: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
     ("metamaterial", "VE 6.8 inclusions and crack, 0.15 /s to 1.2", "", {"viscous": True, "crack": True}),
     (
         "metamaterial", "VE 6.4 inclusions and a crack that runs", "damage.png",
-        {"crack": True, "failure": True, "law": "published", "energy": 3e6},
+        {"crack": True, "failure": True, "law": "published"},
     ),
 )  # fmt: skip
 PAPER = {"metamaterial": 120}
