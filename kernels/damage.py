@@ -17,7 +17,7 @@ from .numeric import numeric
 
 @functools.cache
 def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
-    """Kernels `break_bonds` and `damage`.
+    """Kernel `break_bonds`.
 
     Args:
         layout: "lattice" or "cloud".
@@ -102,6 +102,17 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
                 after = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))
 
+    return break_bonds
+
+
+@functools.cache
+def point_damage(layout, bits, module):
+    """Kernel `damage`; arguments as of `critical_stretch`."""
+    real = numeric(bits).real
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    word_size = WORD
+
     @wp.kernel(module=module, enable_backward=False)
     def damage(family: Family, alive: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
         """Area of the members that were lost over that of the initial family."""
@@ -117,4 +128,4 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
                 k += 1
         out[i] = wp.float32(wp.min(lost / f.family_area(family, i), real(1.0)))
 
-    return break_bonds, damage
+    return damage

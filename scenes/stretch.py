@@ -9,7 +9,7 @@
 The laws of bonds, `bond_based` as published and `bond_based_refitted`, are made for one mode each; `law` = another
 mode gives them the wrong one. They take points at the centres of cells and layers of points outside the sheet as wide
 as the horizon (HE section 4.3), which move as the sheet would if it stretched evenly: across the edge (`grip` =
-roller) or altogether (`clamp`). `bond_associated` needs no mode and no layers: bulk modulus 1000 mu, points on the
+roller) or altogether (`clamp`). `bond_associated` needs no mode and no layers: points on the
 edges. The default of 32 points takes seconds, uniaxial half a minute; the paper takes `--points 100` (equibiaxial,
 planar) and `--points 50` (uniaxial). The crack's gap of 5 mm is the spacing of those 100 points: here no bond crosses
 its line. `inclusion` is rigid, `stiff_inclusion` the same rubber 100 times as stiff.
@@ -30,8 +30,8 @@ from warp_pd import (
     HyperelasticBonds,
     InputError,
     Measure,
+    MooneyRivlin,
     Motion,
-    NeoHookean,
     Newton,
     Relaxation,
     Sheet,
@@ -94,7 +94,7 @@ def build(
         fit = "published" if force == "bond_based" else "refitted"
         chosen = HyperelasticBonds(BondNeoHookean(MU, mode if law == "auto" else law, fit), horizon=horizon)
     else:
-        chosen = BondAssociated(NeoHookean(mu=MU, bulk=1000.0 * MU), horizon=horizon, weights=weights)
+        chosen = BondAssociated(MooneyRivlin(0.5 * MU), horizon=horizon, weights=weights)
     # One frame a stretch of 0.5, where they divide.
     steps = max(1, round((stretch - 1.0) / 0.5))
     solvers: dict[str, Solver] = {

@@ -27,6 +27,10 @@ SMALL = {
     "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
     "pressure_static": {"points": 21, "horizon": 2.015},
     "tension": {"points": 11},
+    "visco_sheet": {"points": 13, "horizon": 2.015},
+    "visco_hole": {"points": 17, "horizon": 2.015, "stretch": 2.0, "load_steps": 3},
+    "visco_crack": {"points": 16, "horizon": 2.015, "law": "published", "failure": True, "energy": 3e6},
+    "metamaterial": {"points": 20, "horizon": 2.015, "crack": True},
 }
 BREAKING = ("ball_penetration", "double_notch", "off_plane_tear", "precut_tear")
 
@@ -262,3 +266,22 @@ def test_the_law_of_another_mode_is_wrong_by_ten_percent():
 def test_the_stretched_sheet_names_wrong_input(settings, says):
     with pytest.raises(InputError, match=says):
         build_scene("stretch", settings)
+
+
+def test_a_visco_hyperelastic_sheet_has_the_exact_stress():
+    result = ran("visco_sheet")
+    error = result.summary["measures"]["nominal_stress"]["error"]
+    assert abs(error) < 5e-3
+    assert value(result, "kinetic_share") < 1e-4
+
+
+def test_a_round_hole_stays_round():
+    assert abs(value(ran("visco_hole"), "squareness")) < 0.02
+    assert value(ran("visco_hole"), "hole_growth") > 2.0
+
+
+def test_inclusions_move_apart_with_the_sheet_and_the_crack_opens():
+    result = ran("metamaterial")
+    assert value(result, "side_inclusion_moves") == pytest.approx(0.5 * 2.5 * 0.0625, rel=0.1)
+    assert 0.0 < value(result, "top_inclusion_moves") < value(result, "side_inclusion_moves")
+    assert value(result, "crack_opening") > 0.01

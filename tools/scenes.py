@@ -13,6 +13,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -85,7 +86,7 @@ def execute(case: Case, work: Path, device: str) -> None:
 
 def page(work: Path, stand: str | None) -> str:
     """The numbers of all runs as markdown."""
-    summaries = {c: _summary(work / c.name) for c in CASES}
+    summaries = {c: read_summary(work / c.name) for c in CASES}
     devices = sorted({s["device"] for s in summaries.values() if s})
     lines = [
         "# Every scene at its full size",
@@ -97,6 +98,12 @@ def page(work: Path, stand: str | None) -> str:
         "README.",
         "",
     ]
+    return "\n".join(lines + sections(summaries))
+
+
+def sections(summaries: dict[Case, dict[str, Any] | None]) -> list[str]:
+    """Lines of markdown with the numbers of every run; None stands for one that was not made."""
+    lines = []
     for case, summary in summaries.items():
         lines += [f"## {case.title}", ""]
         if summary is None:
@@ -119,14 +126,14 @@ def page(work: Path, stand: str | None) -> str:
             error = f"{100.0 * m['error']:+.3f} %" if known and m["error"] is not None else ""
             lines.append(f"| {name} | {m['of']} | {value} | {reference} | {error} |")
         lines.append("")
-    return "\n".join(lines)
+    return lines
 
 
-def contact_sheet(work: Path, path: Path) -> None:
+def contact_sheet(work: Path, path: Path, cases: Sequence[Case] = CASES) -> None:
     """One picture of all scenes."""
     import matplotlib.pyplot as plt
 
-    shown = [c for c in CASES if c.picture and (work / c.name / c.picture).is_file()]
+    shown = [c for c in cases if c.picture and (work / c.name / c.picture).is_file()]
     columns = 3
     rows = -(-len(shown) // columns)
     figure, axes = plt.subplots(rows, columns, figsize=(5.0 * columns, 4.2 * rows), layout="constrained")
@@ -146,7 +153,8 @@ def ball_picture(work: Path, path: Path) -> None:
         shutil.copyfile(drawn, path)
 
 
-def _summary(folder: Path) -> dict[str, Any] | None:
+def read_summary(folder: Path) -> dict[str, Any] | None:
+    """Content of a run's summary.json, or None."""
     path = folder / "summary.json"
     return json.loads(path.read_text()) if path.is_file() else None
 

@@ -315,7 +315,7 @@ def page(everything: list[Case], work: Path, out: Path, device: str, stand: str 
         f"Made by `tools/stretch.py` {stamp(name, stand)}.",
         f"Scene `stretch`, {points} points along a side ({uniaxial} uniaxial), float64, edges on rollers. Laws of",
         "bonds: HE chapter 3 with surface correction, horizon 3.015 (9.015 uniaxial), layers outside the sheet.",
-        "Bond-associated: corrected weights, plain ones at cracks, horizon 2.015, bulk modulus 1000 mu. The paper",
+        "Bond-associated: corrected weights, plain ones at cracks, horizon 2.015. The paper",
         "takes 100 points (50).",
         "",
         "## Force over stretch, whole sheet",

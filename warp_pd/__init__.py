@@ -8,11 +8,23 @@ See README.md and the files in `scenes/`, which are meant to be read and changed
 from .bond_neo_hookean import BondNeoHookean
 from .checks import InputError
 from .contact import RigidBall
-from .damage import CriticalStretch
-from .forces import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal
+from .damage import CriticalEnergy, CriticalStretch
+from .forces import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
 from .frame import Frame, Surface
 from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
-from .materials import Bimodular, Gent, Material, NeoHookean, PairwiseMaterial
+from .materials import (
+    ArrudaBoyce,
+    Bimodular,
+    Gent,
+    Incompressible,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    PairwiseMaterial,
+    Prony,
+    Yeoh,
+)
 from .runner import Result
 from .sheet import Sheet
 from .simulation import Built, Measure, Outcome, Simulation
@@ -21,6 +33,7 @@ from .solvers import Explicit, Newton, Relaxation
 __version__ = "0.1.0"
 
 __all__ = [
+    "ArrudaBoyce",
     "Bimodular",
     "BodyForce",
     "BondAssociated",
@@ -28,28 +41,36 @@ __all__ = [
     "BondNeoHookean",
     "BoundaryForce",
     "Built",
+    "CriticalEnergy",
     "CriticalStretch",
     "Explicit",
     "Fixed",
     "Frame",
     "Gent",
     "HyperelasticBonds",
+    "Incompressible",
     "InputError",
     "Material",
     "Measure",
+    "MooneyRivlin",
     "Motion",
     "NeoHookean",
     "Neural",
     "Newton",
     "Nodal",
+    "Ogden",
     "Outcome",
     "PairwiseMaterial",
     "PointForce",
     "Pressure",
+    "Prony",
     "Relaxation",
     "Result",
     "RigidBall",
     "Sheet",
     "Simulation",
     "Surface",
+    "Visco",
+    "ViscoBondBased",
+    "Yeoh",
 ]

@@ -127,6 +127,26 @@ class Motion:
         return schedule("Motion", self.times, np.column_stack(columns))
 
 
+def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
+    """Edges of a square about the origin and all points outside, moved in the plane as an equal stretch of it.
+
+    Args:
+        sheet: The sheet, with layers of points outside the square.
+        half: Half the side of the square [m].
+        times: Rising [s].
+        stretches: One a time.
+    """
+    outside = np.flatnonzero((np.abs(sheet.points) > half - 1e-3 * sheet.spacing).any(axis=1))
+    motions = []
+    for axis, name in enumerate("xy"):
+        across = sheet.points[outside, axis]
+        for place in np.unique(across.round(12)):
+            path = [float((stretch - 1.0) * place) for stretch in stretches]
+            points = outside[np.abs(across - place) < 1e-3 * sheet.spacing]
+            motions.append(Motion(points, times, **{name: path}))
+    return motions
+
+
 @dataclass(frozen=True)
 class Pressure:
     """Pressure on one side of the sheet, positive towards the side of +z.

@@ -163,6 +163,20 @@ def support_force(built: Built, points: np.ndarray) -> np.ndarray:
     return -built.to_numpy(built.state.force)[points].sum(axis=0)
 
 
+def virial_stress(built: Built, point: int) -> np.ndarray:
+    """Nominal stress in the plane at a point of a lattice [Pa], (2, 2), from its bonds (VE eq. 78).
+
+    Half the sum of (force of the pair) (x) X over the volume of the point; for laws that keep `bond_force`.
+    """
+    force, sheet = built.force, built.simulation.sheet
+    families, halves = force.families, built.to_numpy(force.bond_force)[:, :, :2]
+    stands = families.rows_of_points(families.exists)[point]
+    k = np.flatnonzero(stands)
+    pair = halves[k, point] - halves[families.mates[k], point + families.shift[k]]
+    volume = sheet.areas[point] * sheet.thickness
+    return 0.5 * pair.T @ (families.bonds[k] * families.horizon) / volume
+
+
 def torn(frame: Frame) -> np.ndarray:
     """Which faces are torn, shape (F,).
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 NAME = "restart.npz"
 VERSION = 2
-STATE = ("displacement", "velocity", "work", "dissipated", "released", "impulse", "time")
+STATE = ("displacement", "velocity", "work", "dissipated", "released", "energy_release", "impulse", "time")
 BODIES = ("place", "linear", "angular", "rotation")
 
 
@@ -58,6 +58,8 @@ def save(path: Path, recorder: Recorder) -> None:
         arrays[f"body_{name}"] = array.numpy()
     if built.force.alive is not None:
         arrays["alive"] = built.force.alive.numpy()
+    for name, array in built.force.internal.items():
+        arrays[f"internal_{name}"] = array.numpy()
     if built.stable_step is not None:
         arrays["direction"] = built.stable_step.direction.numpy()
         arrays["noise"] = np.frombuffer(json.dumps(built.stable_step.noise_state()).encode(), np.uint8)
@@ -123,6 +125,8 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
         array.assign(data[f"body_{name}"])
     if built.force.alive is not None:
         built.force.alive.assign(data["alive"])
+    for name, array in built.force.internal.items():
+        array.assign(data[f"internal_{name}"])
     if built.stable_step is not None:
         built.stable_step.direction.assign(data["direction"])
         built.stable_step.restore_noise(data["noise"])

@@ -223,6 +223,8 @@ class Recorder:
                 if name != "rupture" or built.force.has_energy:
                     row[name] = float(array.numpy().sum()) if array is not None else 0.0
             if built.force.has_energy:
+                if getattr(built.force, "viscous", None) is not None:
+                    row["viscous"] = float(built.force.viscous.numpy().sum())
                 row["balance_error"] = self._balance_error(row)
         if getattr(built.force, "outside", None) is not None:
             row["bonds_outside_training"] = float(outside_count(built.force))
@@ -242,7 +244,9 @@ class Recorder:
         """(Energy now - energy first - work + losses) over the largest energy or work so far."""
         first = self.history[0] if self.history else row
         change = row["kinetic"] + row["strain"] - first["kinetic"] - first["strain"]
-        error = change - row["external"] + row["damping"] + row["rupture"]
+        error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
+        if "viscous" in row:
+            error -= first["viscous"]
         rows = [*self.history, row]
         scale = max(max(abs(r["external"]), abs(r["kinetic"] + r["strain"])) for r in rows)
         return error / scale if scale > 0.0 else 0.0
@@ -518,7 +522,9 @@ def _summary(
         "kinetic": row.get("kinetic"),
         "strain": row.get("strain"),
         "external": row.get("external"),
-        "dissipated": {"damping": row.get("damping"), "rupture": row.get("rupture")} if built.tracked else None,
+        "dissipated": {name: row[name] for name in ("damping", "rupture", "viscous") if name in row}
+        if built.tracked
+        else None,
         "balance_error": row.get("balance_error"),
     }
     # The start of a search that found nothing is no result.

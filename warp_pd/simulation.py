@@ -6,7 +6,9 @@ One step, in the order of its launches (those that no part asks for do not exist
     drift                             half kick, displacement
     project                           contact with the ball
     break_bonds                       rupture
+    update                            internal variables of the force law
     family_force, gather              internal force
+    add_release                       energy that each bond has released
     begin_loads, add_...              external force
     kick, kick_bodies, separate       second half kick, contact again
 """
@@ -23,7 +25,7 @@ import warp as wp
 
 from .checks import InputError, one_of, point_indices
 from .contact import RigidBall
-from .damage import CriticalStretch
+from .damage import CriticalEnergy, Rupture, crossing_bonds
 from .forces import ForceLaw
 from .forces.bond_based import BondBasedForce
 from .forces.neural import NeuralForce
@@ -108,7 +110,7 @@ class Simulation:
     solver: Solver
     loads: Sequence[Load] = ()
     contact: RigidBall | None = None
-    damage: CriticalStretch | None = None
+    damage: Rupture | None = None
     measures: Sequence[Measure] = ()
     outcomes: Sequence[Outcome] = ()
     fields: Sequence[str] = ()
@@ -177,6 +179,7 @@ class State:
         work: External work [J], float64, or None.
         dissipated: Energy lost to damping [J], float64, or None.
         released: Energy lost with broken bonds [J], float64, or None.
+        energy_release: Energy release rate of every bond [N/m], (members, N), or None.
         impulse: What the ball gave each point since the last frame [N s], vec3, or None.
         time: [s], one float64, or None where nothing depends on time.
         bodies: Place [m], linear [kg m/s] and angular momentum [kg m^2/s], rotation of each rigid inclusion.
@@ -189,6 +192,7 @@ class State:
     work: Any = None
     dissipated: Any = None
     released: Any = None
+    energy_release: Any = None
     impulse: Any = None
     time: Any = None
     bodies: tuple[Any, ...] = ()
@@ -227,6 +231,11 @@ class Built:
         block = SMALL_BLOCK if simulation.sheet.size < SMALL else 256
         self.workspace = Workspace(device, precision, self._module_name(precision), block)
         self.force: Any = simulation.force.build(self.workspace, simulation.sheet, simulation.damage is not None)
+        if self.force.internal and not simulation.solver.in_time:
+            raise InputError(
+                f"solver = {type(simulation.solver).__name__} with Prony terms: allowed is Explicit; without them "
+                f"the law is what is left after a long time"
+            )
         self._allocate()
         from .kernels.integrate import integration
 
@@ -295,7 +304,7 @@ class Built:
         named = [getattr(part, "__module__", "") + "." + part.__qualname__ if callable(part) else part for part in law]
         key = (
             precision, named, getattr(s.force, "fast", False), self.has_held, self.has_loads, self.damped, self.tracked,
-            type(s.solver).__name__,
+            type(s.solver).__name__, type(s.damage).__name__,
             sorted(set(kinds)), s.contact is not None, s.damage is not None and s.damage.spared is not None,
             bool(s.sheet.inclusions), bool(self.schedules.schedules),
         )  # fmt: skip
@@ -408,7 +417,10 @@ class Built:
             self._add_project(s.contact)
         if s.damage is not None:
             self._add_break("step" if s.solver.in_time else "rupture", s.damage)
+        self.force.add_update("step", state.displacement, self.step)
         self.force.add_force("step", state.displacement, state.force)
+        if isinstance(s.damage, CriticalEnergy):
+            self._add_release()
         self.add_loads("step")
         s.solver.add_before_kick(self)
         w.launch(
@@ -502,27 +514,68 @@ class Built:
             impulse=state.impulse, work=state.work,
         )  # fmt: skip
 
-    def _add_break(self, stage: str, damage: CriticalStretch) -> None:
-        """Add the launch that breaks over-stretched bonds."""
-        from .kernels.damage import critical_stretch
+    def _add_break(self, stage: str, damage: Rupture) -> None:
+        """Add the launch that breaks bonds."""
+        from .kernels.critical_energy import critical_energy
+        from .kernels.damage import critical_stretch, point_damage
 
-        force, spared = self.force, None
+        force, spared, owner = self.force, None, type(damage).__name__
         tracked = self.tracked and force.has_energy
         if damage.spared is not None:
             mask = np.zeros(self.simulation.sheet.size, np.uint8)
-            mask[point_indices("CriticalStretch.spared", damage.spared, len(mask))] = 1
-            spared = self.workspace.array("spared", "CriticalStretch", wp.uint8, mask)
-        self._break, self._damage = critical_stretch(
+            mask[point_indices(f"{owner}.spared", damage.spared, len(mask))] = 1
+            spared = self.workspace.array("spared", owner, wp.uint8, mask)
+        declare = critical_energy if isinstance(damage, CriticalEnergy) else critical_stretch
+        kernel = declare(
             force.families.layout, self.types.bits, tracked, spared is not None,
             force.kernels.earlier_energy if tracked else None, self.workspace.module,
         )  # fmt: skip
+        if isinstance(damage, CriticalEnergy):
+            self._release, kernel = kernel
+            criterion = {"energy_release": self._energy_release(), "critical": damage.energy / self._crossing()}
+        else:
+            criterion = {"horizon": force.families.horizon, "critical_squared": damage.stretch**2}
+        self._damage = point_damage(force.families.layout, self.types.bits, self.workspace.module)
         self.workspace.launch(
-            stage, "CriticalStretch", self._break, self.simulation.sheet.size,
+            stage, owner, kernel, self.simulation.sheet.size,
             family=force.struct, displacement=self.state.displacement, velocity=self.state.velocity,
-            step=self.step, horizon=force.families.horizon,
-            critical_squared=damage.stretch**2, spared_mask=spared, constants=force.constants,
+            step=self.step, **criterion, spared_mask=spared, constants=force.constants,
             inverse_horizon=force.inverse_horizon, unit_volume=force.unit_volume, alive=force.alive,
             released=self.state.released,
+        )  # fmt: skip
+
+    def _crossing(self) -> int:
+        """Nc of CriticalEnergy."""
+        return crossing_bonds(self.simulation.force.horizon)
+
+    def _energy_release(self) -> Any:
+        """Array of the energy release rate of every bond.
+
+        Raises:
+            InputError: for a law whose pairs of points do not stay apart, or a solver without time.
+        """
+        force = self.force
+        if not self.simulation.solver.in_time:
+            raise InputError("damage = CriticalEnergy: allowed with the solver Explicit alone")
+        if not hasattr(force, "bond_force") or getattr(self.simulation.force, "fast", False):
+            raise InputError(
+                f"damage = CriticalEnergy with {type(self.simulation.force).__name__}: allowed are Visco, "
+                f"ViscoBondBased, and BondAssociated with fast = False"
+            )
+        shape = (force.families.members, self.simulation.sheet.size)
+        self.state.energy_release = self.workspace.array(
+            "energy_release", "CriticalEnergy", self.types.real, shape=shape
+        )
+        return self.state.energy_release
+
+    def _add_release(self) -> None:
+        """Add the launch that sums up the work of every bond."""
+        force, sheet = self.force, self.simulation.sheet
+        self.workspace.launch(
+            "step", "CriticalEnergy", self._release, sheet.size,
+            family=force.struct, alive=force.alive, velocity=self.state.velocity, step=self.step,
+            bond_force=force.bond_force, inverse_surface=1.0 / (sheet.thickness * sheet.spacing),
+            energy_release=self.state.energy_release,
         )  # fmt: skip
 
     def add_loads(self, stage: str) -> None:
@@ -648,7 +701,7 @@ class Built:
         )  # fmt: skip
         if self.breakable:
             w.launch(
-                "frame", "CriticalStretch", self._damage, n,
+                "frame", type(self.simulation.damage).__name__, self._damage, n,
                 family=self.force.struct, alive=self.force.alive, out=self.damage,
             )  # fmt: skip
 

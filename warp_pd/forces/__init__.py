@@ -6,7 +6,7 @@ A force law is a frozen dataclass with these attributes and methods:
     has_tangent         whether Newton's method has a tangent for it
     signature(layout, breakable)            what decides which kernels are compiled
     build(workspace, sheet, breakable)      the law on a device: families, struct, alive, kernels, constants,
-                                            add_force and, with an energy, add_energy
+                                            add_force and, with an energy, add_energy; internal and add_update
 """
 
 from __future__ import annotations
@@ -20,12 +20,24 @@ from .bond_based import BondBased
 from .hyperelastic_bonds import HyperelasticBonds
 from .neural import Neural
 from .nodal import Nodal
+from .visco import Visco, ViscoBondBased
 
-ForceLaw = BondAssociated | BondBased | HyperelasticBonds | Nodal | Neural
+ForceLaw = BondAssociated | BondBased | HyperelasticBonds | Nodal | Neural | Visco | ViscoBondBased
 
 NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
 
-__all__ = ["NAMES", "BondAssociated", "BondBased", "ForceLaw", "HyperelasticBonds", "Neural", "Nodal", "force_law"]
+__all__ = [
+    "NAMES",
+    "BondAssociated",
+    "BondBased",
+    "ForceLaw",
+    "HyperelasticBonds",
+    "Neural",
+    "Nodal",
+    "Visco",
+    "ViscoBondBased",
+    "force_law",
+]
 
 
 def force_law(name: str, material: Material, horizon: float, weights: str = "auto") -> ForceLaw:

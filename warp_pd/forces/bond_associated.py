@@ -108,7 +108,7 @@ class BondAssociatedForce(FamilyForce):
         weights = families.stiffened(weights)
         super().__init__("BondAssociated", law, workspace, sheet, breakable, families, inverse, weights)
         self.columns = sheet.lattice.columns if sheet.lattice is not None else 0
-        layout, *key = law.signature(families.layout, breakable)
+        layout, *key = law.signature(families.layout, breakable)[:4]
         self.signature = (layout, workspace.bits, *key)
         self.kernels = bond_associated(*self.signature, workspace.module)
         self.fast_path = fast_path(self, inverse, weights)

@@ -35,6 +35,7 @@ class FamilyForce:
         constants: Constants of the material.
         kernels: Kernels of the law.
         correction: Report of corrected weights, or None.
+        internal: Internal variables by name, arrays that a restart file keeps; none for elastic laws.
     """
 
     kernels: Any
@@ -57,6 +58,7 @@ class FamilyForce:
         from ..kernels.numeric import numeric
 
         self.owner, self.law, self.workspace, self.families = owner, law, workspace, families
+        self.internal: dict[str, Any] = {}
         self.types = numeric(workspace.bits)
         functions = family_functions(families.layout, workspace.bits, workspace.module)
         self.struct = family_struct(families, functions, self.types, workspace, owner, inverse, weights)
@@ -86,6 +88,9 @@ class FamilyForce:
             "displacement": displacement,
             "inverse_horizon": self.inverse_horizon,
         }
+
+    def add_update(self, stage: str, displacement: Any, step: Any) -> None:
+        """Nothing: an elastic law has no state."""
 
     def add_gather(self, stage: str, bond_force: Any, force: Any) -> None:
         """Add the launch that sums the pairs of each point [N], shape (members, N), to its force [N]."""

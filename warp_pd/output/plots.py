@@ -14,7 +14,7 @@ from .vtkhdf import read_ball, read_frame, read_series
 
 COLOURS = "inferno_r"
 STYLES = ("-", "--", "-.", ":")
-ENERGIES = ("kinetic", "strain", "external", "damping", "rupture")
+ENERGIES = ("kinetic", "strain", "external", "damping", "rupture", "viscous")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,428 @@
+"""Exactly incompressible materials in plane stress: C33 = 1 / det C, so nothing is iterated.
+
+A material is one Warp function of the invariants and of at most four constants,
+
+    energy(x, y, constants) -> vec6     Psi, Psi_1, Psi_2, Psi_11, Psi_12, Psi_22  [Pa]
+
+with x = I1 - 3 and y = I2 - 3, and indices for derivatives by I1 and I2. `incompressible` makes of it what force
+laws, fast paths and Newton's method ask of a material (see kernels/materials.py). Ogden's material is one of
+principal stretches, and has functions of its own.
+
+With G = C - I, t = tr G, g = det G and d = det C - 1 = t + g, no difference of numbers near one is left:
+    I1 - 3 = (t d - g) / (1 + d),     I2 - 3 = (d^2 - g) / (1 + d),
+    S = 2 (Psi_1 I + Psi_2 adj C) (I - C33 C^-1).
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .materials import invariants
+from .numeric import numeric
+
+
+@dataclass(frozen=True)
+class Incompressible:
+    """Cached factories, precision in bits -> Warp functions; see kernels/materials.py.
+
+    Attributes:
+        functions: (stress, energy).
+        near: stress_near, whose guess has nothing to do.
+        response: Stress and moduli.
+    """
+
+    functions: Callable[[int], Any]
+    near: Callable[[int], Any]
+    response: Callable[[int], Any]
+
+
+def named(factory, energy, what):
+    """A cached factory whose name tells it from that of other materials: names decide what is compiled together."""
+    cached = functools.cache(factory)
+    cached.__module__, cached.__name__ = energy.__module__, f"{energy.__name__}_{what}"
+    cached.__qualname__ = f"{energy.__qualname__}.{what}"
+    return cached
+
+
+@functools.cache
+def principal_tangent(bits):
+    """Function (G, N11, N12, N22, h) -> T of the derivatives N_ij of the principal stresses S_i by C_j.
+
+    h = (S1 - S2) / (C1 - C2) is what a shear of the principal axes meets. C1 is the larger.
+    """
+    types = numeric(bits)
+    real, mat22, vec3, vec6 = types.real, types.mat22, types.vec3, types.vec6
+
+    @wp.func
+    def turned(G: mat22, N11: real, N12: real, N22: real, h: real):
+        half = real(0.5) * (G[0, 0] - G[1, 1])
+        radius = wp.sqrt(half * half + G[0, 1] * G[0, 1])
+        cosine = real(1.0)
+        sine = real(0.0)
+        if radius > real(0.0):
+            cosine = half / radius
+            sine = G[0, 1] / radius
+        plus = real(0.5) * (real(1.0) + cosine)
+        minus = real(0.5) * (real(1.0) - cosine)
+        # Change of the larger, the smaller and the mixed component in principal axes, by (C11, C22, C12).
+        a = vec3(plus, minus, sine)
+        b = vec3(minus, plus, -sine)
+        c = vec3(-real(0.5) * sine, real(0.5) * sine, cosine)
+        T = N11 * wp.outer(a, a) + N12 * (wp.outer(a, b) + wp.outer(b, a)) + N22 * wp.outer(b, b)
+        T += real(2.0) * h * wp.outer(c, c)
+        return vec6(T[0, 0], T[0, 1], T[0, 2], T[1, 1], T[1, 2], T[2, 2])
+
+    return turned
+
+
+@functools.cache
+def principal_strains(bits):
+    """Function G -> larger and smaller eigenvalue."""
+    types = numeric(bits)
+    real, mat22 = types.real, types.mat22
+
+    @wp.func
+    def eigenvalues(G: mat22):
+        mean = real(0.5) * (G[0, 0] + G[1, 1])
+        half = real(0.5) * (G[0, 0] - G[1, 1])
+        radius = wp.sqrt(half * half + G[0, 1] * G[0, 1])
+        return mean + radius, mean - radius
+
+    return eigenvalues
+
+
+@functools.cache
+def incompressible(energy_of):
+    """Everything that is asked of a material, from the factory of its energy, see above."""
+
+    def stress_functions(bits):
+        types = numeric(bits)
+        real, mat22, parameters = types.real, types.mat22, types.parameters
+        _, _, plane_stress = invariants(bits)
+        invariant_energy = energy_of(bits)
+
+        @wp.func
+        def changes(G: mat22):
+            """I1 - 3, I2 - 3, det C - 1."""
+            t = G[0, 0] + G[1, 1]
+            g = wp.determinant(G)
+            d = t + g
+            slope = real(1.0) / (real(1.0) + d)
+            return slope * (t * d - g), slope * (d * d - g), d
+
+        @wp.func
+        def stress(G: mat22, constants: parameters):
+            x, y, d = changes(G)
+            psi = invariant_energy(x, y, constants)
+            slope = real(1.0) / (real(1.0) + d)
+            first = plane_stress(G, slope, -slope * d, real(2.0) * psi[1])
+            M = plane_stress(G, slope, -slope * d, real(2.0) * psi[2])
+            c11 = real(1.0) + G[0, 0]
+            c22 = real(1.0) + G[1, 1]
+            shear = c22 * M[0, 1] - G[0, 1] * M[1, 1]
+            return first + mat22(c22 * M[0, 0] - G[0, 1] * M[0, 1], shear, shear, c11 * M[1, 1] - G[0, 1] * M[0, 1])
+
+        @wp.func
+        def energy(G: mat22, constants: parameters):
+            x, y, _d = changes(G)
+            return invariant_energy(x, y, constants)[0]
+
+        return stress, energy, changes, invariant_energy
+
+    stress_functions = functools.cache(stress_functions)
+
+    def functions(bits):
+        return stress_functions(bits)[:2]
+
+    def near(bits):
+        types = numeric(bits)
+        real, mat22, parameters = types.real, types.mat22, types.parameters
+        stress = stress_functions(bits)[0]
+
+        @wp.func
+        def stress_near(G: mat22, constants: parameters, guess: real):
+            return stress(G, constants), guess
+
+        return stress_near
+
+    def response(bits):
+        types = numeric(bits)
+        real, mat22, parameters = types.real, types.mat22, types.parameters
+        stress, _, changes, invariant_energy = stress_functions(bits)
+        eigenvalues, turned = principal_strains(bits), principal_tangent(bits)
+
+        @wp.func
+        def stress_and_moduli(G: mat22, constants: parameters):
+            x, y, _d = changes(G)
+            psi = invariant_energy(x, y, constants)
+            larger, smaller = eigenvalues(G)
+            one = real(1.0)
+            two = real(2.0)
+            a = one + larger
+            b = one + smaller
+            r = one / (a * b)
+            # I1 = a + b + 1/(a b), I2 = a b + 1/a + 1/b, and their derivatives by the principal values.
+            first_a = one - r / a
+            first_b = one - r / b
+            second_a = b - one / (a * a)
+            second_b = a - one / (b * b)
+            N11 = psi[1] * two * r / (a * a) + psi[2] * two / (a * a * a)
+            N11 += psi[3] * first_a * first_a + two * psi[4] * first_a * second_a + psi[5] * second_a * second_a
+            N22 = psi[1] * two * r / (b * b) + psi[2] * two / (b * b * b)
+            N22 += psi[3] * first_b * first_b + two * psi[4] * first_b * second_b + psi[5] * second_b * second_b
+            N12 = psi[1] * r * r + psi[2] + psi[3] * first_a * first_b + psi[5] * second_a * second_b
+            N12 += psi[4] * (first_a * second_b + first_b * second_a)
+            h = psi[1] * r * r + psi[2] * ((a + b) * r * r - one)
+            return stress(G, constants), turned(G, two * N11, two * N12, two * N22, two * h)
+
+        return stress_and_moduli
+
+    return Incompressible(
+        named(functions, energy_of, "functions"), named(near, energy_of, "near"), named(response, energy_of, "response")
+    )
+
+
+@functools.cache
+def mooney_rivlin(bits):
+    """Psi = c10 (I1 - 3) + c01 (I2 - 3); constants: c10, c01 [Pa]."""
+    types = numeric(bits)
+    real, vec6, parameters = types.real, types.vec6, types.parameters
+
+    @wp.func
+    def energy(x: real, y: real, c: parameters):
+        zero = real(0.0)
+        return vec6(c[0] * x + c[1] * y, c[0], c[1], zero, zero, zero)
+
+    return energy
+
+
+@functools.cache
+def yeoh(bits):
+    """Psi = c10 (I1 - 3) + c20 (I1 - 3)^2 + c30 (I1 - 3)^3; constants: c10, c20, c30 [Pa]."""
+    types = numeric(bits)
+    real, vec6, parameters = types.real, types.vec6, types.parameters
+
+    @wp.func
+    def energy(x: real, y: real, c: parameters):
+        zero = real(0.0)
+        two = real(2.0)
+        three = real(3.0)
+        return vec6(
+            x * (c[0] + x * (c[1] + x * c[2])), c[0] + x * (two * c[1] + three * c[2] * x), zero,
+            two * (c[1] + three * c[2] * x), zero, zero,
+        )  # fmt: skip
+
+    return energy
+
+
+@functools.cache
+def arruda_boyce(bits):
+    """Five terms of the eight-chain model; constants: mu [Pa], locking stretch lm [-].
+
+    Psi = mu sum_k a_k / lm^(2k-2) (I1^k - 3^k), a = 1/2, 1/20, 11/1050, 19/7000, 519/673750; I1^k - 3^k is a
+    polynomial of I1 - 3 without a constant.
+    """
+    types = numeric(bits)
+    real, vec6, parameters = types.real, types.vec6, types.parameters
+
+    @wp.func
+    def energy(x: real, y: real, c: parameters):
+        s = real(1.0) / (c[1] * c[1])
+        a1 = real(1.0) / real(2.0)
+        a2 = s * (real(1.0) / real(20.0))
+        a3 = s * s * (real(11.0) / real(1050.0))
+        a4 = s * s * s * (real(19.0) / real(7000.0))
+        a5 = s * s * s * s * (real(519.0) / real(673750.0))
+        i = real(3.0) + x
+        value = a2 * (x + real(6.0)) + a3 * (real(27.0) + x * (real(9.0) + x))
+        value += a4 * (real(108.0) + x * (real(54.0) + x * (real(12.0) + x)))
+        value += a5 * (real(405.0) + x * (real(270.0) + x * (real(90.0) + x * (real(15.0) + x))))
+        two = real(2.0)
+        slope = i * (two * a2 + i * (real(3.0) * a3 + i * (real(4.0) * a4 + i * real(5.0) * a5)))
+        curve = two * a2 + i * (real(6.0) * a3 + i * (real(12.0) * a4 + i * real(20.0) * a5))
+        zero = real(0.0)
+        return vec6(c[0] * x * (a1 + value), c[0] * (a1 + slope), zero, c[0] * curve, zero, zero)
+
+    return energy
+
+
+@functools.cache
+def logarithmic_strains(bits):
+    """Function G -> mean and half difference of the logarithmic principal strains; keeps the digits of G."""
+    types = numeric(bits)
+    real, mat22 = types.real, types.mat22
+    small = 1e-2 if bits == 32 else 1e-4
+
+    @wp.func
+    def log_one_plus(x: real):
+        answer = real(0.0)
+        if wp.abs(x) < real(small):
+            answer = x * (
+                real(1.0)
+                - x * (real(0.5) - x * ((real(1.0) / real(3.0)) - x * (real(0.25) - x * real(1.0) / real(5.0))))
+            )
+        else:
+            answer = wp.log(real(1.0) + x)
+        return answer
+
+    @wp.func
+    def strains(G: mat22):
+        mean = real(0.5) * (G[0, 0] + G[1, 1])
+        half = real(0.5) * (G[0, 0] - G[1, 1])
+        radius = wp.sqrt(half * half + G[0, 1] * G[0, 1])
+        middle = real(0.25) * log_one_plus(real(2.0) * mean + wp.determinant(G))
+        # atanh of radius / (1 + mean), whose argument keeps its digits.
+        share = real(2.0) * radius / (real(1.0) + mean - radius)
+        return middle, real(0.25) * log_one_plus(share), mean, radius
+
+    return strains
+
+
+@functools.cache
+def exponential(bits):
+    """Function x -> exp(x) - 1, with the digits of x."""
+    real = numeric(bits).real
+    small = 2e-2 if bits == 32 else 1e-3
+
+    @wp.func
+    def exp_minus_one(x: real):
+        answer = real(0.0)
+        if wp.abs(x) < real(small):
+            fourth = (real(1.0) / real(24.0)) + x * ((real(1.0) / real(120.0)) + x * (real(1.0) / real(720.0)))
+            answer = x * (real(1.0) + x * (real(0.5) + x * ((real(1.0) / real(6.0)) + x * fourth)))
+        else:
+            answer = wp.exp(x) - real(1.0)
+        return answer
+
+    return exp_minus_one
+
+
+@functools.cache
+def ogden_parts(bits):
+    """Functions of the Ogden material: strains, principal stresses and their shear modulus h."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    strains, exp_minus_one = logarithmic_strains(bits), exponential(bits)
+
+    @wp.func
+    def ratio(k: real, spread: real):
+        """Sinh(k spread) / sinh(spread)."""
+        answer = k
+        if spread > real(0.0):
+            answer = (exp_minus_one(k * spread) - exp_minus_one(-k * spread)) / (
+                exp_minus_one(spread) - exp_minus_one(-spread)
+            )
+        return answer
+
+    @wp.func
+    def principal_stress(strain: real, middle: real, c: parameters):
+        """S of a principal direction: sum_p mu_p (l^a - (l1 l2)^-a) / l^2."""
+        total = real(0.0)
+        for p in range(2):
+            a = c[2 * p + 1]
+            total += c[2 * p] * (exp_minus_one(a * strain) - exp_minus_one(-real(2.0) * a * middle))
+        return total * wp.exp(-real(2.0) * strain)
+
+    @wp.func
+    def shear(middle: real, half: real, c: parameters):
+        """(S1 - S2) / (C1 - C2)."""
+        spread = real(2.0) * half
+        total = real(0.0)
+        for p in range(2):
+            a = c[2 * p + 1]
+            term = wp.exp((a - real(4.0)) * middle) * ratio(real(0.5) * a - real(1.0), spread)
+            total += c[2 * p] * (term + wp.exp(-real(4.0) * middle - real(2.0) * a * middle))
+        return total
+
+    return strains, exp_minus_one, principal_stress, shear
+
+
+@functools.cache
+def ogden(bits):
+    """Ogden's material of two terms; constants: mu1 [Pa], a1, mu2 [Pa], a2.
+
+    Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
+    """
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    strains, exp_minus_one, principal_stress, shear = ogden_parts(bits)
+
+    @wp.func
+    def stress(G: mat22, constants: parameters):
+        middle, half, mean, _radius = strains(G)
+        h = shear(middle, half, constants)
+        # The mean of the principal stresses, and what turns with G about it.
+        centre = real(0.5) * (
+            principal_stress(middle + half, middle, constants) + principal_stress(middle - half, middle, constants)
+        )
+        across = h * G[0, 1]
+        return mat22(centre + h * (G[0, 0] - mean), across, across, centre + h * (G[1, 1] - mean))
+
+    @wp.func
+    def energy(G: mat22, constants: parameters):
+        middle, half, _mean, _radius = strains(G)
+        total = real(0.0)
+        for p in range(2):
+            a = constants[2 * p + 1]
+            if a != real(0.0):
+                total += (constants[2 * p] / a) * (
+                    exp_minus_one(a * (middle + half))
+                    + exp_minus_one(a * (middle - half))
+                    + exp_minus_one(-real(2.0) * a * middle)
+                )
+        return total
+
+    return stress, energy
+
+
+@functools.cache
+def ogden_near(bits):
+    """Function (G, constants, guess) -> (S, guess) of the Ogden material."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    stress, _ = ogden(bits)
+
+    @wp.func
+    def stress_near(G: mat22, constants: parameters, guess: real):
+        return stress(G, constants), guess
+
+    return stress_near
+
+
+@functools.cache
+def ogden_response(bits):
+    """Stress and moduli of the Ogden material."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    stress, _ = ogden(bits)
+    strains, _, _, shear = ogden_parts(bits)
+    turned = principal_tangent(bits)
+
+    @wp.func
+    def own(strain: real, middle: real, c: parameters):
+        """Change of a principal stress with its own principal value."""
+        total = real(0.0)
+        for p in range(2):
+            a = c[2 * p + 1]
+            total += c[2 * p] * (
+                (real(0.5) * a - real(1.0)) * wp.exp(a * strain)
+                + (real(0.5) * a + real(1.0)) * wp.exp(-real(2.0) * a * middle)
+            )
+        return total * wp.exp(-real(4.0) * strain)
+
+    @wp.func
+    def response(G: mat22, constants: parameters):
+        middle, half, _mean, _radius = strains(G)
+        N12 = real(0.0)
+        for p in range(2):
+            a = constants[2 * p + 1]
+            N12 += constants[2 * p] * real(0.5) * a * wp.exp(-real(2.0) * (a + real(2.0)) * middle)
+        return stress(G, constants), turned(
+            G, own(middle + half, middle, constants), N12, own(middle - half, middle, constants),
+            shear(middle, half, constants),
+        )  # fmt: skip
+
+    return response

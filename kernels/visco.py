@@ -1,0 +1,308 @@
+"""Bond-associated visco-hyperelasticity: an equilibrium stress and Prony terms on the stress of each intersection.
+
+    S = S_inf(C) + sum_p H_p,        dH_p/dt + H_p / theta_p = d S_p(C) / dt,     theta_p = time_p rate^-exponent_p
+
+S_inf is the long-term stress, S_inf + sum_p S_p the instantaneous one, all second Piola stresses of plane stress, free
+at rest. Over a step S_p changes linearly in time, and the update is exact then (VE eq. 58):
+
+    H_p <- H_p - x k H_p + k (S_p(new) - S_p(old)),        x = dt / theta_p,  k = (1 - exp(-x)) / x.
+
+The relaxed stress q = S_p - H_p is then a mean of 0 and of all earlier S_p. As the energy F_p of S_p is convex in C, q
+is the stress at some strain C_q, and with it the stored energy and the dissipation are
+
+    Psi_p = F_p(C) - F_p(C_q) - q : (C - C_q) / 2 >= 0,      D_p = (S_p(C) - q) : (C - C_q) / (2 theta_p) >= 0
+
+whatever the motion: convexity says both. Energies are taken in float64 at frames alone, when C_q is searched.
+
+A force at a displacement off the path, as the stable step asks for, answers with the instantaneous stiffness. `strain`
+[members, points] keeps C - I of the last step (11, 22, 12), `overstress` [terms * members, points] keeps H_p.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .bond_associated import bond_associated
+from .families import WORD, family_functions
+from .incompressible import incompressible, yeoh
+from .numeric import numeric
+
+# Steps of the search for C_q, and its tolerance; it is convex and ends in a few.
+SEARCH, ENOUGH = 60, 1e-11
+
+
+@functools.cache
+def relaxation_factors(bits):
+    """Function x -> (1 - exp(-x)) / x of x >= 0, with all digits of small x."""
+    real = numeric(bits).real
+
+    @wp.func
+    def retained(x: real):
+        answer = real(0.0)
+        if x < real(0.03125):
+            third = real(1.0) / real(3.0)
+            answer = real(1.0) - real(0.5) * x * (
+                real(1.0) - third * x * (real(1.0) - real(0.25) * x * (real(1.0) - x / real(5.0)))
+            )
+        else:
+            answer = (real(1.0) - wp.exp(-x)) / x
+        return answer
+
+    return retained
+
+
+@dataclass(frozen=True)
+class ViscoKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        update: Renews strain, overstress and viscous work after a step.
+        visco_force: Fills bond_force [members, points] with both halves' forces of each family, N.
+        stored_energy: Stored energy of each family and what its Prony terms dissipated so far [points], J.
+    """
+
+    update: Any
+    visco_force: Any
+    stored_energy: Any
+
+
+@functools.cache
+def visco(layout, bits, material, breakable, module):
+    """Kernels of the law; arguments as of `bond_associated`, `material` is the one at equilibrium."""
+    types = numeric(bits)
+    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    word_size = WORD
+    stress, _ = material(bits)
+    prony_stress = incompressible(yeoh).functions(bits)[0]
+    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    present, is_whole, has, intersection = law.present, law.is_whole, law.has, law.intersection
+    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
+    retained = relaxation_factors(bits)
+    conjugate, energies = prony_energy(module), material(64)[1]
+
+    @wp.func(module=module)
+    def term_constants(term: parameters):
+        return parameters(term[0], term[1], real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def tensor(v: vec3):
+        return mat22(v[0], v[2], v[2], v[1])
+
+    @wp.func(module=module)
+    def rate_of(G: mat22, old: mat22, step: real):
+        """|dC/dt| in space, C33 = 1 / det C (VE eqs. 31 and 32)."""
+        change = G - old
+        area = real(1.0) + G[0, 0] + G[1, 1] + wp.determinant(G)
+        old_area = real(1.0) + old[0, 0] + old[1, 1] + wp.determinant(old)
+        thinning = (change[0, 0] + change[1, 1] + wp.determinant(G) - wp.determinant(old)) / (area * old_area)
+        return wp.sqrt(wp.ddot(change, change) + thinning * thinning) / step
+
+    @wp.kernel(module=module, enable_backward=False)
+    def update(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        step: wp.array(dtype=real),
+        prony: wp.array(dtype=parameters),
+        unit_volume: real,
+        first: int,
+        strain: wp.array2d(dtype=vec3),
+        overstress: wp.array2d(dtype=vec3),
+        viscous_work: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        whole = is_whole(family, alive, i)
+        dt = step[0]
+        total = real(0.0)
+        work = wp.float64(0.0)
+        for j in range(family.members):
+            if has(family, alive, i, j):
+                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+                if inverse[0] > real(0.0):
+                    G = green(inverse_horizon * G1, inverse_horizon * G2)
+                    old = tensor(strain[j, i])
+                    weight = area_weight(family, i, j, whole, size)
+                    total += weight
+                    rate = rate_of(G, old, dt)
+                    for p in range(prony.shape[0]):
+                        term = prony[p]
+                        c = term_constants(term)
+                        x = dt / term[2]
+                        if term[3] != real(0.0):
+                            x *= wp.pow(rate, term[3])
+                        k = retained(x)
+                        row = p * family.members + j
+                        before = overstress[row, i]
+                        jump = prony_stress(G, c) - prony_stress(old, c)
+                        after = before - (x * k) * before + k * vec3(jump[0, 0], jump[1, 1], jump[0, 1])
+                        overstress[row, i] = after
+                        mean = before + after
+                        power = mean[0] * (G[0, 0] - old[0, 0]) + mean[1] * (G[1, 1] - old[1, 1])
+                        power += real(2.0) * mean[2] * (G[0, 1] - old[0, 1])
+                        work += wp.float64(real(0.25) * weight * power)
+                    strain[j, i] = vec3(G[0, 0], G[1, 1], G[0, 1])
+        viscous_work[i] = viscous_work[i] + wp.float64(unit_volume * family_scale(family, i, whole, total)) * work
+
+    @wp.kernel(module=module, enable_backward=False)
+    def visco_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        prony: wp.array(dtype=parameters),
+        strain: wp.array2d(dtype=vec3),
+        overstress: wp.array2d(dtype=vec3),
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        for k in range(family.members):
+            bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
+        whole = is_whole(family, alive, i)
+        total = real(0.0)
+        for j in range(family.members):
+            if has(family, alive, i, j):
+                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+                if inverse[0] > real(0.0):
+                    H1 = inverse_horizon * G1
+                    H2 = inverse_horizon * G2
+                    G = green(H1, H2)
+                    old = tensor(strain[j, i])
+                    S = stress(G, constants)
+                    for p in range(prony.shape[0]):
+                        own = term_constants(prony[p])
+                        S += tensor(overstress[p * family.members + j, i])
+                        S += prony_stress(G, own) - prony_stress(old, own)
+                    weight = area_weight(family, i, j, whole, size)
+                    total += weight
+                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
+                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+                    P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
+                    P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
+                    A1 = P1 * inverse[0] + P2 * inverse[1]
+                    A2 = P1 * inverse[1] + P2 * inverse[2]
+                    for word in range(family.words):
+                        members = f.common(family, i, j, word) & present(family, alive, i, word)
+                        k = word * word_size
+                        while members != wp.uint32(0):
+                            if (members & wp.uint32(1)) != wp.uint32(0):
+                                xi = f.bond(family, i, k)
+                                bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
+                            members = members >> wp.uint32(1)
+                            k += 1
+        scale = unit_force * family_scale(family, i, whole, total)
+        for k in range(family.members):
+            if has(family, alive, i, k):
+                share = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+                bond_force[k, i] = (scale * share) * bond_force[k, i]
+
+    @wp.kernel(module=module, enable_backward=False)
+    def stored_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        prony: wp.array(dtype=parameters),
+        strain: wp.array2d(dtype=vec3),
+        overstress: wp.array2d(dtype=vec3),
+        viscous_work: wp.array(dtype=wp.float64),
+        first: int,
+        out: wp.array(dtype=wp.float64),
+        dissipated: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        whole = is_whole(family, alive, i)
+        elastic = wp.float64(0.0)
+        viscous = wp.float64(0.0)
+        total = real(0.0)
+        for j in range(family.members):
+            if has(family, alive, i, j):
+                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+                if inverse[0] > real(0.0):
+                    G = green(inverse_horizon * G1, inverse_horizon * G2)
+                    weight = area_weight(family, i, j, whole, size)
+                    total += weight
+                    wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))
+                    c = wp.vec4d(
+                        wp.float64(constants[0]), wp.float64(constants[1]), wp.float64(constants[2]),
+                        wp.float64(constants[3]),
+                    )  # fmt: skip
+                    elastic += wp.float64(weight) * energies(wide, c)
+                    for p in range(prony.shape[0]):
+                        term = prony[p]
+                        # H belongs to the strain of the last step; the force adds the same difference.
+                        now = term_constants(term)
+                        H = overstress[p * family.members + j, i]
+                        ahead = prony_stress(G, now) - prony_stress(tensor(strain[j, i]), now)
+                        viscous += wp.float64(weight) * conjugate(
+                            wide,
+                            wp.vec3d(
+                                wp.float64(H[0] + ahead[0, 0]), wp.float64(H[1] + ahead[1, 1]),
+                                wp.float64(H[2] + ahead[0, 1]),
+                            ),
+                            wp.vec4d(wp.float64(term[0]), wp.float64(term[1]), wp.float64(0.0), wp.float64(0.0)),
+                        )  # fmt: skip
+        scale = wp.float64(unit_volume * family_scale(family, i, whole, total))
+        out[i] = scale * (elastic + viscous)
+        dissipated[i] = viscous_work[i] - scale * viscous
+
+    return ViscoKernels(update, visco_force, stored_energy)
+
+
+@functools.cache
+def prony_energy(module):
+    """Function (G, H, constants) -> stored energy of a Prony term [J/m^3], in float64."""
+    made = incompressible(yeoh)
+    _, energy = made.functions(64)
+    response = made.response(64)
+    search, enough = SEARCH, ENOUGH
+
+    @wp.func(module=module)
+    def potential(G: wp.mat22d, q: wp.vec3d, c: wp.vec4d):
+        """F(C) - q : (C - I) / 2, infinite where det C <= 0."""
+        value = wp.float64(wp.inf)
+        area = wp.float64(1.0) + G[0, 0] + G[1, 1] + wp.determinant(G)
+        if area > wp.float64(0.0) and wp.float64(1.0) + G[0, 0] > wp.float64(0.0):
+            value = energy(G, c) - wp.float64(0.5) * (
+                q[0] * G[0, 0] + q[1] * G[1, 1] + wp.float64(2.0) * q[2] * G[0, 1]
+            )
+        return value
+
+    @wp.func(module=module)
+    def stored(G: wp.mat22d, H: wp.vec3d, c: wp.vec4d):
+        """The least of the potential is at C_q: Psi = F(C) - q : C / 2 - least."""
+        S, T = response(G, c)
+        q = wp.vec3d(S[0, 0] - H[0], S[1, 1] - H[1], S[0, 1] - H[2])
+        value = potential(G, q, c)
+        least = value
+        Q = G
+        for _ in range(search):
+            S, T = response(Q, c)
+            tangent = wp.mat33d(T[0], T[1], T[2], T[1], T[3], T[4], T[2], T[4], T[5])
+            move = wp.inverse(tangent) * wp.vec3d(q[0] - S[0, 0], q[1] - S[1, 1], wp.float64(2.0) * (q[2] - S[0, 1]))
+            share = wp.float64(1.0)
+            trial = Q
+            now = least
+            for _half in range(40):
+                trial = Q + share * wp.mat22d(move[0], move[2], move[2], move[1])
+                now = potential(trial, q, c)
+                if now <= least:
+                    break
+                share *= wp.float64(0.5)
+            if now <= least:
+                Q = trial
+                least = now
+            if wp.length(move) <= wp.float64(enough):
+                break
+        return value - least
+
+    return stored

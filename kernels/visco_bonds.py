@@ -1,0 +1,179 @@
+"""The visco-hyperelastic bond law as published (VE eqs. 46 to 75): a Yeoh force of the stretch, and viscous stretches.
+
+With J = I1 - 2 = (2 / m) sum_k w_k (|Y|^2 - |X|^2) V_k over the family of a point, w = (horizon / |X|)^2 and m =
+sum w |X|^2 V (eqs. 39 and 41), the family of i pulls its bond k with the force density
+
+    t = (4 w / m) [ (c10 + 2 c20 J) |Y| + |X| sum_p (c10_p + 2 c20_p J) gamma_p ]  along Y,
+
+where gamma is the part of the stretch |Y| / |X| that has not relaxed. The two-dimensional Yeoh energy has no pressure
+term, so t does not vanish at rest: 4 c10 w |X| / m. A broken bond gives nothing to J or to the force.
+
+A force off the path answers with the instantaneous stiffness, as in kernels/visco.py. `strain` [members, points] keeps
+|Y| / |X| - 1 of the last step, `viscous_stretch` [terms * members, points] keeps gamma_p. Table `weight` is 4 w a_i
+a_k / sum_k w xi^2 a_k.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .bond_based import bond_functions
+from .families import family_functions
+from .numeric import numeric
+from .standing import energy_of_families, gather_pairs
+from .visco import relaxation_factors
+
+
+@dataclass(frozen=True)
+class ViscoBondKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        half_forces: Fills bond_force [members, points] with what each family pulls its bonds with, N.
+        gather: Sums bond_force to the internal force [points], N.
+        update: Renews strain and viscous stretch after a step.
+        strain_energy: Energy of each family without Prony terms [points], J.
+        earlier_energy: Warp function of that energy a moment ago.
+    """
+
+    half_forces: Any
+    gather: Any
+    update: Any
+    strain_energy: Any
+    earlier_energy: Any
+
+
+@functools.cache
+def visco_bonds(layout, bits, breakable, terms, series, module):
+    """Kernels of the law.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        breakable: Whether bonds can break.
+        terms: Whether there are Prony terms.
+        series: Whether the viscous stretch is updated by the series of VE eq. 60, or exactly.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    standing, strain_of, image = bond_functions(layout, bits, breakable, module)
+    retained = relaxation_factors(bits)
+
+    @wp.func(module=module)
+    def excess(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        inverse_horizon: real,
+        i: int,
+    ):
+        """I1 - 2 of the displacement a time `back` ago; |Y|^2 - |X|^2 = X^2 s (2 + s)."""
+        total = real(0.0)
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
+                s = strain_of(xi, inverse_horizon * U)
+                total += f.weight(family, i, k) * wp.length_sq(xi) * s * (real(2.0) + s)
+        return real(0.5) * total / f.area(family, i)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def half_forces(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        prony: wp.array(dtype=parameters),
+        strain: wp.array2d(dtype=real),
+        viscous_stretch: wp.array2d(dtype=real),
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        J = excess(family, alive, displacement, displacement, real(0.0), inverse_horizon, i)
+        modulus = constants[0] + real(2.0) * constants[1] * J
+        for k in range(family.members):
+            force = vec3(real(0.0), real(0.0), real(0.0))
+            if standing(family, alive, i, k):
+                xi = f.bond(family, i, k)
+                U = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                Y = image(xi, U)
+                s = strain_of(xi, U)
+                # |X| / |Y| turns the viscous stretch into a factor on Y.
+                factor = modulus
+                if wp.static(terms):
+                    for p in range(prony.shape[0]):
+                        gamma = viscous_stretch[p * family.members + k, i] + (s - strain[k, i])
+                        factor += (prony[p][0] + real(2.0) * prony[p][1] * J) * gamma / (real(1.0) + s)
+                force = (unit_force * f.weight(family, i, k) * factor) * Y
+            bond_force[k, i] = force
+
+    @wp.kernel(module=module, enable_backward=False)
+    def update(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        step: wp.array(dtype=real),
+        prony: wp.array(dtype=parameters),
+        first: int,
+        strain: wp.array2d(dtype=real),
+        viscous_stretch: wp.array2d(dtype=real),
+    ):
+        i = wp.tid() + first
+        dt = step[0]
+        for k in range(family.members):
+            if standing(family, alive, i, k):
+                xi = f.bond(family, i, k)
+                s = strain_of(xi, inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i]))
+                change = s - strain[k, i]
+                stretch = real(1.0) + s
+                squared = stretch * stretch
+                rate = wp.abs(change) / dt * wp.sqrt(real(4.0) * squared + real(2.0) / (squared * squared))
+                for p in range(prony.shape[0]):
+                    term = prony[p]
+                    x = dt / term[2]
+                    if term[3] != real(0.0):
+                        x *= wp.pow(rate, term[3])
+                    row = p * family.members + k
+                    gamma = viscous_stretch[row, i]
+                    if wp.static(series):
+                        half = real(0.5) * x
+                        viscous_stretch[row, i] = gamma - x * gamma * (real(1.0) - half) + change * (real(1.0) - half)
+                    else:
+                        share = retained(x)
+                        viscous_stretch[row, i] = gamma - x * share * gamma + share * change
+                strain[k, i] = s
+
+    @wp.func(module=module)
+    def earlier_energy(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        constants: parameters,
+        inverse_horizon: real,
+        i: int,
+    ):
+        """Energy c10 J + c20 J^2 of the family of i over (thickness x reference area) a time `back` ago [J/m^3]."""
+        J = excess(family, alive, displacement, velocity, back, inverse_horizon, i)
+        return f.area(family, i) * J * (constants[0] + constants[1] * J)
+
+    return ViscoBondKernels(
+        half_forces=half_forces,
+        gather=gather_pairs(layout, bits, breakable, module),
+        update=update,
+        strain_energy=energy_of_families(layout, bits, earlier_energy, module),
+        earlier_energy=earlier_energy,
+    )

@@ -1,0 +1,117 @@
+"""A sheet with a hole is stretched alike along x and y. VE paper, sections 6.2 and 6.6 (figures 9, 10, 20 and 21).
+
+0.5 x 0.5 x 0.01 m, hole radius 0.08 m, polyurea of table 2, 100 x 100 points, horizon 3.015. Section 6.2 has no Prony
+term and shows stretches of 4 and 7; section 6.6 (set viscous = True, stretch = 2.5 or 3) has one, and stretches at
+0.15 /s. The paper shows displacements by picture, and that the hole stays round.
+
+`law` is "stress_free", at rest by Newton's method, or "published", by dynamic relaxation. With `viscous` both move in
+time, and the density is exaggerated as in visco_sheet. Edges and layers of points outside them move as in a uniform
+sheet: the paper does not say what its boundary layers leave free. Defaults are for two CPU cores.
+"""
+
+import math
+
+import numpy as np
+
+from warp_pd import (
+    BondAssociated,
+    Explicit,
+    Fixed,
+    Measure,
+    Newton,
+    Outcome,
+    Prony,
+    Relaxation,
+    Sheet,
+    Simulation,
+    Visco,
+    ViscoBondBased,
+    Yeoh,
+)
+from warp_pd.checks import InputError, one_of, positive
+from warp_pd.loads import stretching_edges
+from warp_pd.measures import worst_balance
+from warp_pd.solvers import Solver
+
+SIZE, THICKNESS, RADIUS = 0.5, 0.01, 0.08
+POLYUREA = Yeoh(c10=0.1996e6, c20=0.0170e6)
+TERM = Prony(c10=0.01733e6, c20=0.0015e6, time=0.9466, exponent=1.6665)
+
+
+def build(
+    points: int = 31,
+    horizon: float = 3.015,
+    law: str = "stress_free",
+    viscous: bool = False,
+    stretch: float = 4.0,
+    rate: float = 0.15,
+    density: float = 2e6,
+    load_steps: int = 12,
+    tolerance: float | None = None,
+    safety: float = 0.5,
+) -> Simulation:
+    if positive("stretch", stretch) <= 1.0:
+        raise InputError(f"stretch = {stretch!r}: allowed is a stretch above 1")
+    published = one_of("law", law, ("stress_free", "published")) == "published"
+    duration = (stretch - 1.0) / positive("rate", rate) if viscous else 1.0
+    # The published law's stress at a point depends on the whole families of its neighbours.
+    outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)
+    layers = (outside, outside)
+    sheet = Sheet.rectangle(
+        SIZE, SIZE, thickness=THICKNESS, density=density, points=points, origin=(-0.25, -0.25), layers=layers
+    ).hole((0.0, 0.0), RADIUS)
+    inner = np.hypot(*sheet.points.T) < RADIUS + 0.8 * sheet.spacing
+    angle = np.arctan2(sheet.points[inner, 1], sheet.points[inner, 0])
+    layer = sheet.where(lambda x, y: (x > 0.5 * SIZE - 1e-9) & (np.abs(y) < 0.5 * SIZE + 1e-9))
+    prony = (TERM,) if viscous else ()
+    solver: Solver = Newton(tolerance=tolerance, load_steps=load_steps)
+    if viscous:
+        solver = Explicit(duration, frames=20, damping=2.0 * rate, safety=safety)
+    elif published:
+        solver = Relaxation(tolerance=tolerance, load_steps=load_steps, ramp_steps=10 * points)
+    force = BondAssociated(POLYUREA, horizon=horizon) if not published else ViscoBondBased(POLYUREA, prony, horizon)
+    if viscous and not published:
+        force = Visco(POLYUREA, prony=prony, horizon=horizon)
+
+    def growth(frame):
+        """Growth of the hole's radius, and how much more it grows along the axes than along the mean direction.
+
+        The points at the edge of the hole are not all at its radius: a line in the distance takes that out.
+        """
+        place = np.hypot(*sheet.points[inner].T)
+        moved = sheet.points[inner] + frame.displacement[inner, :2]
+        terms = np.column_stack([np.ones_like(place), place - RADIUS, np.cos(4.0 * angle)])
+        mean, _, harmonic = np.linalg.lstsq(terms, np.hypot(*moved.T) / RADIUS, rcond=None)[0]
+        return mean, harmonic / mean
+
+    return Simulation(
+        sheet,
+        force=force,
+        loads=[Fixed(range(sheet.size), "z"), *stretching_edges(sheet, 0.5 * SIZE, [0.0, duration], [1.0, stretch])],
+        solver=solver,
+        initial_velocity=np.column_stack([rate * sheet.points, np.zeros(sheet.size)]) if viscous else None,
+        measures=[
+            Measure("stretch", "1", lambda built, frame: 1.0 + (stretch - 1.0) * frame.time / duration),
+            Measure("hole_growth", "1", lambda built, frame: growth(frame)[0]),
+            Measure("squareness", "1", lambda built, frame: growth(frame)[1]),
+            Measure(
+                "nominal_stress", "Pa",
+                lambda built, frame: -built.to_numpy(built.state.force)[layer, 0].sum() / (SIZE * THICKNESS),
+            ),
+        ],
+        outcomes=[Outcome("worst_energy_balance", "1", worst_balance)] if viscous and not published else [],
+        section="VE 6.2 and 6.6",
+        pictures=pictures,
+    )  # fmt: skip
+
+
+def pictures(history, folder):
+    from warp_pd.output import plots
+
+    shown = plots.frames_at(folder, [history[-1]["time"]])
+    plots.from_above(folder / "displacement_x.png", shown, field="u1", label="displacement along x (m)")
+    plots.from_above(folder / "displacement_y.png", shown, field="u2", label="displacement along y (m)")
+    plots.curves(
+        folder / "stress.png", history, ["nominal_stress"], ylabel="nominal stress (Pa)", against="stretch",
+        xlabel="stretch",
+    )  # fmt: skip

@@ -1,0 +1,242 @@
+"""Incompressible materials against closed forms; a user's material joins by one line of `MATERIALS`."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import build, exact_stress, internal_force, square, uniform
+from isihara import Isihara
+from material_kernels import evaluate, respond
+
+from warp_pd import (
+    ArrudaBoyce,
+    BondAssociated,
+    Explicit,
+    Fixed,
+    InputError,
+    MooneyRivlin,
+    NeoHookean,
+    Newton,
+    Ogden,
+    Pressure,
+    Relaxation,
+    Simulation,
+    Yeoh,
+)
+
+CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+
+
+def mooney_rivlin(i1, i2, c10, c01):
+    return c10 + 0 * i1, c01 + 0 * i1
+
+
+def yeoh(i1, i2, c10, c20, c30):
+    return c10 + 2 * c20 * (i1 - 3) + 3 * c30 * (i1 - 3) ** 2, 0 * i1
+
+
+def arruda_boyce(i1, i2, mu, lock):
+    return mu * sum((k + 1) * a * i1**k / lock ** (2 * k) for k, a in enumerate(CHAIN)), 0 * i1
+
+
+def isihara(i1, i2, c10, c20, c01):
+    return c10 + 2 * c20 * (i1 - 3), c01 + 0 * i1
+
+
+# A material and the derivatives of its energy by I1 and I2, of (I1, I2, *constants); None stands for Ogden's own form.
+MATERIALS = [
+    (MooneyRivlin(c10=400.0, c01=100.0), mooney_rivlin),
+    (MooneyRivlin(c10=500.0), mooney_rivlin),
+    (Yeoh(c10=0.1996e6, c20=0.0170e6), yeoh),
+    (Yeoh(c10=500.0, c20=-10.0, c30=1.0), yeoh),
+    (ArrudaBoyce(mu=1e3, lock=3.0), arruda_boyce),
+    (Ogden(mu=(600.0, 12.0), exponents=(1.3, 5.0)), None),
+    (Ogden(mu=(1000.0,), exponents=(2.0,)), None),
+    (Isihara(c10=400.0, c20=5.0, c01=100.0), isihara),
+]
+each = pytest.mark.parametrize(("material", "slopes"), MATERIALS, ids=lambda m: getattr(m, "__name__", str(m)))
+LOADINGS = {
+    "uniaxial": lambda stretch: (stretch, stretch**-0.5),
+    "equibiaxial": lambda stretch: (stretch, stretch),
+    "planar": lambda stretch: (stretch, 1.0),
+}
+
+
+def nominal_stress(material, slopes, first, second):
+    """First Piola stress along the two axes of incompressible plane stress, from textbook formulas [Pa]."""
+    third = 1.0 / (first * second)
+    if slopes is None:
+        pairs = list(zip(material.mu, material.exponents, strict=True))
+        return [sum(mu * (stretch**a - third**a) for mu, a in pairs) / stretch for stretch in (first, second)]
+    i1 = first**2 + second**2 + third**2
+    i2 = first**-2 + second**-2 + third**-2
+    one, two = slopes(i1, i2, *material.constants)
+    return [
+        2 * (stretch - third**2 / stretch) * (one + two * other**2)
+        for stretch, other in ((first, second), (second, first))
+    ]
+
+
+def strain(F):
+    return (F.T @ F - np.eye(2))[None]
+
+
+@each
+@pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize("loading", LOADINGS)
+def test_stress_is_that_of_the_closed_form(material, slopes, bits, loading):
+    stretches = np.linspace(0.6, 3.0, 13)
+    axes = [LOADINGS[loading](stretch) for stretch in stretches]
+    G = np.concatenate([strain(np.diag(a)) for a in axes])
+    stress, _ = evaluate(material, G, bits)
+    expected = np.array([nominal_stress(material, slopes, *a) for a in axes])
+    found = np.array(axes) * stress[:, [0, 1], [0, 1]]
+    modulus = max(nominal_stress(material, slopes, 1.0 + 1e-6, 1.0)) / 4e-6
+    scale = np.abs(expected).max(axis=1, keepdims=True) + modulus
+    assert np.abs((found - expected) / scale).max() < (2e-6 if bits == 32 else 1e-13)
+    assert np.abs(stress[:, 0, 1] / scale[:, 0]).max() < (2e-6 if bits == 32 else 1e-13)
+
+
+@each
+def test_rest_is_free_of_stress_and_energy(material, slopes):
+    for bits in (32, 64):
+        stress, energy = evaluate(material, np.zeros((1, 2, 2)), bits)
+        assert not stress.any() and not energy.any()
+
+
+def some_states(seed=0, number=20):
+    rng = np.random.default_rng(seed)
+    F = np.array([[1.3, 0.1], [0.0, 1.0]]) + rng.uniform(-0.3, 0.3, (number, 2, 2))
+    return np.concatenate([strain(f) for f in F])
+
+
+@each
+def test_stress_is_the_derivative_of_the_energy_and_moduli_of_the_stress(material, slopes):
+    G, step = some_states(), 1e-5
+    stress, _ = evaluate(material, G, 64)
+    same, moduli = respond(material, G, 64)
+    np.testing.assert_allclose(same, stress, rtol=1e-12, atol=1e-12 * np.abs(stress).max())
+    full = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+    for column, (m, n) in enumerate(((0, 0), (1, 1), (0, 1))):
+        change = np.zeros((2, 2))
+        change[m, n] = change[n, m] = step
+        (up, psi_up), (down, psi_down) = evaluate(material, G + change, 64), evaluate(material, G - change, 64)
+        double = 1.0 if m == n else 2.0
+        slope = 2.0 * (psi_up - psi_down) / (2.0 * step * double)
+        np.testing.assert_allclose(slope, stress[:, m, n], atol=1e-7 * np.abs(stress).max())
+        difference = (up - down) / (2.0 * step)
+        found = np.stack([difference[:, 0, 0], difference[:, 1, 1], 2.0 * difference[:, 0, 1]], axis=1)
+        np.testing.assert_allclose(moduli[:, full[:, column]], found, atol=1e-7 * np.abs(moduli).max())
+
+
+@each
+@pytest.mark.parametrize("size", [1e-1, 1e-3, 1e-6])
+def test_float32_keeps_small_strains(material, slopes, size):
+    """Stress and energy: the energy too, as no first-order terms cancel in it (but Ogden's, a sum over stretches)."""
+    G = size * np.array([[[1.0, 0.3], [0.3, -0.5]]])
+    wide, wide_energy = evaluate(material, G, 64)
+    narrow, narrow_energy = evaluate(material, G.astype(np.float32), 32)
+    assert narrow == pytest.approx(wide, rel=2e-5, abs=1e-5 * np.abs(wide).max())
+    assert narrow_energy[0] == pytest.approx(wide_energy[0], rel=5e-6 + (2e-6 / size if slopes is None else 0.0))
+
+
+@each
+def test_equal_stretches_have_no_preferred_axes(material, slopes):
+    """Principal axes are undetermined there; a turned small difference must not matter."""
+    small = 1e-9
+    G = np.array([[[0.5, 0.0], [0.0, 0.5]], [[0.5 + small, small], [small, 0.5 - small]]])
+    stress, moduli = respond(material, G, 64)
+    assert np.isfinite(moduli).all()
+    assert stress[1] == pytest.approx(stress[0], rel=1e-7, abs=1e-7 * np.abs(stress[0]).max())
+    assert moduli[1] == pytest.approx(moduli[0], rel=1e-6, abs=1e-6 * np.abs(moduli[0]).max())
+
+
+def test_it_is_the_limit_of_the_slightly_compressible_sheet():
+    F = np.array([[1.4, 0.2], [0.0, 1.1]])
+    stress, _ = evaluate(MooneyRivlin(c10=500.0), strain(F), 64)
+    errors = [
+        np.abs(F @ stress[0] - exact_stress(NeoHookean(mu=1e3, bulk=bulk), F)).max() / np.abs(stress).max()
+        for bulk in (1e5, 1e6, 1e7)
+    ]
+    assert errors[0] > 8.0 * errors[1] > 64.0 * errors[2]
+    assert errors[2] < 2e-4
+
+
+def blown(material, solver, weights="auto"):
+    sheet = square(9)
+    result = Simulation(
+        sheet,
+        BondAssociated(material, horizon=2.015, weights=weights),
+        solver,
+        loads=[Fixed(sheet.edges("all")), Pressure(material_pressure(material))],
+    ).run(device="cpu", precision=64)
+    assert result.status == "finished", result.summary["message"]
+    return result.frame.displacement
+
+
+def material_pressure(material):
+    """About 5 Pa for a shear modulus of 1 kPa."""
+    G = 1e-6 * np.array([[[1.0, 0.0], [0.0, 0.0]]])
+    return 5e-3 * evaluate(material, G, 64)[0][0, 0, 0] / 2e-6
+
+
+NEWTON_CASES = [MATERIALS[k][0] for k in (0, 2, 4, 5, 7)]
+
+
+@pytest.mark.parametrize("material", NEWTON_CASES, ids=lambda m: type(m).__name__)
+def test_newton_and_relaxation_find_the_same_sheet(material):
+    newton = blown(material, Newton(tolerance=1e-8))
+    assert newton[:, 2].max() > 5e-3
+    relaxed = blown(material, Relaxation(tolerance=1e-6))
+    assert np.abs(newton - relaxed).max() < 1e-4 * newton[:, 2].max()
+
+
+@pytest.mark.parametrize("material", NEWTON_CASES[1:4], ids=lambda m: type(m).__name__)
+def test_a_uniform_state_passes_the_patch_test(material):
+    """Fast and plain kernels, and the exact stress inside the sheet."""
+    sheet = square(13)
+    axes = (1.4, 0.9)
+    u = uniform(sheet, np.vstack([np.diag(axes), np.zeros((1, 2))]))
+    forces = [
+        internal_force(build(sheet, material=material, weights="corrected", law={"fast": fast}), u)
+        for fast in (True, False)
+    ]
+    np.testing.assert_allclose(forces[0], forces[1], atol=1e-10 * np.abs(forces[1]).max())
+    slopes = next(s for m, s in MATERIALS if m is material)
+    expected = np.array(nominal_stress(material, slopes, *axes))
+    stress = -forces[0][:, :2].T @ sheet.points / (0.1 * 0.1 * sheet.thickness)
+    np.testing.assert_allclose(np.diag(stress), expected, rtol=1e-9)
+
+
+def test_an_oscillation_keeps_its_energy():
+    sheet = square(9)
+    velocity = np.zeros((sheet.size, 3))
+    velocity[:, 0] = 5.0 * sheet.points[:, 0]
+    result = Simulation(
+        sheet,
+        BondAssociated(ArrudaBoyce(mu=1e3, lock=3.0), horizon=2.015),
+        Explicit(0.2, frames=10, safety=0.1),
+        loads=[Fixed(sheet.edges("left"))],
+        initial_velocity=velocity,
+    ).run(device="cpu", precision=32)
+    assert max(abs(row["balance_error"]) for row in result.history) < 2e-3
+
+
+def test_the_docs_show_the_material_of_this_test():
+    page = (Path(__file__).parents[1] / "docs" / "materials.md").read_text()
+    code = re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1)
+    own = (Path(__file__).parent / "isihara.py").read_text().split('"""\n', 1)[1]
+    assert code.strip() == own.strip()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: MooneyRivlin(0.0, 1.0), lambda: Yeoh(-1.0), lambda: ArrudaBoyce(1.0, 1.0),
+        lambda: Ogden((1.0,), (2.0, 3.0)), lambda: Ogden((1.0,), (-2.0,)), lambda: MooneyRivlin(1.0, -1.0),
+    ],
+)  # fmt: skip
+def test_wrong_constants_are_refused(make):
+    with pytest.raises(InputError, match="allowed"):
+        make()

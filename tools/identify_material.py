@@ -1,0 +1,186 @@
+"""Fit Yeoh and Prony constants to stress-stretch data, by least squares over all curves at once.
+
+    python tools/identify_material.py data.csv                       constants of the law Visco
+    python tools/identify_material.py --recover                      tables 1 and 2 of VE from curves made with them
+
+The file has the columns stretch and stress (first Piola stress [Pa] along the pulled direction), and rate [1/s], the
+rate of that stretch; rows of one rate are one curve, in order from stretch 1; a rate of 0 is equilibrium. With a column
+time [s] instead of rate, the file is one curve. VE section 2.3 and appendix A fit equilibrium first and one
+fast curve then; here every curve counts with its own largest stress, so that all can be used.
+
+phi_ref and eta are known apart only from curves at two or more rates. The published data (Amin et al. 2006, Roland et
+al. 2007) are not part of this project.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from warp_pd import InputError, Prony, Yeoh
+from warp_pd.homogeneous import LOADINGS, nominal_stress, second_stress, width_stretch
+
+TABLES = {
+    "table 1, high-damping rubber": (0.1438e6, 0.1438e6, 0.0587e6, 0.0562e6, 0.8673, 0.1),
+    "table 2, polyurea": (0.1996e6, 0.0170e6, 0.01733e6, 0.0015e6, 0.9466, 1.6665),
+}
+# Rates of the curves made with them: equilibrium, and where their relaxation times can be seen.
+RATES = {"table 1, high-damping rubber": (0.0, 0.024, 0.24, 0.88), "table 2, polyurea": (0.0, 0.15, 0.6, 1.5)}
+NAMES = ("c10", "c20", "Prony c10", "Prony c20", "phi_ref", "eta")
+# Points inside an interval of the data over which the stretch is followed.
+FINE = 4
+# Of the logarithms: moduli in Pa, phi_ref, eta.
+BOUNDS = np.log([[1e-3] * 4 + [1e-9, 1e-4], [1e15] * 4 + [1e9, 10.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One test.
+
+    Attributes:
+        time: [s], shape (n,), rising; None for equilibrium.
+        stretch: shape (n,), 1 at the first time.
+        stress: First Piola stress [Pa], shape (n,).
+    """
+
+    time: np.ndarray | None
+    stretch: np.ndarray
+    stress: np.ndarray
+
+
+def model(constants: Sequence[float], curve: Curve, loading: str) -> np.ndarray:
+    """First Piola stress [Pa] of the six constants along a curve, shape (n,)."""
+    c10, c20, viscous_c10, viscous_c20, time, exponent = constants
+    if curve.time is None:
+        return curve.stretch * second_stress(c10, c20, curve.stretch, width_stretch(loading, curve.stretch))
+    share = np.arange((len(curve.time) - 1) * FINE + 1) / FINE
+    stretch = np.interp(share, np.arange(len(curve.time)), curve.stretch)
+    fine = np.interp(share, np.arange(len(curve.time)), curve.time)
+    term = Prony(viscous_c10, viscous_c20, time=time, exponent=exponent)
+    return nominal_stress(Yeoh(c10, c20), (term,), fine, stretch, width_stretch(loading, stretch))[::FINE]
+
+
+def identify(curves: Sequence[Curve], loading: str = "uniaxial", start: Sequence[float] | None = None) -> np.ndarray:
+    """The six constants (c10, c20, Prony c10, Prony c20, phi_ref, eta) in Pa, s and 1, shape (6,).
+
+    All are kept positive, so that the material is stable and cannot give energy away.
+
+    Args:
+        curves: One or more, of which one is not equilibrium.
+        loading: "uniaxial", "equibiaxial" or "planar".
+        start: Where to begin; by default a tenth of the stiffness of the data relaxes.
+
+    Raises:
+        InputError: without a curve in time.
+    """
+    if all(curve.time is None for curve in curves):
+        raise InputError("curves hold equilibrium alone: allowed is at least one curve at a rate above 0")
+    scales = [np.abs(curve.stress).max() for curve in curves]
+
+    def residuals(logarithms: np.ndarray) -> np.ndarray:
+        constants = np.exp(logarithms)
+        return np.concatenate(
+            [(model(constants, c, loading) - c.stress) / scale for c, scale in zip(curves, scales, strict=True)]
+        )
+
+    if start is None:
+        furthest = max(curves, key=lambda c: float(np.abs(c.stretch - 1.0).max()))
+        stiffness = abs(np.gradient(furthest.stress, furthest.stretch)[0]) / 6.0
+        starts = [(stiffness, 0.1 * stiffness, 0.1 * stiffness, 0.01 * stiffness, 1.0, eta) for eta in (0.1, 1.0)]
+    else:
+        starts = [tuple(start)]
+    found = [least_squares(residuals, np.log(s), bounds=BOUNDS, xtol=1e-12, ftol=1e-12, max_nfev=200) for s in starts]
+    return np.exp(min(found, key=lambda f: float(f.cost)).x)
+
+
+def made(
+    constants: Sequence[float], rates: Sequence[float], noise: float, seed: int = 0, furthest: float = 2.5
+) -> list[Curve]:
+    """Uniaxial curves of known constants, with normal noise as a share of the largest stress of each."""
+    rng = np.random.default_rng(seed)
+    stretch = np.linspace(1.0, furthest, 61)
+    curves = []
+    for rate in rates:
+        time = np.abs(stretch - 1.0) / rate if rate > 0.0 else None
+        curve = Curve(time, stretch, np.zeros_like(stretch))
+        stress = model(constants, curve, "uniaxial")
+        curves.append(Curve(time, stretch, stress + noise * np.abs(stress).max() * rng.normal(size=stress.shape)))
+    return curves
+
+
+def read(path: Path) -> list[Curve]:
+    """Curves of a CSV file, see above.
+
+    Raises:
+        InputError: if it cannot be read, or a curve does not begin at stretch 1 and go on in time.
+    """
+    try:
+        with path.open(newline="") as stream:
+            rows = [{key: float(text) for key, text in row.items()} for row in csv.DictReader(stream)]
+        stretch, stress = (np.array([row[name] for row in rows]) for name in ("stretch", "stress"))
+        if not rows:
+            raise ValueError
+        if "time" in rows[0]:
+            curves = [Curve(np.array([row["time"] for row in rows]), stretch, stress)]
+        else:
+            rates = np.array([row["rate"] for row in rows])
+            curves = [
+                Curve(
+                    np.abs(stretch[rates == r] - 1.0) / r if r > 0.0 else None, stretch[rates == r], stress[rates == r]
+                )
+                for r in np.unique(rates)
+            ]
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"file = {str(path)!r}: allowed are numbers in columns stretch, stress and rate or time "
+            f"({type(error).__name__})"
+        ) from None
+    for curve in curves:
+        begins = len(curve.stretch) > 5 and abs(curve.stretch[0] - 1.0) < 1e-6
+        if not begins or (curve.time is not None and not (np.diff(curve.time) > 0.0).all()):
+            raise InputError(
+                f"file = {str(path)!r}: allowed are six rows or more a curve, from stretch 1 on, rising in time"
+            )
+    return curves
+
+
+def report(constants: np.ndarray, wanted: Sequence[float] | None = None) -> str:
+    """The constants as a table."""
+    lines = []
+    for k, name in enumerate(NAMES):
+        line = f"{name:10s} {constants[k]:12.6g} {'Pa' if k < 4 else ''}"
+        if wanted is not None:
+            line += f"  {wanted[k]:12.6g}  {100.0 * (constants[k] / wanted[k] - 1.0):+8.3f} %"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Fit a file, or recover the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", type=Path, nargs="?")
+    parser.add_argument("--loading", choices=LOADINGS, default="uniaxial")
+    parser.add_argument("--recover", action="store_true", help="tables 1 and 2 of VE, without and with noise")
+    options = parser.parse_args()
+    if options.recover:
+        for name, wanted in TABLES.items():
+            for noise in (0.0, 0.002, 0.01):
+                found = identify(made(wanted, RATES[name], noise))
+                print(f"{name}, noise {100.0 * noise:g} %: found, table, difference\n{report(found, wanted)}\n")
+    elif options.file is None:
+        parser.error("a file, or --recover")
+    else:
+        try:
+            print(report(identify(read(options.file), options.loading)))
+        except InputError as error:
+            parser.exit(2, f"{error}\n")
+
+
+if __name__ == "__main__":
+    main()
