@@ -320,7 +320,9 @@ def measure(study: Study, case: Case, device: str, repeats: int, enough: float, 
     scalar = field = None
     if result.status == "finished":
         scalar, field = study.errors(result, collector.frames, own)
-    evaluations = summary["solve"].get("products") if summary["solve"] and case.solver == "newton" else summary["steps"]
+    evaluations: int = summary["steps"]
+    if case.solver == "newton":
+        evaluations: int = summary["solve"].get("products", 0) + summary["solve"]["iterations"]
     median = statistics.median(times)
     return Row(
         case=case,
@@ -331,7 +333,7 @@ def measure(study: Study, case: Case, device: str, repeats: int, enough: float, 
         spread=(max(times) - min(times)) / median,
         setup=summary["setup_s"],
         compile=compiling,
-        point_steps=float(summary["points"]) * float(evaluations or 0),
+        point_steps=float(summary["points"]) * float(evaluations),
         device=summary["device"],
         stand=stand,
     )
