@@ -369,6 +369,7 @@ def stiffness(rubber: Rubber, share_of_lock: float | None = None) -> Callable[[T
         sheet, a, b = square(), 1.3, 0.9
         if share_of_lock is not None:
             a = b = float(bisect(lambda x: rubber.share_of_lock(x) - share_of_lock, 1.001, 40.0))
+        known = isinstance(trial.simulation(sheet, rubber).force.material, NeoHookean | Gent)
         error, stress = stress_error(trial.built(sheet, rubber), sheet, rubber, a, b)
         small = 1.0 if share_of_lock is None else 1.0 - share_of_lock
         start = stretched(sheet, a, b) + small * (smooth(sheet, 0.02) + rough(sheet, 0.01))
@@ -381,7 +382,7 @@ def stiffness(rubber: Rubber, share_of_lock: float | None = None) -> Callable[[T
             ),
             rubber.energy(a, b) * volume(sheet),
         )  # fmt: skip
-        if found.verdict == CLEAN:
+        if found.verdict == CLEAN or not known:
             return found
         return replace(found, number=error, field=stress, remark=found.remark)
 
@@ -500,8 +501,8 @@ def step_bound(make: Callable[[], Sheet], a: float, b: float) -> Callable[[Trial
         # The load's value is replaced by what keeps the stretched sheet in equilibrium.
         loads = [Fixed(edge), PointForce(np.arange(sheet.size), (0.0, 0.0, 1e-30))]
         built = trial.built(sheet, loads=loads)
-        shares = (0.5, 0.8, 0.9, 0.95, 0.98, 1.0, 1.02, 1.05, 1.1, 1.2)
-        held, broke = largest_share(built, stretched(sheet, a, b), shares, 400 if trial.short else 2000)
+        shares = (0.5, 0.8, 1.0, 1.02, 1.05, 1.1, 1.2)
+        held, broke = largest_share(built, stretched(sheet, a, b), shares, 400 if trial.short else 1000)
         verdict = STABLE if held >= 1.0 else SMALLER
         remark = f"unstable at {broke:g}" if broke < math.inf else "stable at all"
         if held >= 1.0 and broke > 1.1:
@@ -915,7 +916,7 @@ CASES: tuple[Case, ...] = (
         )
         for lock in (200.0, 50.0, 10.0, 3.0, 1.0)
     ),
-    Case("150 % of the stretch of the lock, Jm = 20", ENERGY, beyond_lock, fast=True),
+    Case("stretched beyond the lock, Jm = 20", ENERGY, beyond_lock, fast=True),
     *(
         Case(f"thickness {h:g} of the side", "change of the motion", scaled(thickness=h), fast=h == 1e-6)
         for h in (1e-6, 1e-3, 1.0)
@@ -953,7 +954,7 @@ CASES: tuple[Case, ...] = (
     Case("ball at 100 times", ENERGY, ball(100.0), fast=True),
     Case("every bond in one step", ENERGY, all_at_once, fast=True),
     Case("restart in the middle of a tear", "bytes that differ", restarted, fast=True),
-    Case("two runs on one device", "bytes that differ", repeated),
+    Case("two runs on one device", "bytes that differ", repeated, fast=True),
     Case("rigid spin", "drift", spin, fast=True),
     Case("undamped oscillation", "drift of the energy", oscillation, fast=True),
 )
@@ -1029,26 +1030,107 @@ def table(cells: Table, laws: Sequence[str], text: Callable[[Cell], str]) -> str
 
 
 def remarks(cells: Table) -> str:
-    """One line for each cell that is not simply stable and says why."""
-    lines = []
+    """What the cells that are not simply stable say, one line a remark."""
+    said: dict[tuple[str, str], dict[str, list[str]]] = {}
     for name, row in cells.items():
-        said: dict[tuple[str, str], list[str]] = {}
         for law, c in row.items():
-            if c.remark and (c.verdict != STABLE or name in ("rigid spin", "undamped oscillation")):
-                said.setdefault((c.verdict, c.remark), []).append(law)
-        lines += [f"- {name}, {', '.join(laws)}: {verdict}; {remark}" for (verdict, remark), laws in said.items()]
+            if c.remark and (c.verdict != STABLE or "steps" in c.remark):
+                # Numbers of points and times differ from law to law; the cause is after the colon.
+                reason = c.remark.split("likely cause: ")[-1] if c.verdict == CLEAN else c.remark
+                key = (c.verdict, law if c.verdict == NONE else reason)
+                said.setdefault(key, {}).setdefault(reason, []).append(name if c.verdict == NONE else f"{name}, {law}")
+    lines = []
+    for (verdict, law), reasons in said.items():
+        if verdict == NONE:
+            names = "; ".join(dict.fromkeys(name for names in reasons.values() for name in names))
+            lines.append(f"- {law}, does not apply: {names}. {next(iter(reasons))}")
+        else:
+            lines += [f"- {verdict}, {reason}: {'; '.join(names)}" for reason, names in reasons.items()]
+    return "\n".join(lines)
+
+
+# What the limits of a group of cases are, and what to do about them; by how the names of its cases begin.
+ADVICE = {
+    "K/mu = ": "Nothing to do in float32: the volume change is found from the strain, not from a number near one.",
+    "99 % of the lock, Jm = ": "Near its lock a sheet stiffens within a few steps: lower `safety`. Laws whose bonds "
+    "answer on their own, and the nodal one, reach the lock at the edges first. Beyond it a run ends with a message.",
+    "thickness": "Any: neither strain nor step depends on it.",
+    "units": "Any: lengths are kept over the horizon and areas over that of a point.",
+    "step": "The estimate is a bound. Undamped, laws without a potential grow slowly at any step: add damping, or take "
+    "`plain` or `corrected`.",
+    "cloud": "A sheet that is not in equilibrium recoils and stiffens: lower `safety`. The horizon must reach the "
+    "neighbours where the spacing is widest, so that graded clouds have large families where it is finest; corrected "
+    "weights take long there.",
+    "a bond turned": "Folds stiffen within a few steps: lower `safety`.",
+    "compression": "A sheet that is pushed together crumples down to its spacing, as sheets without bending stiffness "
+    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts.",
+    "ball": "Any speed: a step is no longer than the ball takes for a quarter of a spacing, so fast balls cost steps.",
+    "undamped": "Laws without a potential gain or lose energy in the long run: take `plain` or `corrected`.",
+}
+
+
+def limits(cells: Table) -> str:
+    """Which laws hold where, one line a group of cases."""
+    lines = []
+    for begin, advice in ADVICE.items():
+        rows = {name: row for name, row in cells.items() if name.startswith(begin)}
+        if not rows:
+            continue
+        held = []
+        for law in next(iter(rows.values())):
+            asked = [name for name, row in rows.items() if row[law].verdict != NONE]
+            good = [name[len(begin) :].lstrip(" :") for name in asked if rows[name][law].verdict in (STABLE, SMALLER)]
+            short = any(rows[name][law].verdict == SMALLER for name in asked)
+            if asked:
+                which = "all" if len(good) == len(asked) else ", ".join(good) or "none"
+                held.append(f"{law}: {which}{' (some with a smaller step)' if short else ''}")
+        lines.append(f"- **{begin.rstrip(' =')}.** Holds in float32: {'; '.join(held)}. {advice}")
     return "\n".join(lines)
 
 
 def page(cells: Table, laws: Sequence[str], device: str, command: str, stand: str | None) -> str:
     """The page as markdown."""
     differences = table(cells, laws, lambda c: "" if c.difference is None else shortest(c.difference))
-    return (
-        f"# Stability on stiff and extreme cases\n\n`{command}`, {stamp(device, stand)}.\n\n{__doc__.split('Every')[0].splitlines()[0]}\n\n"  # noqa: E501
-        f"## Verdicts, float32\n\n{table(cells, laws, Cell.text)}\n\n"
-        f"## Float32 against float64\n\n{differences}\n\n"
-        f"## Remarks\n\n{remarks(cells)}\n"
-    )
+    seconds = sum(c.seconds for row in cells.values() for c in row.values())
+    return f"""# Stability on stiff and extreme cases
+
+`{command}`, {stamp(device, stand)}; {seconds:.0f} s. The numbers: [{Path("stability.json").name}](stability.json).
+
+A cell holds a verdict and the number behind it, which the second column names.
+
+- **stable**: at the default share of the estimated step, 0.9.
+- **stable with a smaller step**: at the share that the remarks name.
+- **diverges cleanly**: the run ends with a message and exit code 3, or the input is refused with one; nothing that is
+  not finite is written.
+- **wrong**: finite, but it breaks physics: more than {100 * ENERGY_ERROR:g} % error of the energy balance (for a law
+  without an energy of its own, more kinetic energy than there can be), forces that do not turn with the sheet, a value
+  that is not the exact one, modes that nothing resists.
+- n/a: the law has no such thing; the remarks say why.
+
+Energy errors are of the balance, over the largest energy or work. `published`, `plain` and `corrected` are weights of
+the bond-associated law, horizon {HORIZON}; the other laws have their default horizons. `neural` is the network inside a
+kernel. Where energy, not shape, is followed over a long time, the laws without a potential are measured by the nodal
+energy of the same displacement.
+
+## Limits, and what to do about them
+
+{limits(cells)}
+
+## Verdicts, float32
+
+{table(cells, laws, Cell.text)}
+
+## Float32 against float64
+
+Largest difference of what the number is made of (stress, forces, displacement), over the largest; of the number itself
+where motion is chaotic.
+
+{differences}
+
+## Remarks
+
+{remarks(cells)}
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> Table:
