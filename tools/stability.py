@@ -65,6 +65,9 @@ MU, DENSITY, THICKNESS, HORIZON = 1e3, 1e3, 0.01, 2.015
 NEARLY = 1e4
 # Error of the energy balance, or energy beyond what was put in, above which a run is wrong.
 ENERGY_ERROR = 0.02
+KINETIC = "k"
+# Seconds after which no further share of the step is tried.
+PATIENCE = 10.0
 
 
 class NotThere(Exception):
@@ -161,12 +164,14 @@ class Finding:
         number: The number behind it, or None.
         remark: What else there is to say.
         field: What float32 and float64 are compared by, or None: the number.
+        unit: KINETIC where that stands in for an energy error, for laws without an energy.
     """
 
     verdict: str
     number: float | None = None
     remark: str = ""
     field: np.ndarray | None = None
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -306,7 +311,7 @@ def run_once_at(trial: Trial, simulation: Simulation, budget: float) -> Finding:
     """Verdict of one whole run of the product.
 
     The number is the worst error of the energy balance over the largest energy; for a law without an energy of its
-    own, what the largest kinetic energy exceeds `budget` [J], the energy that there can be, by, over the budget.
+    own, the largest kinetic energy over `budget` [J], the energy that there can be.
     """
     watch = FiniteFrames()
     try:
@@ -315,16 +320,16 @@ def run_once_at(trial: Trial, simulation: Simulation, budget: float) -> Finding:
         return Finding(CLEAN, None, str(error))
     rows = result.history
     if "balance_error" in rows[-1]:
-        number = max((abs(row["balance_error"]) for row in rows), default=0.0)
+        number, most, unit = max(abs(row["balance_error"]) for row in rows), ENERGY_ERROR, ""
     else:
-        number = max(0.0, max(row["kinetic"] for row in rows) / budget - 1.0)
+        number, most, unit = max(row["kinetic"] for row in rows) / budget, 1.0 + ENERGY_ERROR, KINETIC
     if not watch.all_finite:
-        return Finding(WRONG, number, "a frame that is not finite was written")
+        return Finding(WRONG, number, "a frame that is not finite was written", unit=unit)
     if result.status == DIVERGED:
-        return Finding(CLEAN, number, result.summary["message"])
-    if number > ENERGY_ERROR:
-        return Finding(WRONG, number, "energy")
-    return Finding(STABLE, number, field=result.frame.displacement)
+        return Finding(CLEAN, number, result.summary["message"], unit=unit)
+    if number > most:
+        return Finding(WRONG, number, "energy", unit=unit)
+    return Finding(STABLE, number, field=result.frame.displacement, unit=unit)
 
 
 def attempt(trial: Trial, make: Callable[[float], Simulation], budget: float) -> Finding:
@@ -335,7 +340,7 @@ def attempt(trial: Trial, make: Callable[[float], Simulation], budget: float) ->
         if found.verdict == STABLE:
             return found if share == SHARES[0] else replace(found, verdict=SMALLER, remark=f"at {share:g}")
         found = replace(found, remark=f"at {share:g}: {found.remark}")
-        if perf_counter() - begin > 2.0 * trial.seconds:
+        if perf_counter() - begin > PATIENCE:
             break
     return found
 
@@ -384,7 +389,7 @@ def stiffness(rubber: Rubber, share_of_lock: float | None = None) -> Callable[[T
         )  # fmt: skip
         if found.verdict == CLEAN or not known:
             return found
-        return replace(found, number=error, field=stress, remark=found.remark)
+        return replace(found, number=error, field=stress, unit="")
 
     return find
 
@@ -503,6 +508,8 @@ def step_bound(make: Callable[[], Sheet], a: float, b: float) -> Callable[[Trial
         built = trial.built(sheet, loads=loads)
         shares = (0.5, 0.8, 1.0, 1.02, 1.05, 1.1, 1.2)
         held, broke = largest_share(built, stretched(sheet, a, b), shares, 400 if trial.short else 1000)
+        if held < 1.0 and largest_share(built, stretched(sheet, a, b), (0.2,), 5000)[0] == 0.0:
+            held = 0.0
         verdict = STABLE if held >= 1.0 else SMALLER
         remark = f"unstable at {broke:g}" if broke < math.inf else "stable at all"
         if held >= 1.0 and broke > 1.1:
@@ -541,10 +548,9 @@ def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
             sheet, initial_displacement=0.05 * sheet.spacing * rng.normal(size=(sheet.size, 3)),
             initial_velocity=velocity, damage=CriticalStretch(1e3),
         )  # fmt: skip
-        stable = stable_step(built)
         keep_bonds(built, pairs)
         before, momentum = energies(built), (built.to_numpy(built.mass)[:, None] * velocity).sum(axis=0)
-        drive(built, 0.1 * stable, 200 if trial.short else 1000)
+        drive(built, 0.02 * sheet.spacing / math.sqrt(MU / DENSITY), 200 if trial.short else 1000)
         if not finite(built):
             return Finding(WRONG, None, "not finite")
         kinetic, strain = energies(built)
@@ -553,9 +559,12 @@ def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
         error /= (built.to_numpy(built.mass)[:, None] * np.abs(velocity)).sum()
         # Without an energy of the law, the sheet's own at this strain bounds what a few bonds can store.
         budget = before[0] + (0.01 * MU * volume(sheet) if math.isnan(strain) else before[1])
-        gain = (kinetic - budget if math.isnan(strain) else abs(kinetic + strain - budget)) / budget
-        number = max(float(error), gain, 0.0)
-        return Finding(STABLE if number < 1e-3 else WRONG, number, field=built.to_numpy(built.state.displacement))
+        field = built.to_numpy(built.state.displacement)
+        if math.isnan(strain):
+            good = error < 1e-3 and kinetic < (1.0 + ENERGY_ERROR) * budget
+            return Finding(STABLE if good else WRONG, kinetic / budget, field=field, unit=KINETIC)
+        number = max(float(error), abs(kinetic + strain - budget) / budget)
+        return Finding(STABLE if number < 1e-3 else WRONG, number, field=field)
 
     return find
 
@@ -587,7 +596,7 @@ def zero_energy(trial: Trial) -> Finding:
             found[f"{name} along {axis}"] = math.copysign(math.sqrt(abs(squared)), squared) / largest
     worst = min(found, key=lambda k: found[k])
     number = found[worst]
-    return Finding(STABLE if number > 0.1 else WRONG, number, worst)
+    return Finding(STABLE if number > 0.05 else WRONG, number, worst)
 
 
 def rotation(degrees: float, axis: tuple[float, float, float]) -> np.ndarray:
@@ -741,12 +750,13 @@ def oscillation(trial: Trial) -> Finding:
         initial_velocity=velocity,
     )  # fmt: skip
     stored = own_or_nodal(trial, built)
-    s = long_run(trial, built, 0.5 * stable_step(built), 2000 if trial.short else trial.steps, stored)
+    s = long_run(trial, built, 0.2 * stable_step(built), 2000 if trial.short else trial.steps, stored)
     total = s.kinetic + s.strain
-    tenth = max(2, len(total) // 10)
+    quarter = max(1, len(total) // 4)
     if not np.isfinite(total).all():
         return Finding(WRONG, None, f"not finite after {count_of(s.steps)}")
-    drift = float((total[-tenth:].mean() - total[1 : 1 + tenth].mean()) / s.kinetic[0])
+    # The first quarter shares out the energy between the modes, on which the energy of central differences depends.
+    drift = float((total[-quarter:].mean() - total[quarter : 2 * quarter].mean()) / s.kinetic[0])
     return Finding(STABLE if abs(drift) < 0.05 else WRONG, drift, count_of(s.steps))
 
 
@@ -974,12 +984,13 @@ class Cell:
     double_verdict: str
     difference: float | None
     seconds: float
+    unit: str = ""
 
     def text(self) -> str:
         """For the table."""
         if self.verdict == NONE:
             return "n/a"
-        shown = "" if self.number is None else f" {shortest(self.number)}"
+        shown = "" if self.number is None else f" {shortest(self.number)}{self.unit}"
         mark = "" if self.verdict == self.double_verdict else f" (float64: {self.double_verdict})"
         return f"{self.verdict}{shown}{mark}"
 
@@ -1014,6 +1025,7 @@ def cell(case: Case, trial: Trial) -> Cell:
         double.verdict,
         difference,
         perf_counter() - begin,
+        single.unit,
     )
 
 
@@ -1103,11 +1115,12 @@ A cell holds a verdict and the number behind it, which the second column names.
 - **diverges cleanly**: the run ends with a message and exit code 3, or the input is refused with one; nothing that is
   not finite is written.
 - **wrong**: finite, but it breaks physics: more than {100 * ENERGY_ERROR:g} % error of the energy balance (for a law
-  without an energy of its own, more kinetic energy than there can be), forces that do not turn with the sheet, a value
+  without an energy of its own, k above 1), forces that do not turn with the sheet, a value
   that is not the exact one, modes that nothing resists.
 - n/a: the law has no such thing; the remarks say why.
 
-Energy errors are of the balance, over the largest energy or work. `published`, `plain` and `corrected` are weights of
+Energy errors are of the balance, over the largest energy or work; for a law without an energy of its own, k marks the
+largest kinetic energy over the energy that there can be. `published`, `plain` and `corrected` are weights of
 the bond-associated law, horizon {HORIZON}; the other laws have their default horizons. `neural` is the network inside a
 kernel. Where energy, not shape, is followed over a long time, the laws without a potential are measured by the nodal
 energy of the same displacement.
