@@ -111,16 +111,19 @@ def test_a_ball_that_never_touches_changes_nothing():
     assert (with_ball.frame.displacement == without.frame.displacement).all()
 
 
-@pytest.mark.parametrize("broken", ["drop", "redistribute"])
-def test_tearing_a_strip_in_two(broken):
-    """Pulled apart at mid-height: damage appears, the halves separate, nothing is NaN, the energy balances."""
+@pytest.mark.parametrize(("broken", "safety"), [("drop", 0.1), ("redistribute", 0.02)])
+def test_tearing_a_strip_in_two(broken, safety):
+    """Pulled apart at mid-height: damage appears, the halves separate, nothing is NaN, the energy balances.
+
+    Redistributed weights stiffen what a family has left: at 0.1 of the step the released energy has either sign.
+    """
     sheet = Sheet.rectangle(0.04, 0.1, thickness=1e-3, density=1000.0, points=(9, 21)).cut(
         (-0.01, 0.0512), (0.016, 0.0512)
     )
     law = BondAssociated(NEO, horizon=3.015, broken=broken)
     top = sheet.edges("top")
     simulation = Simulation(
-        sheet, law, Explicit(0.5, frames=25, damping=5.0, safety=0.1),
+        sheet, law, Explicit(0.5, frames=25, damping=5.0, safety=safety),
         loads=[Fixed(sheet.edges("bottom")), Motion(top, [0.0, 0.5], x=0.0, y=[0.0, 0.15], z=0.0)],
         damage=CriticalStretch(1.5),
     )  # fmt: skip

@@ -1,5 +1,6 @@
 """The tools that make the pages: that their tables compare like with like, and say so where there is no number."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from warp_pd.cli import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import error_vs_time as evt
+import stability
 import stretch
 import tearing
 
@@ -118,3 +120,50 @@ def test_errors_of_the_stretched_sheet_are_told_only_where_there_is_a_reference(
 
 def test_the_staircase_of_a_hole_nears_its_circle():
     assert [100.0 * stretch.hole_area_error(n) for n in (30, 40, 100)] == pytest.approx([5.0, -3.6, 1.0], abs=0.1)
+
+
+# Case, and the most that its number may be in float32 where it has a bound of its own.
+MUST_HOLD = {
+    "K/mu = 1e6": 1e-6,
+    "thickness 1e-6 of the side": 5e-6,
+    "units: millimetres": 5e-6,
+    "units: kilometres": 5e-6,
+    "step: stretched": None,
+    "one bond": 1e-6,
+    "sheet turned by 180°": 1e-5,
+    "ball at 100 times": 1e-3,
+    "every bond in one step": 0.01,
+    "restart in the middle of a tear": 0.0,
+    "two runs on one device": 0.0,
+}
+
+
+def test_the_default_law_is_stable_where_it_must_be(tmp_path):
+    page = tmp_path / "stability.md"
+    cells = stability.main(
+        ["--fast", "--device", "cpu", "--laws", "corrected", "--out", str(page), "--only", *MUST_HOLD]
+    )
+    assert set(cells) == set(MUST_HOLD)
+    for name, most in MUST_HOLD.items():
+        cell = cells[name]["corrected"]
+        assert (cell.verdict, cell.double_verdict) == (stability.STABLE, stability.STABLE), name
+        assert most is None or cell.number <= most, name
+        assert "| " + name + " | " in page.read_text()
+    assert cells["step: stretched"]["corrected"].number >= 1.0
+    assert "unstable at" in cells["step: stretched"]["corrected"].remark
+    numbers = json.loads(page.with_suffix(".json").read_text())
+    assert numbers["one bond"]["corrected"]["verdict"] == stability.STABLE
+
+
+def test_the_table_tells_laws_apart():
+    """A verdict that every law gets would show nothing: the nodal law has zero-energy modes, the plain one has none."""
+    cells = stability.main(["--device", "cpu", "--laws", "nodal", "plain", "--only", "zero-energy", "beyond"])
+    zero = cells["zero-energy excitations"]
+    assert (zero["nodal"].verdict, zero["plain"].verdict) == (stability.WRONG, stability.STABLE)
+    assert {cell.verdict for cell in cells["stretched beyond the lock, Jm = 20"].values()} == {stability.CLEAN}
+
+
+def test_a_law_that_has_no_lock_says_so():
+    cells = stability.main(["--device", "cpu", "--laws", "bond-based", "--only", "Jm = 1"])
+    assert {row["bond-based"].verdict for row in cells.values()} == {stability.NONE}
+    assert "no lock" in cells["99 % of the lock, Jm = 1"]["bond-based"].remark

@@ -1,0 +1,1221 @@
+"""Does it stay stable on stiff and extreme cases? A verdict and a number for every case and force law.
+
+    python tools/stability.py --out docs/stability.md               # all cases; the longest runs stop after --seconds
+    python tools/stability.py --fast                                # short versions and one law, for CI
+    python tools/stability.py --device cuda:0 --steps 1000000 --seconds 600 --stand HASH --out docs/stability.md
+    python tools/stability.py --only "units" "ball"                 # cases whose name holds one of these
+
+Every case runs in float32 and in float64. The numbers are also written as JSON beside the page. Verdicts:
+
+    stable                     at the default share of the estimated step, 0.9
+    stable with a smaller step the share that holds is the number's remark
+    diverges cleanly           the run ends with a message, input is refused with one, and nothing written is not finite
+    wrong                      finite, but it breaks physics: energy, objectivity, a value
+    does not apply             the law has no such thing; the remark says why
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from scipy.optimize import bisect, brentq
+from stamp import stamp
+
+from warp_pd import (
+    Bimodular,
+    BondAssociated,
+    BondBased,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Frame,
+    Gent,
+    InputError,
+    NeoHookean,
+    Neural,
+    Nodal,
+    RigidBall,
+    Sheet,
+    Simulation,
+)
+from warp_pd.bonds import pack
+from warp_pd.forces import ForceLaw
+from warp_pd.launches import run_once
+from warp_pd.runner import DIVERGED, MOST_GAIN, DivergedError
+from warp_pd.simulation import Built
+from warp_pd.solvers.explicit import FIRST_ITERATIONS
+
+STABLE, SMALLER, CLEAN, WRONG, NONE = (
+    "stable", "stable with a smaller step", "diverges cleanly", "wrong", "does not apply",
+)  # fmt: skip
+# Shares of the estimated step that are tried in turn.
+SHARES = (0.9, 0.45, 0.2, 0.1, 0.05, 0.02)
+MU, DENSITY, THICKNESS, HORIZON = 1e3, 1e3, 0.01, 2.015
+# K/mu of the sheets near their lock: softer ones swell instead.
+NEARLY = 1e4
+# Error of the energy balance, or energy beyond what was put in, above which a run is wrong.
+ENERGY_ERROR = 0.02
+KINETIC = "k = "
+GAINED = "a run ends with a message: it gained energy within"
+# Seconds after which no further share of the step is tried.
+PATIENCE = 10.0
+
+
+class NotThere(Exception):
+    """The law has no such thing; the message says why."""
+
+
+@dataclass(frozen=True)
+class Rubber:
+    """What the laws' materials are made of: shear modulus [Pa], K/mu, and Jm of a Gent sheet or None."""
+
+    mu: float = MU
+    ratio: float = 100.0
+    lock: float | None = None
+
+    @property
+    def material(self) -> NeoHookean | Gent:
+        """Neo-Hookean, or Gent where there is a lock."""
+        bulk = self.ratio * self.mu
+        return NeoHookean(self.mu, bulk) if self.lock is None else Gent(self.mu, bulk, self.lock)
+
+    @property
+    def pairwise(self) -> Bimodular:
+        """A bond-based sheet of Young's modulus 3 mu; nu = 1/3."""
+        if self.lock is not None:
+            raise NotThere("a bond-based sheet has no lock")
+        if self.ratio != Rubber.ratio:
+            raise NotThere("a bond-based sheet has no K/mu: nu is 1/3")
+        return Bimodular(3.0 * self.mu)
+
+    def thickness_stretch(self, a: float, b: float) -> float:
+        """C33 of the principal stretches a and b, apart from the kernels: zero of sigma_33. NaN beyond the lock."""
+        trace, det, bulk = a * a + b * b, (a * b) ** 2, self.ratio * self.mu
+
+        def pull(c33: Any) -> Any:
+            volume = c33 * det
+            pressure = 0.5 * bulk * (volume - 1.0) if self.lock else 0.25 * bulk * (volume - 1.0 / volume)
+            return self._shear(trace, c33, volume) * (2.0 * c33 - trace) / 3.0 + pressure
+
+        # The root lies on the near side of the pole that the Gent material has at its lock.
+        grid = np.geomspace(1e-2, 1e8, 40001) / det
+        values, good = pull(grid), self._shear(trace, grid, grid * det) > 0.0
+        at = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0) & good[:-1] & good[1:])
+        if len(at) == 0:
+            return math.nan
+        return float(brentq(pull, grid[at[0]], grid[at[0] + 1], xtol=1e-15, rtol=8.9e-16))
+
+    def _shear(self, trace: float, c33: Any, volume: Any) -> Any:
+        modified = volume ** (-1.0 / 3.0)
+        if self.lock is None:
+            return self.mu * modified
+        return self.mu * self.lock * modified / (self.lock - modified * (trace + c33) + 3.0)
+
+    def stress(self, a: float, b: float) -> np.ndarray:
+        """Principal first Piola stresses [Pa]."""
+        c33 = self.thickness_stretch(a, b)
+        g = self._shear(a * a + b * b, c33, c33 * (a * b) ** 2)
+        return g * np.array([a - c33 / a, b - c33 / b])
+
+    def share_of_lock(self, a: float) -> float:
+        """(I1b - 3) / Jm under equibiaxial stretch; 1 beyond the lock."""
+        assert self.lock is not None
+        c33 = self.thickness_stretch(a, a)
+        if math.isnan(c33):
+            return 1.0
+        return ((c33 * a**4) ** (-1.0 / 3.0) * (2.0 * a * a + c33) - 3.0) / self.lock
+
+    def energy(self, a: float, b: float) -> float:
+        """Stored energy [J/m^3] under the principal stretches a and b, by the way that stretches both together."""
+        share, weight = np.polynomial.legendre.leggauss(24)
+        share, weight = 0.5 * (share + 1.0), 0.5 * weight
+        way = np.array([a - 1.0, b - 1.0])
+        return float(sum(w * self.stress(*(1.0 + s * way)) @ way for s, w in zip(share, weight, strict=True)))
+
+
+RUBBER = Rubber()
+# One line a law: what makes it of a rubber.
+LAWS: dict[str, Callable[[Rubber], ForceLaw]] = {
+    "nodal": lambda r: Nodal(r.material),
+    "published": lambda r: BondAssociated(r.material, horizon=HORIZON, weights="published"),
+    "plain": lambda r: BondAssociated(r.material, horizon=HORIZON, weights="plain"),
+    "corrected": lambda r: BondAssociated(r.material, horizon=HORIZON, weights="corrected"),
+    "closed form": lambda r: Neural(r.material, evaluation="closed_form"),
+    "neural": lambda r: Neural(r.material, evaluation="fused"),
+    "bond-based": lambda r: BondBased(r.pairwise),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """What a case found of a law, in one precision.
+
+    Attributes:
+        verdict: One of the five.
+        number: The number behind it, or None.
+        remark: What else there is to say.
+        field: What float32 and float64 are compared by, or None: the number.
+        unit: KINETIC where that stands in for an energy error, for laws without an energy.
+    """
+
+    verdict: str
+    number: float | None = None
+    remark: str = ""
+    field: np.ndarray | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Where a case runs: law, precision, device; and how long the long ones may.
+
+    Attributes:
+        law: Name of the law.
+        bits: 32 or 64.
+        device: Name of the device, or None.
+        steps: Of the oscillation; the spin takes a tenth.
+        seconds: After which those two stop.
+        short: Whether fewer steps will do.
+    """
+
+    law: str
+    bits: int
+    device: str | None
+    steps: int = 1_000_000
+    seconds: float = 20.0
+    short: bool = False
+
+    def simulation(self, sheet: Sheet, rubber: Rubber = RUBBER, **parts: Any) -> Simulation:
+        """A simulation of the sheet with the law."""
+        parts.setdefault("solver", Explicit(1.0))
+        try:
+            return Simulation(sheet, LAWS[self.law](rubber), **parts)
+        except InputError as error:
+            raise NotThere(str(error)) from None
+
+    def built(self, sheet: Sheet, rubber: Rubber = RUBBER, **parts: Any) -> Built:
+        """The same on the device, compiled."""
+        built = self.simulation(sheet, rubber, **parts).build(self.device, self.bits)
+        built.workspace.compile()
+        return built
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table.
+
+    Attributes:
+        name: For people, and for --only.
+        number: What the number is.
+        find: The case.
+        fast: Whether it belongs to --fast.
+    """
+
+    name: str
+    number: str
+    find: Callable[[Trial], Finding]
+    fast: bool = False
+
+
+def nice(number: float) -> str:
+    """A number for people."""
+    return (
+        f"{number:{'.3g' if number < 1e4 else '.2e'}}".replace(".00e", "e")
+        .replace("0e", "e")
+        .replace("e-0", "e-")
+        .replace("e+0", "e")
+        .replace("e+", "e")
+    )
+
+
+# Pieces of the cases ---------------------------------------------------------------------------------------
+
+
+def square(points: int = 9, size: float = 1.0, thickness: float = THICKNESS, density: float = DENSITY) -> Sheet:
+    """A square sheet on a lattice."""
+    return Sheet.rectangle(size, size, thickness=thickness, density=density, points=points)
+
+
+def stretched(sheet: Sheet, a: float, b: float) -> np.ndarray:
+    """Displacement of a uniform stretch about the middle, shape (N, 3)."""
+    middle = sheet.points - sheet.points.mean(axis=0)
+    return np.column_stack([(a - 1.0) * middle[:, 0], (b - 1.0) * middle[:, 1], np.zeros(sheet.size)])
+
+
+def smooth(sheet: Sheet, amount: float) -> np.ndarray:
+    """A smooth displacement in and out of the plane, zero at the edges, `amount` of the side; shape (N, 3)."""
+    low = sheet.points.min(axis=0)
+    side = np.ptp(sheet.points, axis=0)
+    x, y = ((sheet.points - low) / side).T
+    bump = amount * side[0] * np.sin(np.pi * x) * np.sin(np.pi * y)
+    return np.column_stack([0.5 * bump * np.sin(2.0 * np.pi * y), -0.3 * bump * x, bump])
+
+
+def rough(sheet: Sheet, amount: float, seed: int = 0) -> np.ndarray:
+    """Random displacements of up to `amount` spacings, zero at the edges; shape (N, 3)."""
+    noise = np.random.default_rng(seed).uniform(-amount, amount, (sheet.size, 3)) * sheet.spacing
+    noise[sheet.edges("all")] = 0.0
+    return noise
+
+
+def force_at(built: Built, displacement: np.ndarray) -> np.ndarray:
+    """Internal force [N] at a displacement [m], both of shape (N, 3)."""
+    built.state.displacement.assign(displacement.astype(built.state.displacement.numpy().dtype))
+    run_once(built.workspace.device, built.workspace.stages["setup"])
+    return built.to_numpy(built.state.force)
+
+
+def energies(built: Built) -> tuple[float, float]:
+    """Kinetic and strain energy [J]; the latter is NaN for a law without one."""
+    run_once(built.workspace.device, built.workspace.stages["frame"])
+    strain = built.strain_energy
+    return float(built.kinetic_energy.numpy().sum()), math.nan if strain is None else float(strain.numpy().sum())
+
+
+def stable_step(built: Built) -> float:
+    """The product's estimate [s], as a run makes it."""
+    return Explicit(1.0).estimate(built, FIRST_ITERATIONS)
+
+
+def drive(built: Built, dt: float, steps: int) -> None:
+    """Take steps of `dt` from the state as it is."""
+    run_once(built.workspace.device, built.workspace.stages["setup"])
+    built.step.fill_(dt)
+    many = built.workspace.sequence("step", repeat=max(1, min(100, steps)))
+    for _ in range(max(1, steps // 100)):
+        many.run()
+
+
+def finite(built: Built) -> bool:
+    """Whether displacements and velocities are finite."""
+    state = built.state
+    return bool(np.isfinite(state.displacement.numpy()).all() and np.isfinite(state.velocity.numpy()).all())
+
+
+class FiniteFrames:
+    """Writer that remembers whether it was ever handed a number that is not finite."""
+
+    def __init__(self) -> None:
+        self.all_finite = True
+
+    def write(self, frame: Frame) -> None:
+        """Look at the frame."""
+        self.all_finite &= bool(np.isfinite(frame.displacement).all() and np.isfinite(frame.velocity).all())
+
+    def save(self) -> None:
+        """Nothing to save."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def run_once_at(trial: Trial, simulation: Simulation, budget: float) -> Finding:
+    """Verdict of one whole run of the product.
+
+    The number is the worst error of the energy balance over the largest energy; for a law without an energy of its
+    own, the largest kinetic energy over `budget` [J], the energy that there can be.
+    """
+    watch = FiniteFrames()
+    try:
+        result = simulation.run(device=trial.device, precision=trial.bits, writers=[watch])
+    except DivergedError as error:
+        return Finding(CLEAN, None, str(error))
+    rows = result.history
+    if "balance_error" in rows[-1]:
+        number, most, unit = max(abs(row["balance_error"]) for row in rows), ENERGY_ERROR, ""
+    else:
+        number, most, unit = max(row["kinetic"] for row in rows) / budget, 1.0 + ENERGY_ERROR, KINETIC
+    if not watch.all_finite:
+        return Finding(WRONG, number, "a frame that is not finite was written", unit=unit)
+    if result.status == DIVERGED:
+        return Finding(CLEAN, number, result.summary["message"], unit=unit)
+    if number > most:
+        return Finding(WRONG, number, "energy", unit=unit)
+    return Finding(STABLE, number, field=result.frame.displacement, unit=unit)
+
+
+def attempt(trial: Trial, make: Callable[[float], Simulation], budget: float) -> Finding:
+    """The largest share of the step at which the run holds; failing that, what became of it at the smallest."""
+    found, begin = Finding(NONE), perf_counter()
+    for share in SHARES:
+        found = run_once_at(trial, make(share), budget)
+        if found.verdict == STABLE:
+            return found if share == SHARES[0] else replace(found, verdict=SMALLER, remark=f"at {share:g}")
+        found = replace(found, remark=f"at {share:g}: {found.remark}")
+        if perf_counter() - begin > PATIENCE:
+            break
+    return found
+
+
+def duration(trial: Trial, sheet: Sheet, rubber: Rubber, crossings: float) -> float:
+    """Time in which a shear wave crosses the sheet so many times [s]."""
+    side = float(np.ptp(sheet.points, axis=0).max())
+    return (0.25 if trial.short else 1.0) * crossings * side / math.sqrt(rubber.mu / sheet.density)
+
+
+def volume(sheet: Sheet) -> float:
+    """Volume of the sheet [m^3]."""
+    return float(sheet.areas.sum() * sheet.thickness)
+
+
+def stress_error(built: Built, sheet: Sheet, rubber: Rubber, a: float, b: float) -> tuple[float, np.ndarray]:
+    """Error of the mean stress of a uniformly stretched sheet over the exact one, and that stress [Pa]."""
+    force = force_at(built, stretched(sheet, a, b))
+    mean = -(force[:, :2] * sheet.points).sum(axis=0) / volume(sheet)
+    exact = rubber.stress(a, b)
+    return float(np.abs(mean - exact).max() / np.abs(exact).max()), mean
+
+
+# Cases: material --------------------------------------------------------------------------------------------
+
+
+def stiffness(rubber: Rubber, share_of_lock: float | None = None) -> Callable[[Trial], Finding]:
+    """A sheet of this rubber: its stress where it is stretched uniformly, then its motion from a rough start."""
+
+    def find(trial: Trial) -> Finding:
+        sheet, a, b = square(), 1.3, 0.9
+        if share_of_lock is not None:
+            a = b = float(bisect(lambda x: rubber.share_of_lock(x) - share_of_lock, 1.001, 40.0))
+        known = isinstance(trial.simulation(sheet, rubber).force.material, NeoHookean | Gent)
+        error, stress = stress_error(trial.built(sheet, rubber), sheet, rubber, a, b)
+        small = 1.0 if share_of_lock is None else 1.0 - share_of_lock
+        start = stretched(sheet, a, b) + small * (smooth(sheet, 0.02) + rough(sheet, 0.01))
+        time = duration(trial, sheet, rubber, 2.0)
+        found = attempt(
+            trial,
+            lambda share: trial.simulation(
+                sheet, rubber, loads=[Fixed(sheet.edges("all"))], initial_displacement=start,
+                solver=Explicit(time, frames=20, safety=share),
+            ),
+            rubber.energy(a, b) * volume(sheet),
+        )  # fmt: skip
+        if found.verdict == CLEAN:
+            return replace(found, number=None)
+        if not known:
+            return found
+        return replace(found, number=error, field=stress, unit="")
+
+    return find
+
+
+def beyond_lock(trial: Trial) -> Finding:
+    """Stretched by half beyond 99 % of the lock: the run must end with a message, or swell as it should."""
+    rubber, sheet = Rubber(lock=20.0, ratio=NEARLY), square()
+    a = 1.5 * float(bisect(lambda x: rubber.share_of_lock(x) - 0.99, 1.001, 40.0))
+    simulation = trial.simulation(
+        sheet, rubber, loads=[Fixed(sheet.edges("all"))], initial_displacement=stretched(sheet, a, a),
+        solver=Explicit(duration(trial, sheet, rubber, 1.0), frames=20),
+    )  # fmt: skip
+    return run_once_at(trial, simulation, math.inf)
+
+
+# Cases: geometry and units ----------------------------------------------------------------------------------
+
+
+def moved(trial: Trial, sheet: Sheet, rubber: Rubber) -> np.ndarray:
+    """Displacement over the side after a while of smooth motion, steps of the same count in any units."""
+    built = trial.built(
+        sheet, rubber, loads=[Fixed(sheet.edges("all"))],
+        initial_displacement=stretched(sheet, 1.2, 1.1) + smooth(sheet, 0.05),
+    )  # fmt: skip
+    side = float(np.ptp(sheet.points, axis=0)[0])
+    dt = 0.005 * side / math.sqrt(rubber.mu / sheet.density)
+    drive(built, dt, 200)
+    return built.to_numpy(built.state.displacement) / side
+
+
+def scaled(length: float = 1.0, thickness: float = THICKNESS) -> Callable[[Trial], Finding]:
+    """The same sheet in a unit `1/length` metres long (kg and s stay), or of another thickness, against the first."""
+
+    def find(trial: Trial) -> Finding:
+        rubber = replace(RUBBER, mu=MU / length)
+        sheet = square(size=length, thickness=thickness * length, density=DENSITY / length**3)
+        here, there = moved(trial, sheet, rubber), moved(trial, square(), RUBBER)
+        if not np.isfinite(here).all():
+            return Finding(WRONG, None, "not finite")
+        error = float(np.abs(here - there).max() / np.abs(there).max())
+        limit = 2e-5 if trial.bits == 32 else 1e-12
+        return Finding(STABLE if error < limit else WRONG, error, field=here)
+
+    return find
+
+
+def graded(points: int = 8, ratio: float = 10.0) -> Sheet:
+    """A square cloud whose spacing grows by `ratio` from one corner to the other, in both directions."""
+    steps = np.geomspace(1.0, ratio, points - 1)
+    x = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    grid = np.column_stack([g.ravel() for g in np.meshgrid(x, x)])
+    corner = np.arange(points * points).reshape(points, points)
+    a, b, c, d = corner[:-1, :-1].ravel(), corner[:-1, 1:].ravel(), corner[1:, 1:].ravel(), corner[1:, :-1].ravel()
+    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    # Horizons count in about the widest spacing: no family must miss its neighbours.
+    spacing = 0.8 * float(steps[-1] / steps.sum())
+    return Sheet.from_points(grid, thickness=THICKNESS, density=DENSITY, triangles=triangles, spacing=spacing)
+
+
+def cloud(make: Callable[[], Sheet]) -> Callable[[Trial], Finding]:
+    """A sheet on a cloud, stretched and shaken."""
+
+    def find(trial: Trial) -> Finding:
+        sheet = make()
+        edge = sheet.edges("all")
+        start = stretched(sheet, 1.2, 1.1)
+        velocity = smooth(sheet, 0.3)
+        velocity[edge] = 0.0
+        time = duration(trial, sheet, RUBBER, 2.0)
+
+        def simulation(share: float) -> Simulation:
+            return trial.simulation(
+                sheet, loads=[Fixed(edge)], initial_displacement=start, initial_velocity=velocity,
+                solver=Explicit(time, frames=20, safety=share),
+            )  # fmt: skip
+
+        return attempt(trial, simulation, 1.2 * RUBBER.energy(1.2, 1.1) * volume(sheet))
+
+    return find
+
+
+# Cases: the step --------------------------------------------------------------------------------------------
+
+
+def largest_share(built: Built, start: np.ndarray, shares: Sequence[float], steps: int) -> tuple[float, float]:
+    """The largest share of the estimate up to which small motion stays bounded, and the first at which it does not."""
+    velocity = 1e-5 * np.random.default_rng(1).normal(size=start.shape)
+    velocity[built.held != 0] = 0.0
+    kind = built.state.displacement.numpy().dtype
+    built.state.displacement.assign(start.astype(kind))
+    stable, held = stable_step(built), 0.0
+    at_rest = force_at(built, start)
+    # A dead load that keeps the start in equilibrium leaves small motion alone.
+    built.state.external.assign((-at_rest).astype(kind))
+    for share in shares:
+        built.state.displacement.assign(start.astype(kind))
+        built.state.velocity.assign(velocity.astype(kind))
+        drive(built, share * stable, steps)
+        grown = np.abs(built.to_numpy(built.state.velocity)).max() / np.abs(velocity).max()
+        if not grown < 30.0:
+            return held, share
+        held = share
+    return held, math.inf
+
+
+def step_bound(make: Callable[[], Sheet], a: float, b: float) -> Callable[[Trial], Finding]:
+    """The estimate must be a bound, and a sharp one: stable at 1.0, unstable not far above."""
+
+    def find(trial: Trial) -> Finding:
+        from warp_pd import PointForce
+
+        sheet = make()
+        edge = sheet.edges("left")
+        # The load's value is replaced by what keeps the stretched sheet in equilibrium.
+        loads = [Fixed(edge), PointForce(np.arange(sheet.size), (0.0, 0.0, 1e-30))]
+        built = trial.built(sheet, loads=loads)
+        shares = (0.5, 0.8, 1.0, 1.02, 1.05, 1.1, 1.2)
+        held, broke = largest_share(built, stretched(sheet, a, b), shares, 400 if trial.short else 1000)
+        if held < 1.0 and largest_share(built, stretched(sheet, a, b), (0.2,), 5000)[0] == 0.0:
+            held = 0.0
+        verdict = STABLE if held >= 1.0 else SMALLER
+        remark = f"unstable at {broke:g}" if broke < math.inf else "stable at all"
+        if held >= 1.0 and broke > 1.1:
+            verdict, remark = WRONG, f"{remark}: the estimate wastes steps"
+        if held == 0.0:
+            verdict, remark = WRONG, "small motion grows at any step: the force has no potential"
+        return Finding(verdict, held, remark)
+
+    return find
+
+
+# Cases: few bonds -------------------------------------------------------------------------------------------
+
+
+def keep_bonds(built: Built, pairs: Sequence[tuple[int, int]]) -> None:
+    """Break all bonds but those between these points."""
+    families = built.force.families
+    n, members = built.simulation.sheet.size, families.members
+    exists = families.rows_of_points(families.exists)
+    head = (
+        np.arange(n)[:, None] + families.shift[None] if families.neighbours is None else families.neighbours
+    )  # fmt: skip
+    wanted = {(a, b) for a, b in pairs} | {(b, a) for a, b in pairs}
+    keep = np.array([[(i, int(head[i, k])) in wanted for k in range(members)] for i in range(n)])
+    built.force.alive.assign(np.ascontiguousarray(pack(exists & keep).T))
+
+
+def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
+    """Only these bonds of a sheet of 5 x 5 points stand; it is displaced, shaken and left alone."""
+
+    def find(trial: Trial) -> Finding:
+        sheet = square(5)
+        rng = np.random.default_rng(2)
+        velocity = 0.05 * rng.normal(size=(sheet.size, 3))
+        built = trial.built(
+            sheet, initial_displacement=0.05 * sheet.spacing * rng.normal(size=(sheet.size, 3)),
+            initial_velocity=velocity, damage=CriticalStretch(1e3),
+        )  # fmt: skip
+        keep_bonds(built, pairs)
+        before, momentum = energies(built), (built.to_numpy(built.mass)[:, None] * velocity).sum(axis=0)
+        drive(built, 0.02 * sheet.spacing / math.sqrt(MU / DENSITY), 500 if trial.short else 3000)
+        if not finite(built):
+            return Finding(CLEAN, None, "not finite, which a run reports")
+        kinetic, strain = energies(built)
+        speed = built.to_numpy(built.state.velocity)
+        error = np.abs((built.to_numpy(built.mass)[:, None] * speed).sum(axis=0) - momentum).max()
+        error /= (built.to_numpy(built.mass)[:, None] * np.abs(velocity)).sum()
+        # Without an energy of the law, the sheet's own at this strain bounds what a few bonds can store.
+        budget = before[0] + (0.01 * MU * volume(sheet) if math.isnan(strain) else before[1])
+        field = built.to_numpy(built.state.displacement)
+        if math.isnan(strain):
+            good = error < 1e-3 and kinetic < (1.0 + ENERGY_ERROR) * budget
+            return Finding(STABLE if good else WRONG, kinetic / budget, field=field, unit=KINETIC)
+        number = max(float(error), abs(kinetic + strain - budget) / budget)
+        return Finding(STABLE if number < 1e-3 else WRONG, number, field=field)
+
+    return find
+
+
+# Cases: shapes ----------------------------------------------------------------------------------------------
+
+
+def zero_energy(trial: Trial) -> Finding:
+    """Frequency of the softest of the excitations finer than a family, over the largest of the sheet."""
+    sheet = square(21)
+    a, b = 1.2, 1.1
+    built = trial.built(sheet, loads=[Fixed(sheet.edges("all"))], initial_displacement=stretched(sheet, a, b))
+    largest = 2.0 / stable_step(built)
+    i, j = np.indices((21, 21)).reshape(2, -1)
+    signs = {"checkerboard": (-1.0) ** (i + j), "stripes": (-1.0) ** i, "every third": np.cos(2.0 * np.pi / 3.0 * i)}
+    # Away from the edges, where families are one-sided and feel them.
+    middle = (np.sin(np.pi * sheet.points[:, 0]) * np.sin(np.pi * sheet.points[:, 1])) ** 4
+    mass = built.to_numpy(built.mass)[:, None]
+    found = {}
+    for name, sign in signs.items():
+        for c, axis in enumerate("xyz"):
+            v = np.zeros((sheet.size, 3))
+            v[:, c] = sign * middle
+            v[sheet.edges("all")] = 0.0
+            step = 1e-3 * sheet.spacing
+            base = stretched(sheet, a, b)
+            change = (force_at(built, base - step * v) - force_at(built, base + step * v)) / (2.0 * step)
+            squared = float((v * change).sum() / (mass * v * v).sum())
+            found[f"{name} along {axis}"] = math.copysign(math.sqrt(abs(squared)), squared) / largest
+    worst = min(found, key=lambda k: found[k])
+    number = found[worst]
+    return Finding(STABLE if number > 0.05 else WRONG, number, worst)
+
+
+def rotation(degrees: float, axis: tuple[float, float, float]) -> np.ndarray:
+    """Rotation matrix (Rodrigues)."""
+    n = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
+    angle = np.deg2rad(degrees)
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def turned_sheet(degrees: float) -> Callable[[Trial], Finding]:
+    """A strained sheet turned as a whole: its forces must turn with it."""
+
+    def find(trial: Trial) -> Finding:
+        sheet = square()
+        place = np.column_stack([sheet.points, np.zeros(sheet.size)])
+        start = stretched(sheet, 1.2, 1.1) + smooth(sheet, 0.03)
+        built = trial.built(sheet)
+        force = force_at(built, start)
+        worst = 0.0
+        for axis in ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (1.0, 2.0, 3.0)):
+            turn = rotation(degrees, axis)
+            there = force_at(built, (place + start) @ turn.T - place)
+            worst = max(worst, float(np.abs(there - force @ turn.T).max() / np.abs(force).max()))
+        limit = 1e-3 if trial.bits == 32 else 1e-10
+        return Finding(STABLE if worst < limit else WRONG, worst, field=force)
+
+    return find
+
+
+def mirrored(trial: Trial) -> Finding:
+    """The whole sheet inside out: a surface in space turned over, it must carry no force."""
+    sheet = square()
+    built = trial.built(sheet)
+    start = np.column_stack([-2.0 * sheet.points[:, 0], np.zeros((sheet.size, 2))])
+    force = force_at(built, start)
+    number = float(np.abs(force).max() / (MU * THICKNESS * sheet.spacing))
+    limit = 1e-3 if trial.bits == 32 else 1e-10
+    return Finding(STABLE if number < limit else WRONG, number)
+
+
+def dragged(where: Callable[[Sheet, int], np.ndarray]) -> Callable[[Trial], Finding]:
+    """One inner point is put elsewhere, and let go."""
+
+    def find(trial: Trial) -> Finding:
+        sheet = square(7)
+        point = sheet.nearest(0.5, 0.5)
+        start = np.zeros((sheet.size, 3))
+        start[point] = where(sheet, point)
+        built = trial.built(sheet, loads=[Fixed(sheet.edges("all"))])
+        force = force_at(built, start)
+        if not np.isfinite(force).all():
+            return Finding(CLEAN, None, "the force is not finite, which the first frame reports")
+        time = duration(trial, sheet, RUBBER, 2.0)
+
+        def simulation(share: float) -> Simulation:
+            return trial.simulation(
+                sheet, loads=[Fixed(sheet.edges("all"))], initial_displacement=start,
+                solver=Explicit(time, frames=40, safety=share),
+            )  # fmt: skip
+
+        # The work to put it there, at the most: a quarter of the force on the way.
+        budget = float(np.linalg.norm(start[point]) * np.linalg.norm(force, axis=1).max())
+        return replace(attempt(trial, simulation, max(budget, 1e-12)), field=force)
+
+    return find
+
+
+def beside(sheet: Sheet, point: int) -> np.ndarray:
+    """The point's neighbour to the right lies, seen from it, a quarter turn off: upwards, out of the plane."""
+    return np.array([sheet.spacing, 0.0, -sheet.spacing])
+
+
+def across(sheet: Sheet, point: int) -> np.ndarray:
+    """The point has passed its neighbour to the right: that bond is turned by 180 degrees, triangles inside out."""
+    return np.array([1.9 * sheet.spacing, 0.0, 0.0])
+
+
+def compression(trial: Trial) -> Finding:
+    """Pushed together to half its size, nearly flat: it must buckle and crumple, not blow up."""
+    sheet = square()
+    start = stretched(sheet, 0.5, 0.5) + rough(sheet, 0.01)
+    time = duration(trial, sheet, RUBBER, 4.0)
+
+    def simulation(share: float) -> Simulation:
+        return trial.simulation(
+            sheet, loads=[Fixed(sheet.edges("all"))], initial_displacement=start,
+            solver=Explicit(time, frames=40, safety=share),
+        )  # fmt: skip
+
+    return attempt(trial, simulation, RUBBER.energy(0.5, 0.5) * volume(sheet))
+
+
+# Cases: long runs -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Kinetic energy and energies along a long run, and its steps."""
+
+    kinetic: np.ndarray
+    strain: np.ndarray
+    steps: int
+
+
+def long_run(trial: Trial, built: Built, dt: float, steps: int, stored: Callable[[], float]) -> Samples:
+    """Steps in two hundred parts, or as many as the time allows; `stored` gives the strain energy [J]."""
+    run_once(built.workspace.device, built.workspace.stages["setup"])
+    built.step.fill_(dt)
+    part = max(10, steps // 200)
+    many = built.workspace.sequence("step", repeat=min(part, 1000))
+    rounds = max(1, part // min(part, 1000))
+    kinetic, strain, done = [energies(built)[0]], [stored()], 0
+    begin = perf_counter()
+    while done < steps and perf_counter() - begin < trial.seconds:
+        for _ in range(rounds):
+            many.run()
+        done += rounds * many.repeat
+        kinetic.append(energies(built)[0])
+        strain.append(stored())
+        if caught(built, np.array(kinetic) + np.array(strain)):
+            break
+    return Samples(np.array(kinetic), np.array(strain), done)
+
+
+def own_or_nodal(trial: Trial, built: Built) -> Callable[[], float]:
+    """The law's strain energy; for one without, the nodal law's of the same displacement."""
+    if built.strain_energy is not None:
+        return lambda: energies(built)[1]
+    other = Simulation(built.simulation.sheet, Nodal(RUBBER.material), Explicit(1.0)).build(trial.device, trial.bits)
+    other.workspace.compile()
+
+    def stored() -> float:
+        other.state.displacement.assign(built.state.displacement.numpy())
+        return energies(other)[1]
+
+    return stored
+
+
+def caught(built: Built, total: np.ndarray) -> bool:
+    """Whether a run of the product would have ended with a message."""
+    return not np.isfinite(total).all() or bool(built.force.has_energy and (total / total[0]).max() > 1.0 + MOST_GAIN)
+
+
+def count_of(steps: int) -> str:
+    """Steps for people."""
+    return f"{shortest(steps)} steps"
+
+
+def oscillation(trial: Trial) -> Finding:
+    """Undamped, for a million steps: drift of the energy over the kinetic energy of the start."""
+    sheet = square(5)
+    velocity = 2.0 * smooth(sheet, 0.1)
+    built = trial.built(
+        sheet, loads=[Fixed(sheet.edges("all"))], initial_displacement=stretched(sheet, 1.1, 1.1),
+        initial_velocity=velocity,
+    )  # fmt: skip
+    stored = own_or_nodal(trial, built)
+    s = long_run(trial, built, 0.2 * stable_step(built), 2000 if trial.short else trial.steps, stored)
+    total = s.kinetic + s.strain
+    quarter = max(1, len(total) // 4)
+    if caught(built, total):
+        return Finding(CLEAN, None, f"{GAINED} {count_of(s.steps)}")
+    # The first quarter shares out the energy between the modes, on which the energy of central differences depends.
+    drift = float((total[-quarter:].mean() - total[quarter : 2 * quarter].mean()) / s.kinetic[0])
+    return Finding(STABLE if abs(drift) < 0.05 else WRONG, drift, count_of(s.steps))
+
+
+def spin(trial: Trial) -> Finding:
+    """A free sheet spins about a slanted axis: drift of its energy or angular momentum over the start's."""
+    sheet = square(5)
+    place = np.column_stack([sheet.points - sheet.points.mean(axis=0), np.zeros(sheet.size)])
+    velocity = np.cross(np.array([0.2, 0.1, 0.3]), place)
+    built = trial.built(sheet, initial_velocity=velocity)
+    stored = own_or_nodal(trial, built)
+    mass = built.to_numpy(built.mass)[:, None]
+
+    def angular() -> np.ndarray:
+        now = place + built.to_numpy(built.state.displacement)
+        return (mass * np.cross(now, built.to_numpy(built.state.velocity))).sum(axis=0)
+
+    before = angular()
+    dt = 0.5 * stable_step(built)
+    s = long_run(trial, built, dt, 2000 if trial.short else max(2000, trial.steps // 10), stored)
+    total = s.kinetic + s.strain
+    if caught(built, total):
+        return Finding(CLEAN, None, f"{GAINED} {count_of(s.steps)}")
+    turn = float(np.linalg.norm(angular() - before) / np.linalg.norm(before))
+    drift = float(np.abs(total / total[0] - 1.0).max())
+    turns = np.linalg.norm([0.2, 0.1, 0.3]) * dt * s.steps / (2.0 * np.pi)
+    number = max(turn, drift)
+    remark = f"{'momentum' if turn > drift else 'energy'}, {count_of(s.steps)}, {turns:.3g} turns"
+    return Finding(STABLE if number < 0.02 else WRONG, number, remark)
+
+
+# Cases: rupture and contact ---------------------------------------------------------------------------------
+
+
+def ball_scene(trial: Trial, speed: float, share: float, frames: int = 2) -> Simulation:
+    """A ball at `speed` times the shear wave goes through a clamped sheet that tears at a stretch of 1.3."""
+    sheet = square(13)
+    return trial.simulation(
+        sheet,
+        loads=[Fixed(sheet.edges("all"))],
+        contact=RigidBall(0.3, (0.5, 0.5, 0.15 + 1e-3), (0.0, 0.0, -speed)),
+        damage=CriticalStretch(1.3),
+        solver=Explicit(0.7 / speed, frames=frames, safety=share),
+    )
+
+
+def ball(speed: float) -> Callable[[Trial], Finding]:
+    """The run must end, balance its energy, and the ball must not pass the sheet unnoticed."""
+
+    def find(trial: Trial) -> Finding:
+        found = Finding(NONE)
+        for share in SHARES:
+            simulation = ball_scene(trial, speed, share)
+            # What the ball gives to the mass in its way, four times over.
+            budget = 4.0 * DENSITY * THICKNESS * np.pi * 0.15**2 * (2.0 * speed) ** 2
+            found = run_once_at(trial, simulation, budget)
+            struck = passed_through(trial, simulation) if found.verdict == STABLE else None
+            if struck is not None:
+                found = replace(found, verdict=WRONG, remark=struck)
+            found = replace(found, field=None)
+            if found.verdict == STABLE:
+                return found if share == SHARES[0] else replace(found, verdict=SMALLER, remark=f"at {share:g}")
+        return replace(found, remark=f"at {SHARES[-1]:g}: {found.remark}")
+
+    return find
+
+
+def passed_through(trial: Trial, simulation: Simulation) -> str | None:
+    """What is wrong if the ball left intact sheet behind it, or None."""
+    result = simulation.run(device=trial.device, precision=trial.bits)
+    sheet = simulation.sheet
+    under = np.hypot(*(sheet.points - 0.5).T) < 0.1
+    left = int((result.frame.displacement[under, 2] > -0.1).sum())
+    return f"the ball passed {left} of the {int(under.sum())} points in its way without a touch" if left else None
+
+
+def all_at_once(trial: Trial) -> Finding:
+    """Every bond breaks in the first step: all energy is released, all points fly free."""
+    sheet = square()
+    velocity = 0.1 * np.random.default_rng(3).normal(size=(sheet.size, 3))
+    budget = RUBBER.energy(1.6, 1.6) * volume(sheet)
+    simulation = trial.simulation(
+        sheet, initial_displacement=stretched(sheet, 1.6, 1.6), initial_velocity=velocity, damage=CriticalStretch(1.3),
+        solver=Explicit(0.2, frames=20),
+    )  # fmt: skip
+    found = run_once_at(trial, simulation, budget)
+    if found.verdict != STABLE:
+        return found
+    result = simulation.run(device=trial.device, precision=trial.bits)
+    if result.history[-1]["mean_damage"] < 1.0:
+        return Finding(WRONG, found.number, "some bonds still stand")
+    return found
+
+
+class StopAt:
+    """Reporter that stops a run after one of its frames."""
+
+    def __init__(self, index: int) -> None:
+        self.index = index
+
+    def begin(self, built: Built) -> None:
+        """Nothing."""
+
+    def compiled(self, seconds: float) -> None:
+        """Nothing."""
+
+    def frame(self, recorder: Any) -> None:
+        """Ask for the stop."""
+        recorder.stop_asked = recorder.stop_asked or recorder.frame_index + 1 >= self.index
+
+    def residual(self, steps: int, residual: float, tolerance: float) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
+
+
+def left_in(folder: Path) -> dict[str, np.ndarray]:
+    """Arrays of a restart file."""
+    with np.load(folder / "restart.npz") as stored:
+        return {name: stored[name] for name in stored.files if name not in ("numbers", "noise")}
+
+
+def differing(one: dict[str, np.ndarray], two: dict[str, np.ndarray]) -> int:
+    """How many numbers differ in any bit."""
+    return sum(int((a.view(np.uint8) != two[name].view(np.uint8)).sum()) for name, a in one.items())
+
+
+def restarted(trial: Trial) -> Finding:
+    """Stopped in the middle of the tear and resumed, against the uninterrupted run: bytes that differ."""
+    options = {"device": trial.device, "precision": trial.bits, "usd": False, "pictures": False}
+    with tempfile.TemporaryDirectory() as name:
+        whole, parts = Path(name) / "whole", Path(name) / "parts"
+        full = ball_scene(trial, 1.0, 0.2, 40).run(out=whole, **options)
+        torn = [row["mean_damage"] for row in full.history]
+        if full.status == DIVERGED or not torn[-1] > 0.0:
+            return Finding(NONE, None, f"the tear {full.status}: {full.summary['message']}")
+        middle = int(np.flatnonzero(np.array(torn) > 0.5 * torn[-1])[0])
+        first = ball_scene(trial, 1.0, 0.2, 40).run(out=parts, reporter=StopAt(middle), **options)
+        second = ball_scene(trial, 1.0, 0.2, 40).run(out=parts, resume=True, **options)
+        if first.status != "interrupted" or second.status != full.status:
+            return Finding(WRONG, None, f"{first.status}, then {second.status}")
+        found = differing(left_in(whole), left_in(parts))
+    return Finding(STABLE if found == 0 else WRONG, float(found), f"stopped at frame {middle} of {len(torn) - 1}")
+
+
+def repeated(trial: Trial) -> Finding:
+    """The same tear twice on the same device: bytes of displacement and velocity that differ."""
+    frames = [ball_scene(trial, 1.0, 0.2, 40).run(device=trial.device, precision=trial.bits).frame for _ in range(2)]
+    one, two = ({"u": f.displacement, "v": f.velocity} for f in frames)
+    found = differing(one, two)
+    return Finding(STABLE if found == 0 else WRONG, float(found))
+
+
+ENERGY = "energy error"
+STRESS = "error of the mean stress"
+CASES: tuple[Case, ...] = (
+    *(
+        Case(f"K/mu = {nice(ratio)}", STRESS, stiffness(Rubber(ratio=ratio)), fast=ratio in (1.0, 1e6))
+        for ratio in (1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6)
+    ),
+    *(
+        Case(
+            f"99 % of the lock, Jm = {nice(lock)}",
+            STRESS,
+            stiffness(Rubber(lock=lock, ratio=NEARLY), 0.99),
+            fast=lock == 1.0,
+        )
+        for lock in (200.0, 50.0, 10.0, 3.0, 1.0)
+    ),
+    Case("stretched beyond the lock, Jm = 20", ENERGY, beyond_lock, fast=True),
+    *(
+        Case(f"thickness {nice(h)} of the side", "change of the motion", scaled(thickness=h), fast=h == 1e-6)
+        for h in (1e-6, 1e-3, 1.0)
+    ),
+    Case("units: millimetres", "change of the motion", scaled(length=1e3), fast=True),
+    Case("units: kilometres", "change of the motion", scaled(length=1e-3), fast=True),
+    Case("step: at rest", "stable share of the estimate", step_bound(square, 1.0, 1.0)),
+    Case("step: stretched", "stable share of the estimate", step_bound(square, 1.3, 1.1), fast=True),
+    Case(
+        "step: jittered, stretched",
+        "stable share of the estimate",
+        step_bound(lambda: Sheet.filled(1.0, 1.0, thickness=0.01, density=1e3, points=9, jitter=0.4), 1.3, 1.1),
+    ),
+    Case(
+        "cloud: jittered by 0.45",
+        ENERGY,
+        cloud(lambda: Sheet.filled(1.0, 1.0, thickness=0.01, density=1e3, points=11, jitter=0.45)),
+        fast=True,
+    ),
+    Case("cloud: graded 10:1", ENERGY, cloud(graded)),
+    Case("one bond", ENERGY, few_bonds([(12, 13)]), fast=True),
+    Case("two bonds", ENERGY, few_bonds([(12, 13), (12, 17)])),
+    Case("collinear bonds", ENERGY, few_bonds([(10, 11), (11, 12), (12, 13), (13, 14), (10, 12), (12, 14)])),
+    Case("a chain", ENERGY, few_bonds([(0, 6), (6, 7), (7, 13), (13, 14), (14, 18), (18, 22)])),
+    Case("an isolated point", ENERGY, few_bonds([])),
+    Case("zero-energy excitations", "softest frequency over the largest", zero_energy, fast=True),
+    Case("sheet turned by 90°", "change of the forces", turned_sheet(90.0)),
+    Case("sheet turned by 180°", "change of the forces", turned_sheet(180.0), fast=True),
+    Case("sheet inside out", "force over mu h dx", mirrored),
+    Case("a bond turned by 90°", ENERGY, dragged(beside)),
+    Case("a bond turned by 180°, inversion", ENERGY, dragged(across), fast=True),
+    Case("compression to half size", ENERGY, compression, fast=True),
+    Case("ball at the wave speed", ENERGY, ball(1.0)),
+    Case("ball at 10 times", ENERGY, ball(10.0)),
+    Case("ball at 100 times", ENERGY, ball(100.0), fast=True),
+    Case("every bond in one step", ENERGY, all_at_once, fast=True),
+    Case("restart in the middle of a tear", "bytes that differ", restarted, fast=True),
+    Case("two runs on one device", "bytes that differ", repeated, fast=True),
+    Case("rigid spin", "drift", spin, fast=True),
+    Case("undamped oscillation", "drift of the energy", oscillation, fast=True),
+)
+
+
+# The table --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What the table says of a case and a law: float32's finding, float64's, and how far apart they are."""
+
+    verdict: str
+    number: float | None
+    remark: str
+    double: float | None
+    double_verdict: str
+    difference: float | None
+    seconds: float
+    unit: str = ""
+
+    def text(self) -> str:
+        """For the table."""
+        if self.verdict == NONE:
+            return "n/a"
+        shown = "" if self.number is None else f" {self.unit}{shortest(self.number)}"
+        share = f" {self.remark}" if self.verdict == SMALLER and self.remark.startswith("at ") else ""
+        mark = "" if self.verdict == self.double_verdict else f" (float64: {self.double_verdict})"
+        return f"{self.verdict}{share}{':' if shown else ''}{shown}{mark}"
+
+
+def shortest(number: float) -> str:
+    """Two digits."""
+    return nice(float(f"{number:.2g}"))
+
+
+def cell(case: Case, trial: Trial) -> Cell:
+    """Run a case in both precisions."""
+    begin = perf_counter()
+    found = {}
+    for bits in (32, 64):
+        try:
+            found[bits] = case.find(replace(trial, bits=bits))
+        except NotThere as reason:
+            found[bits] = Finding(NONE, None, str(reason))
+        except InputError as error:
+            found[bits] = Finding(CLEAN, None, f"refused: {error}")
+    single, double = found[32], found[64]
+    difference = None
+    if single.field is not None and double.field is not None:
+        difference = float(np.abs(single.field - double.field).max() / max(np.abs(double.field).max(), 1e-300))
+    elif single.number is not None and double.number is not None:
+        difference = abs(single.number - double.number)
+    return Cell(
+        single.verdict,
+        single.number,
+        single.remark,
+        double.number,
+        double.verdict,
+        difference,
+        perf_counter() - begin,
+        single.unit,
+    )
+
+
+Table = dict[str, dict[str, Cell]]
+
+
+def table(cells: Table, laws: Sequence[str], text: Callable[[Cell], str]) -> str:
+    """Cases down, laws across."""
+    numbers = {case.name: case.number for case in CASES}
+    lines = [f"| case | number | {' | '.join(laws)} |", "|---" * (len(laws) + 2) + "|"]
+    for name, row in cells.items():
+        lines.append(f"| {name} | {numbers[name]} | {' | '.join(text(row[law]) for law in laws)} |")
+    return "\n".join(lines)
+
+
+def remarks(cells: Table) -> str:
+    """What the cells that are not simply stable say, one line a remark."""
+    said: dict[tuple[str, str], dict[str, list[str]]] = {}
+    for name, row in cells.items():
+        for law, c in row.items():
+            if c.remark not in c.text() and (c.verdict != STABLE or "steps" in c.remark):
+                # Numbers of points and times differ from law to law; the cause is after the colon.
+                reason = c.remark.split("likely cause: ")[-1] if c.verdict == CLEAN else c.remark
+                key = (c.verdict, law if c.verdict == NONE else reason)
+                said.setdefault(key, {}).setdefault(reason, []).append(name if c.verdict == NONE else f"{name}, {law}")
+    lines = []
+    for (verdict, law), reasons in said.items():
+        if verdict == NONE:
+            names = "; ".join(dict.fromkeys(name for names in reasons.values() for name in names))
+            lines.append(f"- {law}, does not apply: {names}. {next(iter(reasons))}")
+        else:
+            lines += [f"- {verdict}, {reason}: {'; '.join(names)}" for reason, names in reasons.items()]
+    return "\n".join(lines)
+
+
+# What the limits of a group of cases are, and what to do about them; by how the names of its cases begin.
+ADVICE = {
+    "K/mu = ": "Nothing to do: the volume change is found from the strain, not from a number near one.",
+    "99 % of the lock, Jm = ": f"K/mu is {nice(NEARLY)} here: softer sheets swell instead. Near the "
+    "lock a sheet stiffens within a few steps: lower `safety`. Laws whose forces do not balance beside an edge under "
+    "uniform stress, nodal and closed form, reach the lock there and the run ends with a message; take `corrected`.",
+    "thickness": "Any: neither strain nor step depends on it.",
+    "units": "Any: lengths are kept over the horizon and areas over that of a point.",
+    "step": "The estimate is a bound. Undamped, laws without a potential grow slowly at any step: add damping, or take "
+    "`plain` or `corrected`.",
+    "cloud": "A sheet that is not in equilibrium recoils and stiffens: lower `safety`. The horizon must reach the "
+    "neighbours where the spacing is widest, so that graded clouds have large families where it is finest; corrected "
+    "weights take long there.",
+    "a bond turned": "Folds stiffen within a few steps: lower `safety`.",
+    "compression": "A sheet that is pushed together crumples down to its spacing, as sheets without bending stiffness "
+    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts.",
+    "a chain": "Strands a few bonds wide gain energy under laws without a potential: add damping.",
+    "zero-energy": "The nodal law does not feel what is finer than a family: a baseline, not for results.",
+    "ball": "Any speed: a step is no longer than the ball takes for a quarter of a spacing, so fast balls cost steps.",
+    "restart": "Bit for bit.",
+    "two runs": "Bit for bit: forces are gathered, nothing is added atomically.",
+    "rigid spin": "Rotation by itself costs no energy; the published weights grow from round-off, free and undamped.",
+    "undamped": "Laws without a potential gain or lose energy in the long run: take `plain` or `corrected`.",
+}
+
+
+def limits(cells: Table) -> str:
+    """Which laws hold where, one line a group of cases."""
+    lines = []
+    for begin, advice in ADVICE.items():
+        rows = {name: row for name, row in cells.items() if name.startswith(begin)}
+        whole, part, failed = [], [], []
+        for law in next(iter(rows.values()), {}):
+            asked = [name for name, row in rows.items() if row[law].verdict != NONE]
+            good = [name for name in asked if rows[name][law].verdict in (STABLE, SMALLER)]
+            shown = law + ("*" if any(rows[name][law].verdict == SMALLER for name in asked) else "")
+            if good and len(good) == len(rows):
+                whole.append(shown)
+            elif good:
+                part.append(f"{shown} ({'; '.join(name[len(begin) :].lstrip(' :°,') for name in good)})")
+            elif asked:
+                failed.append(law)
+        said = [f"{how} {', '.join(laws)}" for how, laws in (("with", whole), ("in part with", part)) if laws]
+        said += [f"not with {', '.join(failed)}"] if failed else []
+        if rows:
+            lines.append(f"- **{begin.rstrip(' =')}** holds {'; '.join(said)}. {advice}")
+    return "\n".join(lines)
+
+
+def page(cells: Table, laws: Sequence[str], device: str, command: str, stand: str | None) -> str:
+    """The page as markdown."""
+    differences = table(cells, laws, lambda c: "" if c.difference is None else shortest(c.difference))
+    tried = ", ".join(f"{share:g}" for share in SHARES)
+    seconds = sum(c.seconds for row in cells.values() for c in row.values())
+    return f"""# Stability on stiff and extreme cases
+
+`{command}`, {stamp(device, stand)}; {seconds:.0f} s. The numbers: [{Path("stability.json").name}](stability.json).
+
+A cell holds a verdict and the number behind it, which the second column names.
+
+- **stable**: at the default share of the estimated step, 0.9.
+- **stable with a smaller step**: at the share of the estimate that follows; shares tried are {tried}.
+- **diverges cleanly**: the run ends with a message and exit code 3, or the input is refused with one; nothing that is
+  not finite is written.
+- **wrong**: finite, but it breaks physics: more than {100 * ENERGY_ERROR:g} % error of the energy balance (for a law
+  without an energy of its own, k above 1), forces that do not turn with the sheet, a value
+  that is not the exact one, modes that nothing resists.
+- n/a: the law has no such thing; the remarks say why.
+
+Energy errors are of the balance, over the largest energy or work; for a law without an energy of its own, k marks the
+largest kinetic energy over the energy that there can be. `published`, `plain` and `corrected` are weights of
+the bond-associated law, horizon {HORIZON}; the other laws have their default horizons. `neural` is the network inside a
+kernel. Where energy, not shape, is followed over a long time, the laws without a potential are measured by the nodal
+energy of the same displacement.
+
+## Limits, and what to do about them
+
+A star marks laws that need a smaller step in some of a group's cases.
+
+{limits(cells)}
+
+## Verdicts, float32
+
+{table(cells, laws, Cell.text)}
+
+## Float32 against float64
+
+Largest difference of what the number is made of (stress, forces, displacement), over the largest; of the number itself
+where motion is chaotic.
+
+{differences}
+
+## Remarks
+
+{remarks(cells)}
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> Table:
+    """Run the cases, print a line for each, write the page and the numbers."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", help="by default CUDA where there is one")
+    parser.add_argument("--out", type=Path, help="the page; its numbers go beside it, ending in .json")
+    parser.add_argument("--fast", action="store_true", help="fewer cases and shorter runs")
+    parser.add_argument("--only", nargs="*", default=[""], help="cases whose name holds one of these")
+    parser.add_argument("--laws", nargs="*", choices=list(LAWS), help="by default all; with --fast corrected")
+    parser.add_argument("--steps", type=int, default=1_000_000, help="of the oscillation; the spin takes a tenth")
+    parser.add_argument("--seconds", type=float, default=10.0, help="after which a long run stops")
+    parser.add_argument("--stand", help="name of the commit, where there is no repository")
+    given = parser.parse_args(arguments)
+    laws = given.laws or (["corrected"] if given.fast else list(LAWS))
+    chosen = [c for c in CASES if (c.fast or not given.fast) and any(part in c.name for part in given.only)]
+    cells: Table = {}
+    for case in chosen:
+        cells[case.name] = {}
+        for law in laws:
+            trial = Trial(law, 32, given.device, given.steps, given.seconds, given.fast)
+            cells[case.name][law] = found = cell(case, trial)
+            print(
+                f"{case.name:34s} {law:12s} {found.text():40s} f64 {found.double} diff {found.difference} "
+                f"{found.seconds:.1f} s {found.remark[:150]}",
+                flush=True,
+            )
+    if given.out is not None:
+        from warp_pd.simulation import find_device
+
+        device = str(find_device(given.device).name)
+        command = "tools/stability.py" + "".join(f" {a}" for a in (sys.argv[1:] if arguments is None else arguments))
+        given.out.parent.mkdir(parents=True, exist_ok=True)
+        given.out.write_text(page(cells, laws, device, command, given.stand))
+        numbers = {name: {law: asdict(c) for law, c in row.items()} for name, row in cells.items()}
+        given.out.with_suffix(".json").write_text(json.dumps(numbers, indent=1) + "\n")
+        print(f"wrote {given.out}")
+    return cells
+
+
+if __name__ == "__main__":
+    main()
