@@ -263,8 +263,8 @@ STUDIES = (
         ("explicit",),
         {"duration": 1.8, "frames": 180},
         tear_errors,
-        points=(30, 60, 120),
-        own=Case("double_notch", "plain", 3.15, 240, 32, "explicit"),
+        points=(30, 60),
+        own=Case("double_notch", "plain", 3.15, 120, 32, "explicit"),
     ),
 )
 
