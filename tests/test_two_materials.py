@@ -20,6 +20,8 @@ from warp_pd import (
     Newton,
     Nodal,
     Simulation,
+    ViscoBondBased,
+    Yeoh,
 )
 from warp_pd.measures import support_force
 
@@ -188,6 +190,7 @@ def test_stiffness_goes_with_its_points():
         (lambda: square(9).stiffened([81], 2.0), "81"),
         (lambda: built_with(Nodal(NEO, horizon=2.015), laminate(12)), "sheet.stiffness"),
         (lambda: built_with(Neural(NEO, horizon=2.015, evaluation="closed_form"), laminate(12)), "sheet.stiffness"),
+        (lambda: built_with(ViscoBondBased(Yeoh(1e3, 10.0)), laminate(12)), "sheet.stiffness"),
         (lambda: built_with(BondAssociated(NEO, weights="published"), laminate(12)), "sheet.stiffness"),
         (
             lambda: built_with(BondAssociated(NEO, broken="redistribute"), laminate(12), damage=CriticalStretch(2.0)),

@@ -13,7 +13,7 @@ from ..launches import Workspace
 from ..materials import Prony, Yeoh
 from ..sheet import Sheet
 from .bond_associated import BondAssociated, BondAssociatedForce
-from .family_force import FamilyForce
+from .family_force import FamilyForce, require_one_material
 
 UPDATES = ("exact", "series")
 
@@ -176,6 +176,7 @@ class ViscoBondBasedForce(FamilyForce):
     def __init__(self, law: ViscoBondBased, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
         from ..kernels.visco_bonds import visco_bonds
 
+        require_one_material(sheet, "the law ViscoBondBased")
         families = build_families(sheet, law.horizon, "inverse_square", intersections=False)
         super().__init__("ViscoBondBased", law, workspace, sheet, breakable, families, None, _bond_weights(families))
         self.has_energy = law.has_energy
