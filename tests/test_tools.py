@@ -11,6 +11,7 @@ from warp_pd.cli import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import error_vs_time as evt
+import scene_costs
 import stability
 import stretch
 import tearing
@@ -78,6 +79,36 @@ def test_what_the_published_settings_lose():
     text = evt.published_text([published, row(51, 1.0, 0.05), row(101, 1.9, 0.001)])
     assert "50 times less" in text
     assert text.endswith("2 times less.")
+
+
+def test_the_fast_version_of_error_over_time(tmp_path, capsys):
+    evt.main(["--fast", "--device", "cpu", "--laws", "corrected", "--numbers", str(tmp_path)])
+    rows = evt.load(tmp_path)
+    assert len(rows) == 10
+    assert all(r.status == "finished" for r in rows)
+    coarse, fine = (min(evt.field_of(r) for r in rows if r.case.points == n) for n in (11, 21))
+    assert fine < 0.4 * coarse
+    (tmp_path / "error-vs-time").mkdir()
+    text = evt.page(rows, tmp_path)
+    assert "What to choose" in text
+    assert "corrected, 2.015, 21 points" in capsys.readouterr().out
+    evt.main(["--fast", "--device", "cpu", "--laws", "corrected", "--numbers", str(tmp_path), "--missing"])
+    assert len(evt.load(tmp_path)) == 10
+
+
+def test_what_a_scene_is_spared(tmp_path):
+    page = tmp_path / "costs.md"
+    scenes = ["double_notch", "pressure", "visco_sheet"]
+    options = ["--scenes", *scenes, "--points", "31", "--seconds", "0.05", "--device", "cpu", "--out", str(page)]
+    scene_costs.main(options)
+    rows = [
+        line.split("|") for line in page.read_text().splitlines() if line.startswith(tuple(f"| {s}" for s in scenes))
+    ]
+    assert len(rows) == 3
+    for row in rows:
+        for column in (3, 4, 5):
+            needs, forced = (float(x) for x in row[column].split("/"))
+            assert needs < forced
 
 
 def test_errors_against_finite_elements_vanish_for_their_own_field():

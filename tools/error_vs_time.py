@@ -536,19 +536,20 @@ def failures(rows: Sequence[Row]) -> list[str]:
 
 
 ADVICE = (
-    "At rest take corrected weights, the smallest horizon (1.5 or 2.015) and Newton's method in float64, or relaxation",
-    "in float32: wide horizons cost more a step and are wrong by more at equal spacing, whatever the weights. Refine the",
-    "spacing, not the horizon: corrected weights are second order, the others first. A horizon of 3.15 pays where the",
-    "sheet tears, because cracks follow the grid below it ([tearing](tearing.md)). float32 is enough down to errors of",
-    "about 0.03 %. Laws without intersections (closed form, bond-based) are cheap only where 2 % will do.",
+    "At rest take corrected weights, the smallest horizon (1.5 or 2.015) and Newton's method in float64, or",
+    "relaxation in float32: wide horizons cost more a step and are wrong by more at equal spacing, whatever the",
+    "weights. Refine the spacing, not the horizon: corrected weights are second order, the others first. A horizon of",
+    "3.15 pays where the sheet tears, because cracks follow the grid below it ([tearing](tearing.md)). float32 is",
+    "enough down to errors of about 0.03 %. Laws without intersections (closed form, bond-based) are cheap only where",
+    "2 % will do.",
     "",
     "The finite elements are known at their nodes; at the points in between splines cost 1e-5 of the field. Rows of",
     "commits 9970489 and b1e4704 took other cubics, which cost 2e-4: their field errors end there.",
 )
 
 
-def page(rows: Sequence[Row]) -> str:
-    """The page, from the rows of all devices."""
+def page(rows: Sequence[Row], docs: Path = DOCS) -> str:
+    """The page, from the rows of all devices; its pictures go to error-vs-time/ in `docs`."""
     lines = [
         "# Error against run time",
         "",
@@ -571,7 +572,7 @@ def page(rows: Sequence[Row]) -> str:
             stands = ", ".join(sorted({row.stand for row in mine}))
             lines += [f"### On {device}", "", f"Measured {stands}.", "", published_text(mine), ""]
             if good(mine):
-                draw(mine, DOCS / picture)
+                draw(mine, docs / picture)
                 lines += [f"![{study.scene} on {device}]({picture})", "", *front_table(mine), ""]
             if failed := failures(mine):
                 lines += ["No answer came from:", "", *failed, ""]
@@ -607,9 +608,9 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     return options
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, keep the numbers, and make the page unless the numbers go elsewhere."""
-    options = parsed()
+    options = parsed(arguments)
     rows: list[Row] = []
     if not options.page_only:
         device = find_device(options.device)

@@ -106,7 +106,7 @@ def row(name: str, device: str, seconds: float, settings: dict[str, object]) -> 
     )
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Measure and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device")
@@ -115,7 +115,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, help="of every scene, instead of its own")
     parser.add_argument("--out", type=Path, default=PAGE)
     parser.add_argument("--stand", help="name of the commit, where there is no repository")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     device = find_device(options.device)
     lines = [*introduction(stamp(device.name, options.stand))]
     for name in options.scenes:
