@@ -443,7 +443,7 @@ def draw(rows: Sequence[Row], path: Path) -> None:
         (field_of, "L2 error of the field", lambda r: r.seconds, "time of the run (s)"),
         (field_of, "L2 error of the field", lambda r: r.point_steps, "point-steps"),
     ]
-    laws = sorted({row.case.law for row in rows})
+    laws = sorted({law for study in STUDIES for law in study.laws})
     marks = {"newton": "o", "relaxation": "s", "explicit": "^"}
     for axes, (error, ylabel, cost, xlabel) in zip(figure.subplots(1, 3), panels, strict=True):
         for law, (solver, mark) in itertools.product(laws, marks.items()):
@@ -481,7 +481,7 @@ def published_text(rows: Sequence[Row]) -> str:
     """By how much the published settings are beaten, at equal time and at equal error."""
     mine = [r for r in good(rows) if all(getattr(r.case, k) == v for k, v in PUBLISHED.items())]
     if not mine:
-        return "The published settings were not run on this device."
+        return "The published settings gave no answer here: see the scene's text, or the limit of time was reached."
     row = min(mine, key=lambda r: r.seconds)
     in_time = min((r for r in good(rows) if r.seconds <= row.seconds), key=field_of)
     as_good = min((r for r in good(rows) if field_of(r) <= field_of(row)), key=lambda r: r.seconds)
