@@ -91,8 +91,7 @@ class Study:
         settings: Of the scene, besides points and horizon.
         errors: Result and collected frames -> relative error of a scalar, and L2 of the displacement field.
         times: Frames to collect [s].
-        points: Points along a side, where the scene has its own.
-        own: Case that is the reference itself, where there are no finite elements.
+        own: Case that is the reference itself, twice as fine, where there are no finite elements.
     """
 
     scene: str
@@ -102,7 +101,6 @@ class Study:
     settings: dict[str, Any]
     errors: Callable[[Result, dict[float, Frame], History], tuple[float, float]]
     times: tuple[float, ...] = ()
-    points: tuple[int, ...] = ()
     own: Case | None = None
 
 
@@ -264,8 +262,7 @@ STUDIES = (
         ("explicit",),
         {"duration": 1.8, "frames": 180},
         tear_errors,
-        points=(30, 60),
-        own=Case("double_notch", "plain", 3.15, 120, 32, "explicit"),
+        own=Case("double_notch", "plain", 3.15, 0, 32, "explicit"),
     ),
 )
 
@@ -357,12 +354,15 @@ def sweep(study: Study, options: argparse.Namespace, device: str, stand: str) ->
     )
     own: History = []
     if study.own is not None:
-        own = simulation_of(study, study.own).run(device=device, precision=study.own.precision).history
+        finest = 2 * max(options.tear_points)
+        fine = dataclasses.replace(study.own, points=finest)
+        own = simulation_of(study, fine).run(device=device, precision=fine.precision).history
+        stand += f", reference {finest} points"
     for case in cases(study, options.horizon, options.precision):
         if options.laws and case.law not in options.laws:
             continue
         rows: list[Row] = []
-        for points in study.points or sorted(options.points):
+        for points in sorted(options.points if study.own is None else options.tear_points):
             fine = dataclasses.replace(case, points=points)
             if fine in known:
                 continue
@@ -590,6 +590,7 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--points", type=int, nargs="+", default=[26, 51, 101, 201, 401], help="along a side")
     parser.add_argument("--horizon", type=float, nargs="+", default=[1.5, 2.015, 3.15, 4.15])
     parser.add_argument("--precision", type=int, nargs="+", default=[32, 64])
+    parser.add_argument("--tear-points", type=int, nargs="+", default=[30, 60], help="of double_notch, 30 times 2^n")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--enough", type=float, default=10.0, help="seconds after which a case is not repeated")
     parser.add_argument(
