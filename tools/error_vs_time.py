@@ -217,7 +217,7 @@ STUDIES = (
     Study(
         "pressure",
         "Sheet under follower pressure at rest (BA 6.2): deflection of the centre, and the displacement field. "
-        "Reference: Q9 membrane, 1e-6. Nodal correspondence finds no rest: its zero-energy modes (docs/neural-law.md).",
+        "Reference: Q9 membrane, 1e-6. Nodal correspondence finds no rest: its zero-energy modes ([neural law](neural-law.md)).",
         (*WEIGHTS, "closed_form", "bond_based"),
         ("newton", "relaxation", "explicit"),
         {},
@@ -436,6 +436,7 @@ def scalar_of(row: Row) -> float:
 def draw(rows: Sequence[Row], path: Path) -> None:
     """Work-precision diagrams of one scene and device: errors over time and over point-steps, with their fronts."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     figure = Figure(figsize=(15, 5), layout="constrained")
     panels = [
@@ -456,6 +457,7 @@ def draw(rows: Sequence[Row], path: Path) -> None:
         best = front(rows, error, cost)
         axes.plot([cost(r) for r in best], [error(r) for r in best], color="black", lw=1, label="front", zorder=0)
         axes.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)
     figure.axes[-1].legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.savefig(path, dpi=110)
