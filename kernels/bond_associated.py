@@ -45,6 +45,7 @@ class FamilyMechanics:
         area_weight: (family, i, j, whole, size) -> W_ij over the reference area.
         family_scale: (family, i, whole, total) -> factor on the weights of a damaged family.
         inverse_shape: K (11, 12, 22) -> its inverse, or zero where degenerate.
+        add_to_members: (family, alive, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
     """
 
     present: Any
@@ -55,6 +56,7 @@ class FamilyMechanics:
     area_weight: Any
     family_scale: Any
     inverse_shape: Any
+    add_to_members: Any
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
     word_size = WORD
     standing = standing_bonds(layout, bits, damaged, module)
     present, is_whole, has = standing.present, standing.is_whole, standing.has
-    green, inverse_shape = kinematics(bits)
+    green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
 
     def declare_intersection(name, earlier):
         @wp.func(module=module, name=name)
@@ -175,6 +177,27 @@ def bond_associated(layout, bits, material, breakable, form, module):
                     scale = f.area(family, i) / total
         return scale
 
+    @wp.func(module=module)
+    def add_to_members(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        i: int,
+        j: int,
+        A1: vec3,
+        A2: vec3,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        """Add (A1, A2) X_k to the entries of the members k of D_ij."""
+        for word in range(family.words):
+            members = f.common(family, i, j, word) & present(family, alive, i, word)
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    xi = f.bond(family, i, k)
+                    bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
+                members = members >> wp.uint32(1)
+                k += 1
+
     def declare_energy(name, gradient):
         @wp.func(module=module, name=name)
         def family_energy(
@@ -212,7 +235,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
         strain_energy=energy_of_families(layout, bits, family_energy, module),
         earlier_energy=earlier_energy,
         mechanics=FamilyMechanics(
-            present, is_whole, has, intersection, green, area_weight, family_scale, inverse_shape
+            present, is_whole, has, intersection, green, area_weight, family_scale, inverse_shape, add_to_members
         ),
     )
 
@@ -229,10 +252,10 @@ def plain_force(layout, bits, material, breakable, form, others, module):
     f = family_functions(layout, bits, module)
     Family = f.struct
     stress, _ = material(bits)
-    word_size = WORD
     law = bond_associated(layout, bits, material, breakable, form, module).mechanics
-    present, is_whole, has, intersection = law.present, law.is_whole, law.has, law.intersection
+    is_whole, has, intersection = law.is_whole, law.has, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
+    add_to_members, stress_on_members = law.add_to_members, kinematics(bits).stress_on_members
 
     if form == "published":
 
@@ -272,12 +295,7 @@ def plain_force(layout, bits, material, breakable, form, others, module):
                         H1 = inverse_horizon * G1
                         H2 = inverse_horizon * G2
                         S = stress(green(H1, H2), constants)
-                        F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                        F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
-                        P1 = S[0, 0] * F1 + S[1, 0] * F2
-                        P2 = S[0, 1] * F1 + S[1, 1] * F2
-                        A1 = P1 * inverse[0] + P2 * inverse[1]
-                        A2 = P1 * inverse[1] + P2 * inverse[2]
+                        A1, A2 = stress_on_members(H1, H2, S, real(1.0), inverse)
                         xi = f.bond(family, i, j)
                         m = f.neighbour(family, i, j)
                         if whole:
@@ -319,21 +337,8 @@ def plain_force(layout, bits, material, breakable, form, others, module):
                     S = stress(green(H1, H2), constants)
                     weight = area_weight(family, i, j, whole, size)
                     total += weight
-                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
-                    P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
-                    P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
-                    A1 = P1 * inverse[0] + P2 * inverse[1]
-                    A2 = P1 * inverse[1] + P2 * inverse[2]
-                    for word in range(family.words):
-                        members = f.common(family, i, j, word) & present(family, alive, i, word)
-                        k = word * word_size
-                        while members != wp.uint32(0):
-                            if (members & wp.uint32(1)) != wp.uint32(0):
-                                xi = f.bond(family, i, k)
-                                bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
-                            members = members >> wp.uint32(1)
-                            k += 1
+                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
+                    add_to_members(family, alive, i, j, A1, A2, bond_force)
         scale = unit_force * family_scale(family, i, whole, total)
         for k in range(family.members):
             if has(family, alive, i, k):

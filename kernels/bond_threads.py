@@ -16,6 +16,7 @@ import warp as wp
 
 from .bond_associated import bond_associated
 from .families import WORD, family_functions
+from .kinematics import kinematics
 from .numeric import numeric
 
 
@@ -39,7 +40,7 @@ def bond_threads(layout, bits, material, near, module, fast_module, breakable):
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
     present, is_whole, has, intersection = law.present, law.is_whole, law.has, law.intersection
     green, area_weight = law.green, law.area_weight
-    stress_near = near(bits)
+    stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
     word_size = WORD
 
     @wp.kernel(module=fast_module, enable_backward=False)
@@ -65,12 +66,7 @@ def bond_threads(layout, bits, material, near, module, fast_module, breakable):
                 H2 = inverse_horizon * G2
                 S, _guess = stress_near(green(H1, H2), constants, real(0.0))
                 weight = area_weight(family, i, j, whole, size)
-                F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
-                P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
-                P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
-                A1 = P1 * inverse[0] + P2 * inverse[1]
-                A2 = P1 * inverse[1] + P2 * inverse[2]
+                A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
         stress[0, j, i] = A1
         stress[1, j, i] = A2
 

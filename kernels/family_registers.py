@@ -12,6 +12,7 @@ import warp as wp
 
 from .bond_associated import bond_associated
 from .families import WORD, family_functions
+from .kinematics import kinematics
 from .numeric import numeric
 
 
@@ -34,7 +35,7 @@ def register_force(layout, bits, material, near, breakable, members, listed, mod
     inverse_shape, area_weight, family_scale = (
         mechanics.inverse_shape, mechanics.area_weight, mechanics.family_scale,
     )  # fmt: skip
-    stress_near = near(bits)
+    stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
     n, word_size = members, WORD
     words = -(-n // WORD)
     Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
@@ -116,12 +117,7 @@ def register_force(layout, bits, material, near, breakable, members, listed, mod
                     S, guess = stress_near(green(H1, H2), constants, guess)
                     weight = area_weight(family, i, j, whole, size)
                     total += weight
-                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
-                    P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
-                    P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
-                    A1 = P1 * inverse[0] + P2 * inverse[1]
-                    A2 = P1 * inverse[1] + P2 * inverse[2]
+                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
                     for k in range(wp.static(n)):
                         bit = common[wp.static(k // word_size)] & wp.uint32(wp.static(1 << (k % word_size)))
                         on = wp.where(bit != wp.uint32(0), real(1.0), real(0.0))

@@ -1,6 +1,8 @@
 """From a deformation gradient to its strain, and from a shape tensor to its inverse."""
 
 import functools
+from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -10,9 +12,24 @@ from .numeric import numeric
 DEGENERATE = 0.2
 
 
+@dataclass(frozen=True)
+class Kinematics:
+    """Warp functions of one precision.
+
+    Attributes:
+        green: (H1, H2) -> C - I.
+        inverse_shape: K (11, 12, 22) -> its inverse, or zero where degenerate.
+        stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
+    """
+
+    green: Any
+    inverse_shape: Any
+    stress_on_members: Any
+
+
 @functools.cache
 def kinematics(bits):
-    """Warp functions `green` and `inverse_shape`."""
+    """The functions of a precision."""
     types = numeric(bits)
     real, vec3, mat22 = types.real, types.vec3, types.mat22
     degenerate = DEGENERATE
@@ -33,4 +50,13 @@ def kinematics(bits):
         else:
             return vec3(real(0.0), real(0.0), real(0.0))
 
-    return green, inverse_shape
+    @wp.func
+    def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
+        """Columns of W P K^-1, with P = F S and F = I + (H1, H2): times c_k X_k it is the force on a member k."""
+        F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
+        F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+        P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
+        P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
+        return P1 * inverse[0] + P2 * inverse[1], P1 * inverse[1] + P2 * inverse[2]
+
+    return Kinematics(green, inverse_shape, stress_on_members)

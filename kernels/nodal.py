@@ -68,7 +68,7 @@ def point_family(layout, bits, breakable, module):
     Family = f.struct
     word_size = WORD
     bonds = standing_bonds(layout, bits, breakable, module)
-    green, inverse_shape = kinematics(bits)
+    green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
 
     @wp.func(module=module)
     def gradient(
@@ -128,6 +128,7 @@ def nodal(layout, bits, material, breakable, module):
     f = family_functions(layout, bits, module)
     Family = f.struct
     point = point_family(layout, bits, breakable, module)
+    stress_on_members = kinematics(bits).stress_on_members
     stress, energy = material(bits)
 
     @wp.func(module=module)
@@ -171,12 +172,7 @@ def nodal(layout, bits, material, breakable, module):
             H2 = inverse_horizon * G2
             S = stress(point.green(H1, H2), constants)
             scale = unit_force * f.area(family, i) * size / f.family_area(family, i)
-            F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-            F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
-            P1 = scale * (S[0, 0] * F1 + S[1, 0] * F2)
-            P2 = scale * (S[0, 1] * F1 + S[1, 1] * F2)
-            A1 = P1 * inverse[0] + P2 * inverse[1]
-            A2 = P1 * inverse[1] + P2 * inverse[2]
+            A1, A2 = stress_on_members(H1, H2, S, scale, inverse)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if point.has(family, alive, i, k):

@@ -25,8 +25,9 @@ from typing import Any
 import warp as wp
 
 from .bond_associated import bond_associated
-from .families import WORD, family_functions
+from .families import family_functions
 from .incompressible import incompressible, yeoh
+from .kinematics import kinematics
 from .numeric import numeric
 
 # Steps of the search for C_q, and its tolerance; it is convex and ends in a few.
@@ -75,12 +76,12 @@ def visco(layout, bits, material, breakable, module):
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    word_size = WORD
     stress, _ = material(bits)
     prony_stress = incompressible(yeoh).functions(bits)[0]
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    present, is_whole, has, intersection = law.present, law.is_whole, law.has, law.intersection
+    is_whole, has, intersection = law.is_whole, law.has, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
+    add_to_members, stress_on_members = law.add_to_members, kinematics(bits).stress_on_members
     retained = relaxation_factors(bits)
     conjugate, energies = prony_energy(module), material(64)[1]
 
@@ -182,21 +183,8 @@ def visco(layout, bits, material, breakable, module):
                         S += prony_stress(G, own) - prony_stress(old, own)
                     weight = area_weight(family, i, j, whole, size)
                     total += weight
-                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
-                    P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)
-                    P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
-                    A1 = P1 * inverse[0] + P2 * inverse[1]
-                    A2 = P1 * inverse[1] + P2 * inverse[2]
-                    for word in range(family.words):
-                        members = f.common(family, i, j, word) & present(family, alive, i, word)
-                        k = word * word_size
-                        while members != wp.uint32(0):
-                            if (members & wp.uint32(1)) != wp.uint32(0):
-                                xi = f.bond(family, i, k)
-                                bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
-                            members = members >> wp.uint32(1)
-                            k += 1
+                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
+                    add_to_members(family, alive, i, j, A1, A2, bond_force)
         scale = unit_force * family_scale(family, i, whole, total)
         for k in range(family.members):
             if has(family, alive, i, k):

@@ -62,7 +62,7 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, module):
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
     stress_near = near(bits)
-    green, _ = kinematics(bits)
+    green = kinematics(bits).green
     n, bonds = len(stencil.steps), len(stencil.quarter)
     full = (1 << n) - 1
     right = [step[0] for step in stencil.steps]

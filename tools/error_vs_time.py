@@ -217,7 +217,8 @@ STUDIES = (
     Study(
         "pressure",
         "Sheet under follower pressure at rest (BA 6.2): deflection of the centre, and the displacement field. "
-        "Reference: Q9 membrane, 1e-6. Nodal correspondence finds no rest: its zero-energy modes ([neural law](neural-law.md)).",
+        "Reference: Q9 membrane, 1e-6. Nodal correspondence finds no rest: its zero-energy modes "
+        "([neural law](neural-law.md)).",
         (*WEIGHTS, "closed_form", "bond_based"),
         ("newton", "relaxation", "explicit"),
         {},
