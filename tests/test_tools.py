@@ -84,7 +84,7 @@ def test_what_the_published_settings_lose():
 def test_the_fast_version_of_error_over_time(tmp_path, capsys):
     evt.main(["--fast", "--device", "cpu", "--laws", "corrected", "--numbers", str(tmp_path)])
     rows = evt.load(tmp_path)
-    assert len(rows) == 10
+    assert len(rows) == 8
     assert all(r.status == "finished" for r in rows)
     coarse, fine = (min(evt.field_of(r) for r in rows if r.case.points == n) for n in (11, 21))
     assert fine < 0.4 * coarse
@@ -93,7 +93,7 @@ def test_the_fast_version_of_error_over_time(tmp_path, capsys):
     assert "What to choose" in text
     assert "corrected, 2.015, 21 points" in capsys.readouterr().out
     evt.main(["--fast", "--device", "cpu", "--laws", "corrected", "--numbers", str(tmp_path), "--missing"])
-    assert len(evt.load(tmp_path)) == 10
+    assert len(evt.load(tmp_path)) == 8
 
 
 def test_what_a_scene_is_spared(tmp_path):
