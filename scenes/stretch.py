@@ -38,7 +38,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.bond_neo_hookean import MODES, exact_traction
-from warp_pd.checks import finite, one_of
+from warp_pd.checks import finite, one_of, positive
 from warp_pd.forces import ForceLaw
 from warp_pd.measures import support_force
 from warp_pd.solvers import Solver
@@ -84,6 +84,7 @@ def build(
         raise InputError(f"weights = {weights!r}: allowed with force {force!r} is 'auto', only bond_associated has any")
     if horizon is None:
         horizon = HORIZON[mode] if bonds else 2.015
+    positive("horizon", horizon)
     sheet = whole_sheet(points, horizon, mode, bonds)
     edge = sheet.where(lambda x, y: (x >= HALF * (1.0 - 1e-9)) & (np.abs(y) <= HALF * (1.0 + 1e-9)))
     right = sheet.points[edge]

@@ -37,7 +37,7 @@ from warp_pd import (
     ViscoBondBased,
     Yeoh,
 )
-from warp_pd.checks import InputError, one_of, positive
+from warp_pd.checks import InputError, not_negative, one_of, positive
 from warp_pd.loads import stretching_edges
 from warp_pd.measures import TearLine, time_above
 from warp_pd.solvers import Solver
@@ -68,9 +68,14 @@ def build(
     published = one_of("law", law, ("stress_free", "published")) == "published"
     if rate is None:
         rate = (159.4 if viscous else 205.0) if failure else 0.15
-    density = positive("density", density or (1100.0 if failure else 2e6))
+    if density is None:
+        density = 1100.0 if failure else 2e6
+    positive("rate", rate)
+    positive("density", density)
+    positive("energy", energy)
+    not_negative("roughness", roughness)
     moving = viscous or failure
-    duration = SHOWN[viscous][-1] if failure else (stretch - 1.0) / positive("rate", rate) if viscous else 1.0
+    duration = SHOWN[viscous][-1] if failure else (stretch - 1.0) / rate if viscous else 1.0
     last = 1.0 + rate * duration if failure else stretch
     # The published law's stress at a point depends on the whole families of its neighbours.
     outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)

@@ -50,8 +50,8 @@ def build(
     tolerance: float | None = None,
     safety: float = 0.5,
 ) -> Simulation:
-    if positive("stretch", stretch) <= 1.0:
-        raise InputError(f"stretch = {stretch!r}: allowed is a stretch above 1")
+    if not 1.0 < positive("stretch", stretch) <= 10.0:
+        raise InputError(f"stretch = {stretch!r}: allowed are stretches above 1 up to 10")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     duration = (stretch - 1.0) / positive("rate", rate) if viscous else 1.0
     # The published law's stress at a point depends on the whole families of its neighbours.

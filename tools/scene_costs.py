@@ -20,6 +20,7 @@ from stamp import stamp
 
 from warp_pd import CriticalStretch, Explicit, InputError, Pressure, RigidBall, Simulation
 from warp_pd.bench import time_step
+from warp_pd.checks import positive
 from warp_pd.cli import build_scene, scene_names
 from warp_pd.runner import write_aside
 from warp_pd.simulation import find_device
@@ -116,10 +117,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=PAGE)
     parser.add_argument("--stand", help="name of the commit, where there is no repository")
     options = parser.parse_args(arguments)
-    device = find_device(options.device)
+    try:
+        device = find_device(options.device)
+        positive("seconds", options.seconds)
+    except InputError as error:
+        parser.error(str(error))
     lines = [*introduction(stamp(device.name, options.stand))]
+    settings: dict[str, object] = {} if options.points is None else {"points": options.points}
     for name in options.scenes:
-        lines.append(row(name, str(device), options.seconds, {"points": options.points} if options.points else {}))
+        lines.append(row(name, str(device), options.seconds, settings))
         print(lines[-1], flush=True)
     write_aside(options.out, "\n".join([*lines, ""]))
 
@@ -134,7 +140,8 @@ def introduction(measured: str) -> Sequence[str]:
         "the last column, which it does without: they leave no array, no launch and no branch. `warp-pd plan SCENE`",
         "lists what there is. Times are of explicit steps of a sheet that hardly moves, for scenes at rest too.",
         "Where a law is cheap (bond-based) the features would double the step; where it finds 28 stresses a point they",
-        "vanish in it on a CPU, not on a GPU ([performance](performance.md), 1.4 to 1.7 times).",
+        "vanish in it on a CPU, not on a GPU ([performance](performance.md), 1.4 to 1.7 times). Repeated",
+        "measurements differ by up to 5 %, so factors from 0.95 to 1.05 are one.",
         "",
         "| scene | points | arrays | launches a step | bytes a point | step (us) | times | forced on |",
         "|---|---|---|---|---|---|---|---|",

@@ -52,7 +52,7 @@ from warp_pd.bonds import pack
 from warp_pd.forces import ForceLaw
 from warp_pd.launches import run_once
 from warp_pd.runner import DIVERGED, MOST_GAIN, DivergedError
-from warp_pd.simulation import Built
+from warp_pd.simulation import Built, find_device
 from warp_pd.solvers.explicit import FIRST_ITERATIONS
 
 STABLE, SMALLER, CLEAN, WRONG, NONE = (
@@ -1147,7 +1147,8 @@ A cell holds a verdict and the number behind it, which the second column names.
   not finite is written.
 - **wrong**: finite, but it breaks physics: more than {100 * ENERGY_ERROR:g} % error of the energy balance (for a law
   without an energy of its own, k above 1), forces that do not turn with the sheet, a value
-  that is not the exact one, modes that nothing resists.
+  that is not the exact one, modes that nothing resists. Where the number of a
+  row is another one, the remarks say which of these it was.
 - n/a: the law has no such thing; the remarks say why.
 
 Energy errors are of the balance, over the largest energy or work; for a law without an energy of its own, k marks the
@@ -1192,7 +1193,13 @@ def main(arguments: Sequence[str] | None = None) -> Table:
     parser.add_argument("--stand", help="name of the commit, where there is no repository")
     given = parser.parse_args(arguments)
     laws = given.laws or (["corrected"] if given.fast else list(LAWS))
+    try:
+        find_device(given.device)
+    except InputError as error:
+        parser.error(str(error))
     chosen = [c for c in CASES if (c.fast or not given.fast) and any(part in c.name for part in given.only)]
+    if not chosen:
+        parser.error(f"--only = {given.only}: allowed are parts of the names of cases, such as 'K/mu'")
     cells: Table = {}
     for case in chosen:
         cells[case.name] = {}
@@ -1205,8 +1212,6 @@ def main(arguments: Sequence[str] | None = None) -> Table:
                 flush=True,
             )
     if given.out is not None:
-        from warp_pd.simulation import find_device
-
         device = str(find_device(given.device).name)
         command = "tools/stability.py" + "".join(f" {a}" for a in (sys.argv[1:] if arguments is None else arguments))
         given.out.parent.mkdir(parents=True, exist_ok=True)

@@ -220,7 +220,8 @@ def _report(result: Any) -> None:
             continue
         line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
         if m["reference"] is not None:
-            line += f"   reference {m['reference']:.6g} {m['unit']} ({m['source']}), error {100 * m['error']:+.3f} %"
+            unit = "" if m["unit"] == "1" else f" {m['unit']}"
+            line += f"   reference {m['reference']:.6g}{unit} ({m['source']}), error {100 * m['error']:+.3f} %"
         click.echo(line)
     click.echo(f"results in {result.folder}")
     for path in sorted(result.folder.iterdir()):

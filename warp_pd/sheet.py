@@ -374,7 +374,7 @@ class Sheet:
             InputError: if it holds fewer than three points, or points on one line.
         """
         members = self.within(centre, radius)
-        offset = self.points[members] - self.points[members].mean(axis=0)
+        offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
             raise InputError(
                 f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points: "

@@ -80,7 +80,7 @@ def ours(peers: Peers, law: str, points: int, precision: int) -> float:
 def table(times: dict[str, list[float]], points: int) -> list[str]:
     """Rows of codes, best first line ours: point-steps a second, best and median, and how often ours is faster."""
     own = min(next(iter(times.values())))
-    lines = ["| code | point-steps/s, best | median | ours is faster by |", "|---|---|---|---|"]
+    lines = ["| code | point-steps/s, best | median | bond-based over this |", "|---|---|---|---|"]
     for name, measured in times.items():
         middle = sorted(measured)[len(measured) // 2]
         lines.append(

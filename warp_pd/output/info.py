@@ -68,6 +68,6 @@ def _summary(path: Path) -> str:
     lines = [f"{path}: {summary['scene']} ({summary['section']}), {summary['status']}"]
     lines.append(f"  {summary['points']} points, horizon {summary['horizon']}, {summary['weights']} weights")
     for name, measure in summary["measures"].items():
-        value = "none" if measure["value"] is None else f"{measure['value']:.6g} {measure['unit']}"
+        value = "none" if measure["value"] is None else f"{measure['value']:.6g} {measure['unit']}".removesuffix(" 1")
         lines.append(f"  {name} = {value}")
     return "\n".join(lines)
