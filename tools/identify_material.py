@@ -177,7 +177,10 @@ def main() -> None:
         parser.error("a file, or --recover")
     else:
         try:
-            print(report(identify(read(options.file), options.loading)))
+            curves = read(options.file)
+            print(report(identify(curves, options.loading)))
+            if sum(curve.time is not None for curve in curves) < 2:
+                print("curves at fewer than two rates: phi_ref and eta are known together only, not apart")
         except InputError as error:
             parser.exit(2, f"{error}\n")
 
