@@ -101,7 +101,7 @@ def exact_stress(material, gradient):
         return shear(c33) * (2.0 * c33 - trace) / 3.0 + pressure
 
     # The root lies on the near side of the pole that the Gent material has at its lock.
-    grid = np.geomspace(1e-2, 1e2, 20001) / det
+    grid = np.geomspace(1e-5, 1e2, 40001) / det
     at = np.flatnonzero((thickness_stress(grid[:-1]) < 0.0) & (thickness_stress(grid[1:]) >= 0.0))
     at = at[(shear(grid[at]) > 0.0) & (shear(grid[at + 1]) > 0.0)]
     assert len(at) == 1

@@ -10,7 +10,9 @@ from warp_pd import (
     CriticalStretch,
     Explicit,
     Fixed,
+    InputError,
     Motion,
+    Ogden,
     PointForce,
     Pressure,
     Relaxation,
@@ -210,3 +212,18 @@ def test_gent_near_its_lock_ends_with_the_cause():
 def test_a_slack_sheet_is_at_rest_at_once():
     result = run(square(7), solver=Relaxation())
     assert result.status == "finished" and result.summary["residual"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Ogden(mu=1.0, exponents=(2.0,)), "mu = 1.0"),
+        (lambda: Ogden(mu=(1.0,), exponents=2.0), "exponents = 2.0"),
+        (lambda: BondAssociated("rubber"), "material = 'rubber'"),
+        (lambda: Simulation(square(5), None, Explicit(1.0)).build("cpu"), "force = None"),
+        (lambda: Simulation(square(5), NEO, Explicit(1.0)).build("cpu"), "force = NeoHookean"),
+    ],
+)
+def test_a_part_in_the_wrong_place_is_named(make, says):
+    with pytest.raises(InputError, match=says):
+        make()

@@ -317,6 +317,9 @@ class Ogden:
     isotropic: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
+        for name in ("mu", "exponents"):
+            if not isinstance(getattr(self, name), tuple | list):
+                raise InputError(f"{name} = {getattr(self, name)!r}: allowed is a tuple of one or two numbers")
         if len(self.mu) != len(self.exponents) or len(self.mu) not in (1, 2):
             raise InputError(f"mu = {self.mu!r} with exponents = {self.exponents!r}: allowed are one or two of each")
         if sum(m * a for m, a in zip(self.mu, self.exponents, strict=True)) <= 0.0:
@@ -450,8 +453,10 @@ def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, floa
     """The constants of `material`, filled with zeros up to four.
 
     Raises:
-        InputError: for more than four, or one that is not finite.
+        InputError: for more than four, one that is not finite, or what is no material.
     """
+    if not hasattr(material, "constants"):
+        raise InputError(f"material = {material!r}: allowed is a material, such as NeoHookean(mu, bulk)")
     constants = tuple(finite(f"{type(material).__name__}.constants[{k}]", c) for k, c in enumerate(material.constants))
     if len(constants) > 4:
         raise InputError(f"{type(material).__name__}.constants has {len(constants)} numbers: allowed are four at most")

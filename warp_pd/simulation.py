@@ -133,6 +133,8 @@ class Simulation:
         Raises:
             InputError: for parts that do not fit together, or a device that is not there.
         """
+        if not hasattr(self.force, "signature"):
+            raise InputError(f"force = {self.force!r}: allowed is a force law, such as BondAssociated(material)")
         return Built(self, find_device(device), one_of("precision", precision or self.solver.precision, (32, 64)))
 
     def plan(self, device: str | None = None, precision: int | None = None) -> str:
