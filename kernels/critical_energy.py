@@ -4,27 +4,27 @@ Each step adds to a bond the work of the force between its two points, half of i
 
     G = w V_i V_j / (h dx),     w = int t |X| ds,     t the mean of the force densities of the two ends,
 
-and the bond breaks for good when G passes the critical value of one interaction. Both ends compute the same number.
+and the bond breaks for good when G passes the critical value of one interaction (kernels/damage.py). Both ends
+compute the same number.
 """
 
 import functools
 
 import warp as wp
 
-from .families import WORD, family_functions
+from .families import family_functions
 from .numeric import numeric
 from .standing import standing_bonds
 
 
 @functools.cache
-def critical_energy(layout, bits, tracked, spared, earlier_energy, module):
-    """Kernels `add_release` and `break_bonds`; arguments as of `damage.critical_stretch`."""
+def energy_release(layout, bits, module):
+    """Kernel `add_release`; arguments as of `damage.breaking`."""
     types = numeric(bits)
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
     has = standing_bonds(layout, bits, True, module).has
-    word_size = WORD
 
     @wp.kernel(module=module, enable_backward=False)
     def add_release(
@@ -45,65 +45,4 @@ def critical_energy(layout, bits, tracked, spared, earlier_energy, module):
                 work = real(0.5) * step[0] * wp.dot(pull, velocity[m] - velocity[i])
                 energy_release[k, i] = energy_release[k, i] + inverse_surface * work
 
-    @wp.func(module=module)
-    def surviving(
-        family: Family,
-        energy_release: wp.array2d(dtype=real),
-        critical: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        i: int,
-        word: int,
-        standing: wp.uint32,
-    ):
-        """The bits of `standing` whose bonds have not released the critical energy."""
-        survivors = standing
-        members = standing
-        k = word * word_size
-        bit = wp.uint32(1)
-        while members != wp.uint32(0):
-            if (members & wp.uint32(1)) != wp.uint32(0):
-                over = energy_release[k, i] > critical
-                if wp.static(spared):
-                    m = f.neighbour(family, i, k)
-                    over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
-                if over:
-                    survivors = survivors & ~bit
-            members = members >> wp.uint32(1)
-            bit = bit << wp.uint32(1)
-            k += 1
-        return survivors
-
-    @wp.kernel(module=module, enable_backward=False)
-    def break_spent_bonds(
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        step: wp.array(dtype=real),
-        energy_release: wp.array2d(dtype=real),
-        critical: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_volume: real,
-        first: int,
-        alive: wp.array2d(dtype=wp.uint32),
-        released: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        back = real(0.5) * step[0]
-        breaks = bool(False)
-        for word in range(family.words):
-            standing = alive[word, i]
-            if surviving(family, energy_release, critical, spared_mask, i, word, standing) != standing:
-                breaks = True
-        if breaks:
-            before = real(0.0)
-            if wp.static(tracked):
-                before = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
-            for word in range(family.words):
-                alive[word, i] = surviving(family, energy_release, critical, spared_mask, i, word, alive[word, i])
-            if wp.static(tracked):
-                after = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
-                released[i] = released[i] + wp.float64(unit_volume * (before - after))
-
-    return add_release, break_spent_bonds
+    return add_release

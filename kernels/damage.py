@@ -1,7 +1,7 @@
-"""Rupture by critical stretch, and the damage of a point.
+"""Rupture by critical stretch or by energy release rate, and the damage of a point.
 
-A bond whose stretch |Y|/|X| passes the critical one breaks for good. Both ends compute the same number from
-the same words, so their bits agree without being compared.
+A bond whose stretch |Y|/|X|, or whose energy release rate (kernels/critical_energy.py), passes the critical one breaks
+for good. Both ends compute the same number from the same words, so their bits agree without being compared.
 
 The force changes between two steps, so the energy that breaking releases is taken half a step back: then
 the energy balance of central differences stays second order in the step through rupture.
@@ -16,12 +16,13 @@ from .numeric import numeric
 
 
 @functools.cache
-def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
+def breaking(layout, bits, by_energy, tracked, spared, earlier_energy, module):
     """Kernel `break_bonds`.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
+        by_energy: Whether `critical` is an energy release rate, instead of a squared stretch.
         tracked: Whether the energy that breaking releases is summed up, per point.
         spared: Whether the bonds of some points never break.
         earlier_energy: Warp function of the force law (None if not tracked).
@@ -34,29 +35,45 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
     word_size = WORD
 
     @wp.func(module=module)
+    def spent(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        energy_release: wp.array2d(dtype=real),
+        horizon: real,
+        critical: real,
+        i: int,
+        k: int,
+    ):
+        if wp.static(by_energy):
+            return energy_release[k, i] > critical
+        else:
+            X = horizon * f.bond(family, i, k)
+            U = displacement[f.neighbour(family, i, k)] - displacement[i]
+            Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+            return wp.dot(Y, Y) > critical * wp.dot(X, X)
+
+    @wp.func(module=module)
     def surviving(
         family: Family,
         displacement: wp.array(dtype=vec3),
+        energy_release: wp.array2d(dtype=real),
         horizon: real,
-        critical_squared: real,
+        critical: real,
         spared_mask: wp.array(dtype=wp.uint8),
         i: int,
         word: int,
         standing: wp.uint32,
     ):
-        """The bits of `standing` whose bonds are not over-stretched."""
+        """The bits of `standing` whose bonds are not spent."""
         survivors = standing
         members = standing
         k = word * word_size
         bit = wp.uint32(1)
         while members != wp.uint32(0):
             if (members & wp.uint32(1)) != wp.uint32(0):
-                X = horizon * f.bond(family, i, k)
-                m = f.neighbour(family, i, k)
-                U = displacement[m] - displacement[i]
-                Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
-                over = wp.dot(Y, Y) > critical_squared * wp.dot(X, X)
+                over = spent(family, displacement, energy_release, horizon, critical, i, k)
                 if wp.static(spared):
+                    m = f.neighbour(family, i, k)
                     over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
                 if over:
                     survivors = survivors & ~bit
@@ -71,8 +88,9 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
+        energy_release: wp.array2d(dtype=real),
         horizon: real,
-        critical_squared: real,
+        critical: real,
         spared_mask: wp.array(dtype=wp.uint8),
         constants: parameters,
         inverse_horizon: real,
@@ -88,7 +106,8 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
             back = real(0.5) * step[0]
         for word in range(family.words):
             standing = alive[word, i]
-            if surviving(family, displacement, horizon, critical_squared, spared_mask, i, word, standing) != standing:
+            left = surviving(family, displacement, energy_release, horizon, critical, spared_mask, i, word, standing)
+            if left != standing:
                 breaks = True
         if breaks:
             before = real(0.0)
@@ -96,7 +115,7 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
                 before = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
             for word in range(family.words):
                 alive[word, i] = surviving(
-                    family, displacement, horizon, critical_squared, spared_mask, i, word, alive[word, i]
+                    family, displacement, energy_release, horizon, critical, spared_mask, i, word, alive[word, i]
                 )
             if wp.static(tracked):
                 after = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
@@ -107,7 +126,7 @@ def critical_stretch(layout, bits, tracked, spared, earlier_energy, module):
 
 @functools.cache
 def point_damage(layout, bits, module):
-    """Kernel `damage`; arguments as of `critical_stretch`."""
+    """Kernel `damage`; arguments as of `breaking`."""
     real = numeric(bits).real
     f = family_functions(layout, bits, module)
     Family = f.struct

@@ -518,8 +518,7 @@ class Built:
 
     def _add_break(self, stage: str, damage: Rupture) -> None:
         """Add the launch that breaks bonds."""
-        from .kernels.critical_energy import critical_energy
-        from .kernels.damage import critical_stretch, point_damage
+        from .kernels.damage import breaking, point_damage
 
         force, spared, owner = self.force, None, type(damage).__name__
         tracked = self.tracked and force.has_energy
@@ -527,28 +526,25 @@ class Built:
             mask = np.zeros(self.simulation.sheet.size, np.uint8)
             mask[point_indices(f"{owner}.spared", damage.spared, len(mask))] = 1
             spared = self.workspace.array("spared", owner, wp.uint8, mask)
-        declare = critical_energy if isinstance(damage, CriticalEnergy) else critical_stretch
-        kernel = declare(
-            force.families.layout, self.types.bits, tracked, spared is not None,
+        by_energy = isinstance(damage, CriticalEnergy)
+        kernel = breaking(
+            force.families.layout, self.types.bits, by_energy, tracked, spared is not None,
             force.kernels.earlier_energy if tracked else None, self.workspace.module,
         )  # fmt: skip
         if isinstance(damage, CriticalEnergy):
-            self._release, kernel = kernel
-            criterion = {"energy_release": self._energy_release(), "critical": damage.energy / self._crossing()}
+            self.state.energy_release = self._energy_release()
+            critical = damage.energy / crossing_bonds(self.simulation.force.horizon)
         else:
-            criterion = {"horizon": force.families.horizon, "critical_squared": damage.stretch**2}
+            critical = damage.stretch**2
         self._damage = point_damage(force.families.layout, self.types.bits, self.workspace.module)
         self.workspace.launch(
             stage, owner, kernel, self.simulation.sheet.size,
             family=force.struct, displacement=self.state.displacement, velocity=self.state.velocity,
-            step=self.step, **criterion, spared_mask=spared, constants=force.constants,
+            step=self.step, energy_release=self.state.energy_release, horizon=force.families.horizon,
+            critical=critical, spared_mask=spared, constants=force.constants,
             inverse_horizon=force.inverse_horizon, unit_volume=force.unit_volume, alive=force.alive,
             released=self.state.released,
         )  # fmt: skip
-
-    def _crossing(self) -> int:
-        """Nc of CriticalEnergy."""
-        return crossing_bonds(self.simulation.force.horizon)
 
     def _energy_release(self) -> Any:
         """Array of the energy release rate of every bond.
@@ -565,16 +561,16 @@ class Built:
                 f"ViscoBondBased, and BondAssociated with fast = False"
             )
         shape = (force.families.members, self.simulation.sheet.size)
-        self.state.energy_release = self.workspace.array(
-            "energy_release", "CriticalEnergy", self.types.real, shape=shape
-        )
-        return self.state.energy_release
+        return self.workspace.array("energy_release", "CriticalEnergy", self.types.real, shape=shape)
 
     def _add_release(self) -> None:
         """Add the launch that sums up the work of every bond."""
+        from .kernels.critical_energy import energy_release
+
         force, sheet = self.force, self.simulation.sheet
+        kernel = energy_release(force.families.layout, self.types.bits, self.workspace.module)
         self.workspace.launch(
-            "step", "CriticalEnergy", self._release, sheet.size,
+            "step", "CriticalEnergy", kernel, sheet.size,
             family=force.struct, alive=force.alive, velocity=self.state.velocity, step=self.step,
             bond_force=force.bond_force, inverse_surface=1.0 / (sheet.thickness * sheet.spacing),
             energy_release=self.state.energy_release,

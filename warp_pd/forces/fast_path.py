@@ -159,8 +159,6 @@ class BondThreads:
         near: Factory of the material's stress_near.
     """
 
-    stencil = None
-
     def __init__(self, force: BondAssociatedForce, near: Any) -> None:
         self.force, self.near = force, near
         w = force.workspace
