@@ -2,19 +2,27 @@
 
 import numpy as np
 import pytest
+import warp as wp
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, square
 
-from warp_pd import CriticalStretch, Explicit, Gent
+from warp_pd import CriticalStretch, Explicit, Gent, launches
 from warp_pd.forces import fast_path
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
 
 
 @pytest.fixture
-def large_on_gpu(monkeypatch):
+def blocks(monkeypatch):
+    """Blocks of threads as on a GPU, here on a CPU, one after the other."""
+    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
+    monkeypatch.setattr(launches, "SPLIT_FROM", 10**9)
+    monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
+
+
+@pytest.fixture
+def large_on_gpu(monkeypatch, blocks):
     """Take the kernels of large sheets on a GPU, here for small ones on a CPU."""
-    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
-    monkeypatch.setattr(fast_path, "MOST_BOND_THREADS", {32: 0, 64: 0})
+    monkeypatch.setattr(fast_path, "MOST_SHARED", {32: 0, 64: 0})
 
 
 def rough(sheet, seed=0):
@@ -62,22 +70,21 @@ def test_families_with_broken_bonds(broken):
 @pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("cut", [None, ((0.02, 0.031), (0.071, 0.08))], ids=["whole", "torn"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052))])
-def test_a_thread_a_bond(monkeypatch, sheet, cut, bits):
-    """What a GPU does with small sheets, here on a CPU."""
-    monkeypatch.setattr(fast_path, "in_registers", lambda device: True)
+def test_a_thread_a_bond(blocks, sheet, cut, bits):
+    """What a GPU does with small sheets."""
     quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
-    assert quick[-4:-1] == ["bond_stress", "member_force", "gather"]
+    assert quick[-3:-1] == ["family_block_force", "gather_from_mates"]
 
 
 @pytest.mark.parametrize("broken", ["drop", "redistribute"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
-def test_families_in_registers(large_on_gpu, sheet, broken):
-    """What a GPU does, here on a CPU."""
+def test_families_that_share_blocks(large_on_gpu, sheet, broken):
+    """What a GPU does with families that are not whole."""
     quick, _ = compare(sheet, 2.015, 64, cut=((0.02, 0.031), (0.071, 0.08)), broken=broken)
-    assert quick[-3:-1] == ["any_family_force", "gather_from_mates"]
+    assert quick[-3:-1] == ["family_block_force", "gather_from_mates"]
 
 
-def test_a_large_family_in_registers(large_on_gpu):
+def test_a_large_family(large_on_gpu):
     """Where sums run over the members outside an intersection."""
     compare(square(13), 3.15, 64)
 

@@ -1,10 +1,9 @@
 """Fast kernels of the variational bond-associated law, and when they are taken.
 
 Whole families inside a square lattice have a kernel of their own, if the material is isotropic. On a GPU it puts all
-other points on a list, which a second kernel works off with the family in registers, so that threads side by side
-do the same; on clouds there is only the second. On a CPU registers are few: there all others take the plain kernel.
-
-Small sheets do not fill a GPU with a thread a point: there every thread has one bond.
+other points on a list, which a second kernel works off with a thread a bond; on clouds, and on sheets too small to
+fill a GPU with a thread a point, there is only the second. A CPU has no threads that share memory: there all others
+take the plain kernel.
 
 The forces between the points of large lattices pass through a ring, a strip of the sheet at a time: they would take
 most of the memory, and a strip of them stays in the cache of a GPU.
@@ -24,17 +23,19 @@ from .whole_lattice import whole_stencil
 if TYPE_CHECKING:
     from .bond_associated import BondAssociatedForce
 
-# Largest family that is held in registers; larger ones compile slowly and spill.
-MOST_MEMBERS = 48
-# Threads of a block: a family in registers leaves room for few threads on a processor.
-BLOCK = 64
+# Largest family whose bonds share a block; larger ones compile slowly.
+MOST_MEMBERS = 64
+# Threads of a block of the kernel of whole families: one in registers leaves room for few threads on a processor.
+WHOLE_BLOCK = 64
+# Most blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
+MOST_BLOCKS = 8192
 # Columns of the ring: every strip waits for the few families at edges, which take as long as 2^16 whole ones.
 RING = 2**20
-# On sheets of at most so many bonds a thread has one bond; in float64, where a thread a point is slower, so many more.
-MOST_BOND_THREADS = {32: 400_000, 64: 1_000_000}
+# Up to so many bonds, all families of a sheet share blocks; in float64, where whole ones gain less, so many more.
+MOST_SHARED = {32: 400_000, 64: 1_000_000}
 
 
-def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | BondThreads | None:
+def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
     """The fast kernels for a force law on a sheet, or None where there are none.
 
     Args:
@@ -46,17 +47,16 @@ def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarr
     near = getattr(material, "near", None)
     if not force.law.fast or force.weights == "published" or near is None:
         return None
-    stencil = whole_stencil(force.families, inverse, weights) if getattr(material, "isotropic", False) else None
-    on_gpu = in_registers(force.workspace.device)
-    bonds = force.points * force.families.members
-    if on_gpu and bonds <= MOST_BOND_THREADS[force.workspace.bits] and force.signature[3] != "redistribute":
-        return BondThreads(force, near)
-    registers = on_gpu and force.families.members <= MOST_MEMBERS
-    return FastPath(force, near, stencil, registers) if stencil or registers else None
+    members = force.families.members
+    shared = shares_memory(force.workspace.device) and members <= MOST_MEMBERS
+    small = shared and force.points * members <= MOST_SHARED[force.workspace.bits]
+    isotropic = getattr(material, "isotropic", False)
+    stencil = whole_stencil(force.families, inverse, weights) if isotropic and not small else None
+    return FastPath(force, near, stencil, shared) if stencil or shared else None
 
 
-def in_registers(device: Any) -> bool:
-    """Whether families that are not whole are held in registers."""
+def shares_memory(device: Any) -> bool:
+    """Whether the threads of a block share memory."""
     return bool(device.is_cuda)
 
 
@@ -66,17 +66,20 @@ class FastPath:
     Attributes:
         near: Factory of the material's stress_near.
         stencil: Stencil of whole families and the kind that they share, or None.
-        registers: Whether all other families are held in registers.
+        shared: Whether the bonds of all other families share blocks.
     """
 
-    def __init__(self, force: BondAssociatedForce, near: Any, stencil: Any, registers: bool) -> None:
-        self.force, self.near, self.stencil, self.registers = force, near, stencil, registers
+    def __init__(self, force: BondAssociatedForce, near: Any, stencil: Any, shared: bool) -> None:
+        self.force, self.near, self.stencil, self.shared = force, near, stencil, shared
         w = force.workspace
         spelled_out = repr((stencil, force.families.members)).encode()
         self.module = f"{w.module}_fast_{hashlib.sha1(spelled_out).hexdigest()[:8]}"
+        # One kernel for all others is compiled for blocks of its own.
+        self.shared_module = f"{w.module}_shared_{force.families.members}"
         # Division to two units in the last place, in float32 on a GPU; errors against float64 stay the same.
-        wp.get_module(self.module).options["fast_math"] = w.bits == 32
-        self.listed = registers and stencil is not None
+        for module in (self.module, self.shared_module):
+            wp.get_module(module).options["fast_math"] = w.bits == 32
+        self.listed = shared and stencil is not None
         self.others = w.array("other_points", force.owner, wp.int32, shape=force.points) if self.listed else None
         self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None
         self.strips = self._strips() if self.listed else []
@@ -106,9 +109,9 @@ class FastPath:
         for strip in self.strips or [everything]:
             if self.stencil is not None:
                 self._add_whole(stage, strip, displacement, force)
-            if self.registers:
-                self._add_registers(stage, strip, displacement, force)
-        if not self.registers:
+            if self.shared:
+                self._add_shared(stage, strip, displacement, force)
+        if not self.shared:
             self.force.add_plain_families(stage, displacement, inner=self.stencil[1])
             self.force.add_gather(stage, self.force.bond_force, force)
 
@@ -126,65 +129,32 @@ class FastPath:
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
-        launch.block_dim = BLOCK
+        launch.block_dim = WHOLE_BLOCK
 
-    def _add_registers(self, stage: str, strip: Strip, displacement: Any, force: Any) -> None:
-        from ..kernels.family_registers import gather_mates, register_force
+    def _add_shared(self, stage: str, strip: Strip, displacement: Any, force: Any) -> None:
+        from ..kernels.family_blocks import block_force, families_together, gather_mates
 
         law, w = self.force, self.force.workspace
         layout, bits, material, breakable, _ = law.signature
         members = law.families.members
+        together = families_together(members)
+        blocks = min(-(-(strip.end - strip.begin) // together), MOST_BLOCKS)
+        kernel = block_force(
+            layout, bits, material, self.near, breakable, members, self.listed, w.module, self.shared_module
+        )
         launch = w.launch(
-            stage, law.owner,
-            register_force(
-                layout, bits, material, self.near, breakable, members, self.listed, w.module, self.module
-            ),
-            strip.end - strip.begin, family=law.struct, alive=law.alive, others=self.others,
-            other_count=self.other_count, displacement=displacement, constants=law.constants,
-            inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon,
+            stage, law.owner, kernel, blocks * together * members, family=law.struct, alive=law.alive,
+            others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
+            displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
-        launch.block_dim = BLOCK
+        launch.block_dim = together * members
         w.launch(
             stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module),
             strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
             family=law.struct, bond_force=self.bond_force, other_count=self.other_count, force=force,
         )  # fmt: skip
-
-
-class BondThreads:
-    """A thread a bond, on one small sheet and device.
-
-    Attributes:
-        near: Factory of the material's stress_near.
-    """
-
-    def __init__(self, force: BondAssociatedForce, near: Any) -> None:
-        self.force, self.near = force, near
-        w = force.workspace
-        self.module = f"{w.module}_bonds"
-        wp.get_module(self.module).options["fast_math"] = w.bits == 32
-        shape = (2, force.families.members, force.points)
-        self.stress = w.array("bond_stress", force.owner, force.types.vec3, shape=shape)
-
-    def add_force(self, stage: str, displacement: Any, force: Any) -> None:
-        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
-        from ..kernels.bond_threads import bond_threads
-
-        law, w = self.force, self.force.workspace
-        layout, bits, material, breakable, _ = law.signature
-        threads = law.points * law.families.members
-        bond_stress, member_force = bond_threads(layout, bits, material, self.near, w.module, self.module, breakable)
-        w.launch(
-            stage, law.owner, bond_stress, threads,
-            **law.family_arguments(displacement), constants=law.constants, stress=self.stress,
-        )  # fmt: skip
-        w.launch(
-            stage, law.owner, member_force, threads,
-            family=law.struct, alive=law.alive, stress=self.stress,
-            unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.bond_force,
-        )  # fmt: skip
-        law.add_gather(stage, law.bond_force, force)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,220 @@
+"""The variational bond-associated force with a thread a bond and a few whole families a block of threads.
+
+The same sums as `plain_force` in kernels/bond_associated.py, for any family. The threads of a block share what each
+finds, between barriers, in the block's own memory:
+
+    every thread (i, k)     c_k X_k and U_k of its member
+    every thread (i, j)     A_ij = W_ij P_ij K_ij^-1 of its bond, two columns, from those of the members of D_ij
+    every thread (i, k)     t_ik = c_k [ sum over j with k in D_ij of A_ij ] X_ik
+
+k belongs to D_ij where j belongs to D_ik, so both sums run over the members of one intersection. Loops over members
+are spelled out; threads side by side have the same bond of neighbouring points, and on a lattice they do the same.
+"""
+
+import functools
+
+import warp as wp
+
+from .bond_associated import bond_associated
+from .families import WORD, family_functions
+from .kinematics import kinematics
+from .numeric import numeric
+
+# Most threads of a block, and how many of its blocks are to fit the registers of a processor, by precision.
+MOST_THREADS = 256
+RESIDENT = {32: 4, 64: 2}
+
+
+def families_together(members):
+    """Number of families that share a block, a power of two."""
+    return 1 << ((MOST_THREADS // members).bit_length() - 1)
+
+
+@functools.cache
+def block_force(layout, bits, material, near, breakable, members, listed, module, fast_module):
+    """Kernel that fills bond_force [members, ring] and force [points], its own half; variational form.
+
+    It takes `blocks` blocks of members x families_together(members) threads, each of which works until all families
+    are done. Point i has column i % ring of `bond_force`.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        material: Factory of (stress, energy), called with `bits`.
+        near: Factory of stress_near, called with `bits`.
+        breakable: None, "redistribute" or "drop".
+        members: Most members of a family.
+        listed: Whether the points are those on the list `others`, instead of `start` to `stop` - 1.
+        module: Name of the Warp module of the law.
+        fast_module: Name of the Warp module of this kernel alone, as it is compiled for its own blocks.
+    """
+    types = numeric(bits)
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    present, is_whole, has = law.present, law.is_whole, law.has
+    green, inverse_shape = law.green, law.inverse_shape
+    area_weight, family_scale = law.area_weight, law.family_scale
+    stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
+    redistribute = breakable == "redistribute"
+    n, word_size = members, WORD
+    together = families_together(n)
+    threads = n * together
+    resident = RESIDENT[bits]
+    words = -(-n // WORD)
+    Words = wp.types.vector(length=words, dtype=wp.uint32)
+    vec4 = wp.types.vector(length=4, dtype=real)
+
+    @wp.kernel(module=fast_module, enable_backward=False, launch_bounds=(threads, resident))
+    def family_block_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        others: wp.array(dtype=wp.int32),
+        other_count: wp.array(dtype=wp.int32),
+        start: int,
+        stop: int,
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        blocks: int,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+        force: wp.array(dtype=vec3),
+    ):
+        thread = wp.tid() + first
+        block = thread // threads
+        lane = thread - block * threads
+        k = lane // together
+        slot = lane & (together - 1)
+        count = stop - start
+        if wp.static(listed):
+            count = other_count[0]
+        while block * together < count:
+            place = block * together + slot
+            i = start + wp.min(place, count - 1)
+            if wp.static(listed):
+                i = others[wp.min(place, count - 1)]
+            whole = is_whole(family, alive, i)
+            stands = place < count and has(family, alive, i, k)
+            stretch = vec3(real(0.0), real(0.0), real(0.0))
+            moment = vec2(real(0.0), real(0.0))
+            common = Words()
+            if stands:
+                m = f.neighbour(family, i, k)
+                moment = f.influence(family, i, k) * f.area(family, m) * f.bond(family, i, k)
+                stretch = inverse_horizon * (displacement[m] - displacement[i])
+                for word in range(wp.static(words)):
+                    common[word] = f.common(family, i, k, wp.static(word)) & present(family, alive, i, wp.static(word))
+            stretches = wp.tile(vec4(stretch[0], stretch[1], stretch[2], moment[0]), preserve_type=True)
+            moments = wp.tile(moment[1])
+            G1 = vec3(real(0.0), real(0.0), real(0.0))
+            G2 = vec3(real(0.0), real(0.0), real(0.0))
+            for other in range(wp.static(n)):
+                bit = common[wp.static(other // word_size)] & wp.uint32(wp.static(1 << (other % word_size)))
+                u = stretches[wp.static(other * together) + slot]
+                c1 = wp.where(bit != wp.uint32(0), u[3], real(0.0))
+                c2 = wp.where(bit != wp.uint32(0), moments[wp.static(other * together) + slot], real(0.0))
+                G1 += c1 * vec3(u[0], u[1], u[2])
+                G2 += c2 * vec3(u[0], u[1], u[2])
+            A1 = vec3(real(0.0), real(0.0), real(0.0))
+            A2 = vec3(real(0.0), real(0.0), real(0.0))
+            weight = real(0.0)
+            if stands:
+                size = real(0.0)
+                inverse = vec3(real(0.0), real(0.0), real(0.0))
+                if whole:
+                    inverse = f.shape(family, i, k)
+                else:
+                    shape = vec3(real(0.0), real(0.0), real(0.0))
+                    for other in range(family.members):
+                        word = other // word_size
+                        bit = (common[word] >> wp.uint32(other - word * word_size)) & wp.uint32(1)
+                        if bit != wp.uint32(0):
+                            x = f.bond(family, i, other)
+                            u = stretches[other * together + slot]
+                            c2 = moments[other * together + slot]
+                            shape += vec3(u[3] * x[0], u[3] * x[1], c2 * x[1])
+                            if wp.static(redistribute):
+                                size += f.area(family, f.neighbour(family, i, other))
+                    inverse = inverse_shape(shape)
+                if inverse[0] > real(0.0):
+                    H1 = G1 * inverse[0] + G2 * inverse[1]
+                    H2 = G1 * inverse[1] + G2 * inverse[2]
+                    S, _guess = stress_near(green(H1, H2), constants, real(0.0))
+                    weight = area_weight(family, i, k, whole, size)
+                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
+            first_columns = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
+            second_columns = wp.tile(vec2(A2[1], A2[2]), preserve_type=True)
+            scale = unit_force
+            if wp.static(redistribute):
+                weights = wp.tile(weight)
+                total = real(0.0)
+                for other in range(family.members):
+                    total += weights[other * together + slot]
+                scale = unit_force * family_scale(family, i, whole, total)
+            T1 = vec3(real(0.0), real(0.0), real(0.0))
+            T2 = vec3(real(0.0), real(0.0), real(0.0))
+            for other in range(wp.static(n)):
+                bit = common[wp.static(other // word_size)] & wp.uint32(wp.static(1 << (other % word_size)))
+                on = wp.where(bit != wp.uint32(0), real(1.0), real(0.0))
+                a = first_columns[wp.static(other * together) + slot]
+                b = second_columns[wp.static(other * together) + slot]
+                T1 += on * vec3(a[0], a[1], a[2])
+                T2 += on * vec3(a[3], b[0], b[1])
+            pull = scale * (moment[0] * T1 + moment[1] * T2)
+            pulls = wp.tile(pull, preserve_type=True)
+            if place < count:
+                bond_force[k, i % bond_force.shape[1]] = pull
+                if k == 0:
+                    total_pull = vec3(real(0.0), real(0.0), real(0.0))
+                    for other in range(family.members):
+                        total_pull += pulls[other * together + slot]
+                    force[i] = total_pull
+            block += blocks
+
+    return family_block_force
+
+
+@functools.cache
+def gather_mates(layout, bits, members, listed, module):
+    """Kernel that takes from each point's own half of the force [points] what the families around it do to it.
+
+    Broken bonds carry zero, so the bonds of the undamaged sheet will do. `listed`: whether a list of other points
+    was used, which is emptied.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    n, word_size = members, WORD
+
+    @wp.kernel(module=module, enable_backward=False)
+    def gather_from_mates(
+        family: Family,
+        bond_force: wp.array2d(dtype=vec3),
+        first: int,
+        other_count: wp.array(dtype=wp.int32),
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        if wp.static(listed):
+            # The list is used up; the next launches begin another.
+            if wp.tid() == 0:
+                other_count[0] = 0
+        ring = bond_force.shape[1]
+        slot = i % ring
+        push = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(wp.static(n)):
+            members_here = f.whole(family, i, wp.static(k // word_size))
+            if (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0):
+                column = slot + f.neighbour(family, i, wp.static(k)) - i
+                if column < 0:
+                    column += ring
+                if column >= ring:
+                    column -= ring
+                push += bond_force[f.mate(family, i, wp.static(k)), column]
+        force[i] = force[i] - push
+
+    return gather_from_mates
