@@ -100,22 +100,26 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
             stands = place < count and has(family, alive, i, k)
             stretch = vec3(real(0.0), real(0.0), real(0.0))
             moment = vec2(real(0.0), real(0.0))
+            inverse_weight = real(0.0)
             common = Words()
             if stands:
                 m = f.neighbour(family, i, k)
-                moment = f.influence(family, i, k) * f.area(family, m) * f.bond(family, i, k)
+                c = f.influence(family, i, k) * f.area(family, m)
+                moment = c * f.bond(family, i, k)
+                if c > real(0.0):
+                    inverse_weight = real(1.0) / c
                 stretch = inverse_horizon * (displacement[m] - displacement[i])
                 for word in range(wp.static(words)):
                     common[word] = f.common(family, i, k, wp.static(word)) & present(family, alive, i, wp.static(word))
             stretches = wp.tile(vec4(stretch[0], stretch[1], stretch[2], moment[0]), preserve_type=True)
-            moments = wp.tile(moment[1])
+            moments = wp.tile(vec2(moment[1], inverse_weight), preserve_type=True)
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
             for other in range(wp.static(n)):
                 bit = common[wp.static(other // word_size)] & wp.uint32(wp.static(1 << (other % word_size)))
                 u = stretches[wp.static(other * together) + slot]
                 c1 = wp.where(bit != wp.uint32(0), u[3], real(0.0))
-                c2 = wp.where(bit != wp.uint32(0), moments[wp.static(other * together) + slot], real(0.0))
+                c2 = wp.where(bit != wp.uint32(0), moments[wp.static(other * together) + slot][0], real(0.0))
                 G1 += c1 * vec3(u[0], u[1], u[2])
                 G2 += c2 * vec3(u[0], u[1], u[2])
             A1 = vec3(real(0.0), real(0.0), real(0.0))
@@ -128,16 +132,17 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
                     inverse = f.shape(family, i, k)
                 else:
                     shape = vec3(real(0.0), real(0.0), real(0.0))
-                    for other in range(family.members):
-                        word = other // word_size
-                        bit = (common[word] >> wp.uint32(other - word * word_size)) & wp.uint32(1)
-                        if bit != wp.uint32(0):
-                            x = f.bond(family, i, other)
-                            u = stretches[other * together + slot]
-                            c2 = moments[other * together + slot]
-                            shape += vec3(u[3] * x[0], u[3] * x[1], c2 * x[1])
-                            if wp.static(redistribute):
-                                size += f.area(family, f.neighbour(family, i, other))
+                    # Not spelled out: few families are damaged, and registers are for the others.
+                    for word in range(wp.static(words)):
+                        members_here = common[wp.static(word)]
+                        for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
+                            if ((members_here >> wp.uint32(at)) & wp.uint32(1)) != wp.uint32(0):
+                                other = wp.static(word * word_size) + at
+                                x = stretches[other * together + slot][3]
+                                y = moments[other * together + slot]
+                                shape += y[1] * vec3(x * x, x * y[0], y[0] * y[0])
+                                if wp.static(redistribute):
+                                    size += f.area(family, f.neighbour(family, i, other))
                     inverse = inverse_shape(shape)
                 if inverse[0] > real(0.0):
                     H1 = G1 * inverse[0] + G2 * inverse[1]

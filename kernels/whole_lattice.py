@@ -20,6 +20,8 @@ from .numeric import numeric
 
 # From this many members on, sums over the members outside an intersection pay (measured on an H200).
 LARGE = 16
+# Most registers, of 255, that displacements and forces of a family may take together.
+MOST_REGISTERS = 200
 
 
 @dataclass(frozen=True)
@@ -77,10 +79,18 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, module):
     b2 = [[real(K[1] * x + K[2] * y) for x, y in stencil.moments] for K in stencil.inverse]
     weights = [real(w) for w in stencil.weights]
     Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
+    held = 6 * n * (bits // 32) <= MOST_REGISTERS
 
     @wp.func(module=module)
     def turn(v: vec3):
         return vec3(v[1], -v[0], v[2])
+
+    @wp.func(module=module)
+    def seen(v: vec3, cosine: int, sine: int):
+        """A vector in axes turned by some quarters."""
+        c = real(cosine)
+        s = real(sine)
+        return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
 
     @wp.kernel(module=module, enable_backward=False)
     def whole_family_force(
@@ -109,37 +119,52 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, module):
                 others[wp.atomic_add(other_count, 0, 1)] = i
             return
         origin = displacement[i]
-        U = Vectors()
         T = Vectors()
         U1 = vec3(real(0.0), real(0.0), real(0.0))
         U2 = vec3(real(0.0), real(0.0), real(0.0))
         T1 = vec3(real(0.0), real(0.0), real(0.0))
         T2 = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(wp.static(n)):
-            u = inverse_horizon * (displacement[i + wp.static(up[k]) * columns + wp.static(right[k])] - origin)
-            U[k] = u
-            if wp.static(large):
-                U1 += wp.static(c1[k]) * u
-                U2 += wp.static(c2[k]) * u
+        if wp.static(held):
+            U = Vectors()
+        if wp.static(held or large):
+            for k in range(wp.static(n)):
+                u = inverse_horizon * (displacement[i + wp.static(up[k]) * columns + wp.static(right[k])] - origin)
+                if wp.static(held):
+                    U[k] = u
+                if wp.static(large):
+                    U1 += wp.static(c1[k]) * u
+                    U2 += wp.static(c2[k]) * u
         guess = real(0.0)
+        cosine = int(1)
+        sine = int(0)
         for _turn in range(turns):
             for j in range(wp.static(bonds)):
-                H1 = vec3(real(0.0), real(0.0), real(0.0))
-                H2 = vec3(real(0.0), real(0.0), real(0.0))
+                G1 = vec3(real(0.0), real(0.0), real(0.0))
+                G2 = vec3(real(0.0), real(0.0), real(0.0))
+                for k in range(wp.static(n)):
+                    if wp.static(inside[j][k] != most[j]):
+                        if wp.static(held):
+                            u = U[k]
+                        else:
+                            ahead = wp.static(up[k]) * columns + wp.static(right[k])
+                            aside = wp.static(right[k]) * columns - wp.static(up[k])
+                            u = inverse_horizon * (displacement[i + cosine * ahead + sine * aside] - origin)
+                        if wp.static(most[j]):
+                            G1 -= wp.static(c1[k]) * u
+                            G2 -= wp.static(c2[k]) * u
+                        else:
+                            G1 += wp.static(b1[j][k]) * u
+                            G2 += wp.static(b2[j][k]) * u
+                if wp.static(not held):
+                    G1 = seen(G1, cosine, sine)
+                    G2 = seen(G2, cosine, sine)
+                H1 = G1
+                H2 = G2
                 if wp.static(most[j]):
-                    G1 = U1
-                    G2 = U2
-                    for k in range(wp.static(n)):
-                        if wp.static(not inside[j][k]):
-                            G1 -= wp.static(c1[k]) * U[k]
-                            G2 -= wp.static(c2[k]) * U[k]
+                    G1 += U1
+                    G2 += U2
                     H1 = wp.static(K11[j]) * G1 + wp.static(K12[j]) * G2
                     H2 = wp.static(K12[j]) * G1 + wp.static(K22[j]) * G2
-                else:
-                    for k in range(wp.static(n)):
-                        if wp.static(inside[j][k]):
-                            H1 += wp.static(b1[j][k]) * U[k]
-                            H2 += wp.static(b2[j][k]) * U[k]
                 S, guess = stress_near(green(H1, H2), constants, guess)
                 F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
                 F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
@@ -158,13 +183,19 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, module):
                     for k in range(wp.static(n)):
                         if wp.static(inside[j][k]):
                             T[k] = T[k] + (wp.static(b1[j][k]) * P1 + wp.static(b2[j][k]) * P2)
-            U_seen = Vectors()
             T_seen = Vectors()
             for k in range(wp.static(n)):
-                U_seen[k] = turn(U[wp.static(turned[k])])
                 T_seen[k] = turn(T[wp.static(turned[k])])
-            U = U_seen
             T = T_seen
+            if wp.static(held):
+                U_seen = Vectors()
+                for k in range(wp.static(n)):
+                    U_seen[k] = turn(U[wp.static(turned[k])])
+                U = U_seen
+            else:
+                before_turn = cosine
+                cosine = -sine
+                sine = before_turn
             if wp.static(large):
                 before = U1
                 U1 = turn(U2)
