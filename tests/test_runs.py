@@ -237,6 +237,7 @@ def test_pictures_know_the_ball_and_say_when_nothing_happens(ball, tmp_path, mon
     from warp_pd.output import plots
 
     first, last = plots.frames_at(ball, [0.0, 4.0])
+    assert (first.when, last.when) == ("t = 0 s", "t = 4 s")
     assert first.ball == (pytest.approx([0.5, 0.5, 0.075]), 0.15)
     assert last.ball == (pytest.approx([0.5, 0.5, -0.325]), 0.15)
     said = []

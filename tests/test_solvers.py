@@ -442,3 +442,45 @@ def test_resuming_what_did_not_converge_is_not_taken_for_finished(solver, tmp_pa
         assert codes == [3, 3, 3, 3] and summary["status"] == "not converged"
     else:
         assert codes[-1] == 0 and summary["status"] == "finished"
+
+
+@pytest.mark.parametrize(
+    "solver", [Newton(load_steps=4), Relaxation(load_steps=4, tolerance=1e-4)], ids=["newton", "relaxation"]
+)
+def test_a_resumed_run_reports_all_its_load_steps(solver, tmp_path):
+    class Interruption:
+        def write(self, frame):
+            if frame.index == 3:
+                raise KeyboardInterrupt
+
+        def save(self):
+            pass
+
+        def close(self):
+            pass
+
+    sheet = square(9)
+    simulation = simulate(sheet, solver, loads=[Fixed(sheet.edges()), Pressure(5.0, ramp=[(0.0, 0.0), (1.0, 1.0)])])
+    begun = simulation.run(out=tmp_path, device="cpu", usd=False, writers=[Interruption()]).summary
+    assert begun["status"] == "interrupted"
+    ended = simulation.run(out=tmp_path, device="cpu", usd=False, resume=True).summary
+    again = simulation.run(out=tmp_path, device="cpu", usd=False, resume=True).summary
+    assert [step["share"] for step in ended["solve"]["load_steps"]] == [0.25, 0.5, 0.75, 1.0]
+    assert ended["solve"]["iterations"] == ended["steps"] > 0
+    # It has nothing left to do, and says what was done all the same.
+    for name in ("status", "steps", "residual", "solve", "load_share"):
+        assert again[name] == ended[name]
+
+
+def test_runs_at_rest_say_their_share_of_the_load_and_no_time(tmp_path, capfd):
+    from warp_pd.output import info, plots
+    from warp_pd.output.progress import Progress
+
+    sheet = square(9)
+    simulation = simulate(sheet, Newton(load_steps=2, duration=3.0), loads=[Fixed(sheet.edges()), Pressure(5.0)])
+    summary = simulation.run(out=tmp_path, device="cpu", reporter=Progress()).summary
+    assert summary["time"] is None and summary["load_share"] == 1.0
+    said = capfd.readouterr().err
+    assert "50 % of the load" in said and "t = " not in said
+    assert "0 % of the load to 100 % of the load" in info.describe(tmp_path / "frames.vtkhdf")
+    assert [frame.when for frame in plots.frames_at(tmp_path, [1.5, 3.0])] == ["50 % of the load", "100 % of the load"]
