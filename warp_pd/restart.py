@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from .simulation import Built, Simulation
 
 NAME = "restart.npz"
-VERSION = 2
+VERSION = 3
 STATE = ("displacement", "velocity", "work", "dissipated", "released", "energy_release", "impulse", "time")
+NUMBERS = (
+    "frame_index", "time", "steps", "dt", "stable_dt", "since_estimate", "step_seconds", "residual", "solve", "history",
+)  # fmt: skip
 BODIES = ("place", "linear", "angular", "rotation")
 
 
@@ -67,14 +70,7 @@ def save(path: Path, recorder: Recorder) -> None:
         "version": VERSION,
         "digest": recorder.digest,
         "settings": settings(built),
-        "frame_index": recorder.frame_index,
-        "time": recorder.time,
-        "steps": recorder.steps,
-        "dt": recorder.dt,
-        "stable_dt": recorder.stable_dt,
-        "since_estimate": recorder.since_estimate,
-        "step_seconds": recorder.step_seconds,
-        "history": recorder.history,
+        **{name: getattr(recorder, name) for name in NUMBERS},
     }
     arrays["numbers"] = np.frombuffer(json.dumps(numbers).encode(), np.uint8)
     aside = path.with_name(path.name + ".part")
@@ -130,5 +126,5 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
     if built.stable_step is not None:
         built.stable_step.direction.assign(data["direction"])
         built.stable_step.restore_noise(data["noise"])
-    for name in ("frame_index", "time", "steps", "dt", "stable_dt", "since_estimate", "step_seconds", "history"):
+    for name in NUMBERS:
         setattr(recorder, name, numbers[name])

@@ -255,7 +255,12 @@ class Search:
 
     def run(self, recorder: Recorder) -> str:
         """Follow the load path; returns the final status."""
-        self._begin, tangent, planned = perf_counter(), self.tangent, self.newton.load_steps
+        tangent, planned = self.tangent, self.newton.load_steps
+        self._begin = perf_counter()
+        if recorder.solve is not None:
+            # A resumed run reports the load steps before it, too.
+            self._begin -= recorder.solve["seconds"]
+            self.report.load_steps += recorder.solve["load_steps"]
         reached, size, cuts = recorder.time / self.newton.duration, 1.0 / planned, 0
         standing = self._keep(reached)
         while reached < 1.0 - 1e-9:
