@@ -323,6 +323,14 @@ def test_a_resumed_run_is_the_same_bit_for_bit(law, precision, tmp_path):
         np.testing.assert_array_equal(resumed.built.force.internal[name].numpy(), values.numpy())
 
 
+def test_both_laws_take_their_arguments_in_one_order():
+    for law in (Visco(POLYUREA, 2.015, prony=TERMS), ViscoBondBased(POLYUREA, 2.015, prony=TERMS)):
+        assert (law.horizon, law.prony) == (2.015, TERMS)
+    for law in (Visco, ViscoBondBased):
+        with pytest.raises(TypeError):
+            law(POLYUREA, 2.015, "plain", "linear", "drop", TERMS)
+
+
 def test_parts_that_do_not_fit_are_refused():
     sheet = square(7)
     for solver in (Relaxation(), Newton()):
@@ -336,6 +344,7 @@ def test_parts_that_do_not_fit_are_refused():
     for wrong in (
         lambda: Prony(0.0), lambda: Prony(1.0, -1.0), lambda: Prony(1.0, time=0.0), lambda: Prony(1.0, rate=0.0),
         lambda: Visco(POLYUREA, prony=[TERMS]), lambda: Visco(POLYUREA, weights="published"),
+        lambda: Visco(POLYUREA, TERMS), lambda: ViscoBondBased(POLYUREA, TERMS),
         lambda: ViscoBondBased(Yeoh(1.0, 1.0, 1.0)), lambda: ViscoBondBased(POLYUREA, update="euler"),
         lambda: CriticalEnergy(0.0),
     ):  # fmt: skip
