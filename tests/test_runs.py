@@ -23,6 +23,7 @@ from warp_pd import (
     Fixed,
     InputError,
     Motion,
+    Newton,
     Pressure,
     Relaxation,
     RigidBall,
@@ -198,8 +199,31 @@ def test_a_restart_file_of_other_settings_is_refused(ball, tmp_path):
         "run", "ball_penetration", *SMALL, "--frames", "24", "--set", "damping=1", "--resume", "--out", str(tmp_path)
     )
     assert done.exit_code == 2 and "other settings (damping = 0.0, here 1.0)" in done.output
+    done = cli(
+        "run", "ball_penetration", *SMALL, "--frames", "12", "--precision", "64", "--resume", "--out", str(tmp_path)
+    )
+    assert done.exit_code == 2 and "other settings (frames = 24, here 12; precision = 32, here 64)" in done.output
     done = cli("run", "ball_penetration", *SMALL, "--resume", "--out", str(tmp_path / "empty"))
     assert done.exit_code == 2 and "does not exist" in done.output
+
+
+def test_what_differs_from_a_restart_file_is_named_without_a_scene(tmp_path):
+    def simulation(points=7, density=1000.0, **changes):
+        sheet = square(points, density=density)
+        given = {"force": BondAssociated(NEO), "solver": Explicit(1e-3, frames=2), **changes}
+        return Simulation(sheet, loads=[Fixed(sheet.edges()), Pressure(2.0)], **given)
+
+    simulation().run(out=tmp_path, device="cpu", usd=False)
+    for other, said in (
+        ({"density": 900.0}, "sheet.density = 1000.0, here 900.0"),
+        ({"force": BondAssociated(NEO, horizon=1.5)}, "force.horizon = 2.015, here 1.5"),
+        ({"solver": Newton()}, "precision = 32, here 64; solver = Explicit, here Newton"),
+        ({"damage": CriticalStretch(2.0)}, "damage = None, here CriticalStretch"),
+        ({"points": 9}, "sheet.points = array (49, 2)"),
+    ):
+        with pytest.raises(InputError, match="other settings") as refused:
+            simulation(**other).run(out=tmp_path, device="cpu", usd=False, resume=True)
+        assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):

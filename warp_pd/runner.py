@@ -86,14 +86,14 @@ class Recorder:
         writers: Take the frames.
         reporter: Shows progress, or None.
         folder: For the restart file and the history, or None.
-        digest: Identifies the simulation that a restart file belongs to.
+        parts: What a restart file belongs to, see `restart.parts`.
     """
 
     built: Built
     writers: list[Writer]
     reporter: Any = None
     folder: Path | None = None
-    digest: str = ""
+    parts: dict[str, str] = field(default_factory=dict)
     frame_index: int = -1
     time: float = 0.0
     steps: int = 0
@@ -315,10 +315,8 @@ def run(
     begin = perf_counter()
     built = simulation.build(device, precision)
     folder = _writable_folder(out, resume)
-    digest = restart.digest(simulation, built)
-    saved = (
-        restart.load(folder / restart.NAME, digest, restart.settings(built)) if resume and folder is not None else None
-    )
+    parts = restart.parts(simulation, built)
+    saved = restart.load(folder / restart.NAME, parts, simulation.settings) if resume and folder is not None else None
     if saved is None and folder is not None:
         _clear(folder)
     if reporter is not None:
@@ -326,7 +324,7 @@ def run(
     compile_seconds = built.workspace.compile()
     if reporter is not None:
         reporter.compiled(compile_seconds)
-    recorder = Recorder(built, list(writers or []), reporter, folder, digest)
+    recorder = Recorder(built, list(writers or []), reporter, folder, parts)
     if saved is not None:
         restart.restore(saved, recorder)
     run_once(built.workspace.device, built.workspace.stages["setup"])
