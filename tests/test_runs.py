@@ -157,6 +157,23 @@ def test_a_resumed_run_equals_the_uninterrupted_one(ball, tmp_path):
     assert rows[0] == rows[1] == 26
 
 
+@pytest.mark.parametrize("usd", [True, False])
+def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
+    left = [".animation.unfinished.usdc", ".animation.copy.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
+            "history.csv.part", "summary.json.part", "damage.png.part"]  # fmt: skip
+    sheet = square(7)
+    simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=2), [Fixed(sheet.edges())])
+    (tmp_path / ".mine.usdc").write_bytes(b"mine")
+    for resume in (False, True):
+        for name in left:
+            (tmp_path / name).write_bytes(b"half")
+        assert simulation.run(out=tmp_path, device="cpu", usd=usd, resume=resume).status == "finished"
+        results = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"} | (
+            {"animation.usd"} if usd else set()
+        )
+        assert {p.name for p in tmp_path.iterdir()} == {".mine.usdc"} | results
+
+
 def test_ctrl_c_ends_at_a_frame_and_can_be_resumed(tmp_path):
     command = [sys.executable, "-m", "warp_pd.cli", "run", "ball_penetration", *SMALL, "--frames", "200", "--no-pictures",  # noqa: E501
                "--no-usd", "--out", str(tmp_path)]  # fmt: skip

@@ -317,8 +317,10 @@ def run(
     folder = _writable_folder(out, resume)
     parts = restart.parts(simulation, built)
     saved = restart.load(folder / restart.NAME, parts, simulation.settings) if resume and folder is not None else None
-    if saved is None and folder is not None:
-        _clear(folder)
+    if folder is not None:
+        _clear_unfinished(folder)
+        if saved is None:
+            _clear(folder)
     if reporter is not None:
         reporter.begin(built)
     compile_seconds = built.workspace.compile()
@@ -427,6 +429,14 @@ def _clear(folder: Path) -> None:
         drawn = json.loads((folder / "summary.json").read_text()).get("pictures", [])
     for name in ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd", *drawn):
         (folder / Path(name).name).unlink(missing_ok=True)
+
+
+def _clear_unfinished(folder: Path) -> None:
+    """Remove what a killed run was about to write; no resumed one reads it."""
+    for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
+                    f"{restart.NAME}.part", "*.png.part"):  # fmt: skip
+        for path in folder.glob(pattern):
+            path.unlink()
 
 
 def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None) -> list[Writer]:
