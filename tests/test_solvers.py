@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from click.testing import CliRunner
-from helpers import GENT, NEO, jittered, rough, sever, square
+from helpers import GENT, NEO, StopAt, jittered, rough, sever, square
 from material_kernels import evaluate, respond
 
 from warp_pd import (
@@ -448,20 +448,9 @@ def test_resuming_what_did_not_converge_is_not_taken_for_finished(solver, tmp_pa
     "solver", [Newton(load_steps=4), Relaxation(load_steps=4, tolerance=1e-4)], ids=["newton", "relaxation"]
 )
 def test_a_resumed_run_reports_all_its_load_steps(solver, tmp_path):
-    class Interruption:
-        def write(self, frame):
-            if frame.index == 3:
-                raise KeyboardInterrupt
-
-        def save(self):
-            pass
-
-        def close(self):
-            pass
-
     sheet = square(9)
     simulation = simulate(sheet, solver, loads=[Fixed(sheet.edges()), Pressure(5.0, ramp=[(0.0, 0.0), (1.0, 1.0)])])
-    begun = simulation.run(out=tmp_path, device="cpu", usd=False, writers=[Interruption()]).summary
+    begun = simulation.run(out=tmp_path, device="cpu", usd=False, writers=[StopAt(3)]).summary
     assert begun["status"] == "interrupted"
     ended = simulation.run(out=tmp_path, device="cpu", usd=False, resume=True).summary
     again = simulation.run(out=tmp_path, device="cpu", usd=False, resume=True).summary

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import array, build, internal_force, jittered, square, uniform
+from helpers import StopAt, array, build, internal_force, jittered, square, uniform
 from scipy.integrate import cumulative_trapezoid
 
 from warp_pd import (
@@ -299,20 +299,9 @@ def test_a_resumed_run_is_the_same_bit_for_bit(law, precision, tmp_path):
             initial_velocity=velocity, damage=CriticalEnergy(20.0),
         )  # fmt: skip
 
-    class Stop:
-        def write(self, frame):
-            if frame.index == 3:
-                raise KeyboardInterrupt
-
-        def save(self):
-            pass
-
-        def close(self):
-            pass
-
     options = {"device": "cpu", "precision": precision, "usd": False}
     whole = simulation().run(**options, out=tmp_path / "whole")
-    broken = simulation().run(**options, out=tmp_path / "broken", writers=[Stop()])
+    broken = simulation().run(**options, out=tmp_path / "broken", writers=[StopAt(3)])
     assert broken.status == "interrupted"
     resumed = simulation().run(**options, out=tmp_path / "broken", resume=True)
     assert resumed.status == "finished"
