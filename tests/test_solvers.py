@@ -319,6 +319,7 @@ def test_no_convergence_ends_the_command_with_code_3(solver, tmp_path):
     assert "not converged" in done.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["status"] == "not converged" and summary["solve"]["reached"] == 0.0
+    assert summary["solve"]["seconds"] > 0.0
 
 
 # Relaxation ---------------------------------------------------------------------------------------------
