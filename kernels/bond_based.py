@@ -21,9 +21,9 @@ from typing import Any
 
 import warp as wp
 
-from .families import WORD, family_functions
+from .families import family_functions
 from .numeric import numeric
-from .standing import energy_of_families, standing_bonds
+from .standing import energy_of_families, standing_bonds, sums_of_bonds
 
 # Least |Y| over the horizon to divide by: a bond of no length has no direction.
 TINY = 1e-30
@@ -100,47 +100,31 @@ def bond_based(layout, bits, pairwise, breakable, module):
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
     standing, strain, image = bond_functions(layout, bits, breakable, module)
     tension_of, slope_of, energy_of = pairwise(bits)
-    present = standing_bonds(layout, bits, breakable, module).present
-    word_size, tiny = WORD, TINY
+    tiny = TINY
 
-    @wp.kernel(module=module, enable_backward=False)
-    def pair_force(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_force: real,
-        first: int,
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        ui = displacement[i]
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for word in range(family.words):
-            members = present(family, alive, i, word)
-            k = word * word_size
-            while members != wp.uint32(0):
-                if (members & wp.uint32(1)) != wp.uint32(0):
-                    m = f.neighbour(family, i, k)
-                    xi = f.bond(family, i, k)
-                    U = inverse_horizon * (displacement[m] - ui)
-                    Y = image(xi, U)
-                    length = wp.length(xi)
-                    stretched = wp.length(Y)
-                    # Two divisions and two roots are what a bond costs on a CPU.
-                    share = real(1.0) / (length * wp.max(stretched, real(tiny)))
-                    s = (real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)) / (length * (length + stretched))
-                    weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
-                    pull += (weight * tension_of(s, constants) * share) * Y
-                members = members >> wp.uint32(1)
-                k += 1
-        force[i] = unit_force * pull
+    @wp.func(module=module)
+    def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: vec2, U: vec3):
+        Y = image(xi, U)
+        length = wp.length(xi)
+        stretched = wp.length(Y)
+        # Two divisions and two roots are what a bond costs on a CPU.
+        share = real(1.0) / (length * wp.max(stretched, real(tiny)))
+        s = (real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)) / (length * (length + stretched))
+        weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+        return (weight * tension_of(s, constants) * share) * Y
+
+    @wp.func(module=module)
+    def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: vec2, U: vec3):
+        """With the stiffer of the two signs of strain: a slack bond may go taut in the next step."""
+        s = wp.abs(strain(xi, U))
+        stiffest = wp.max(wp.abs(slope_of(s, constants)), wp.abs(slope_of(-s, constants)))
+        weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+        return weight / wp.length_sq(xi) * stiffest
 
     @wp.func(module=module)
     def earlier_energy(
@@ -217,35 +201,7 @@ def bond_based(layout, bits, pairwise, breakable, module):
                     compressed += wp.float32(1.0)
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
-    @wp.kernel(module=module, enable_backward=False)
-    def row_sums(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_stiffness: real,
-        least: real,
-        first: int,
-        density: wp.array(dtype=real),
-    ):
-        """Sum of the row of the stiffness (HE eqs. 86 to 93), the point's own block included.
-
-        A bond counts with the stiffer of its two signs of strain: a slack one may go taut in the next step. A
-        point that nothing holds keeps the density `least`.
-        """
-        i = wp.tid() + first
-        total = real(0.0)
-        for k in range(family.members):
-            if standing(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                xi = f.bond(family, i, k)
-                s = wp.abs(strain(xi, inverse_horizon * (displacement[m] - displacement[i])))
-                stiffest = wp.max(wp.abs(slope_of(s, constants)), wp.abs(slope_of(-s, constants)))
-                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
-                total += weight / wp.length_sq(xi) * stiffest
-        density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
-
+    pair_force, row_sums = sums_of_bonds(layout, bits, breakable, parameters, force_of, stiffness_of, module)
     strain_energy = energy_of_families(layout, bits, earlier_energy, module)
     return BondBasedKernels(pair_force, strain_energy, earlier_energy, principal_stress, wrinkle_level, row_sums)
 

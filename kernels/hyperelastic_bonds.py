@@ -24,6 +24,7 @@ import warp as wp
 from .bond_based import bond_functions
 from .families import family_functions
 from .numeric import numeric
+from .standing import sums_of_bonds
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,12 @@ class HyperelasticBondsKernels:
     """Kernels of one configuration.
 
     Attributes:
+        constants: Warp struct of the law's constants.
         pair_force: Internal force [points], N.
         row_sums: Fictitious density of dynamic relaxation [points], N/m.
     """
 
+    constants: Any
     pair_force: Any
     row_sums: Any
 
@@ -55,14 +58,20 @@ def hyperelastic_bonds(layout, bits, compressed, corrected, breakable, module):
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    standing, strain, image = bond_functions(layout, bits, breakable, module)
+    _standing, strain, image = bond_functions(layout, bits, breakable, module)
+
+    @functools.partial(wp.struct, module=module)
+    class Constants:
+        stretched: parameters
+        shortened: parameters
+        factors: wp.array(dtype=vec2)
 
     @wp.func(module=module)
-    def chosen(e: real, constants: parameters, shortened: parameters):
+    def chosen(e: real, constants: Constants):
         if wp.static(compressed):
-            return wp.where(e < real(0.0), shortened, constants)
+            return wp.where(e < real(0.0), constants.shortened, constants.stretched)
         else:
-            return constants
+            return constants.stretched
 
     @wp.func(module=module)
     def tension(e: real, p: parameters):
@@ -86,81 +95,33 @@ def hyperelastic_bonds(layout, bits, compressed, corrected, breakable, module):
         )
 
     @wp.func(module=module)
-    def share(
-        family: Family, factors: wp.array(dtype=vec2), i: int, k: int, m: int, xi: vec2, Y: vec3
-    ):  # fmt: skip
+    def share(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, Y: vec3):
         """(W_ik + W_ki)/2 G_ik L^2 / |xi|^2."""
         squared = wp.length_sq(xi)
         along = xi[0] * Y[0] + xi[1] * Y[1]
         cosine = along * along / (squared * wp.dot(Y, Y))
         weight = real(0.5) * (f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k)))
         if wp.static(corrected):
-            mean = real(0.5) * (factors[i] + factors[m])
+            mean = real(0.5) * (constants.factors[i] + constants.factors[m])
             x = xi[0] / mean[0]
             y = xi[1] / mean[1]
             weight *= wp.sqrt(squared / (x * x + y * y))
         return weight * cosine / squared
 
-    @wp.kernel(module=module, enable_backward=False)
-    def pair_force(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        factors: wp.array(dtype=vec2),
-        constants: parameters,
-        shortened: parameters,
-        inverse_horizon: real,
-        unit_force: real,
-        first: int,
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        ui = displacement[i]
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(family.members):
-            if standing(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                xi = f.bond(family, i, k)
-                U = inverse_horizon * (displacement[m] - ui)
-                e = strain(xi, U)
-                Y = image(xi, U)
-                pull += (
-                    share(family, factors, i, k, m, xi, Y)
-                    * tension(e, chosen(e, constants, shortened))
-                    * wp.normalize(Y)
-                )
-        force[i] = unit_force * pull
+    @wp.func(module=module)
+    def force_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
+        e = strain(xi, U)
+        Y = image(xi, U)
+        return share(family, constants, i, k, m, xi, Y) * tension(e, chosen(e, constants)) * wp.normalize(Y)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def row_sums(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        factors: wp.array(dtype=vec2),
-        constants: parameters,
-        shortened: parameters,
-        inverse_horizon: real,
-        unit_stiffness: real,
-        least: real,
-        first: int,
-        density: wp.array(dtype=real),
-    ):
-        """Sum of the row of the stiffness (HE eq. 93), the point's own block included.
+    @wp.func(module=module)
+    def stiffness_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
+        """The larger of what the bond resists along and across itself."""
+        e = strain(xi, U)
+        p = chosen(e, constants)
+        stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))
+        return share(family, constants, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
 
-        A bond counts with the larger of what it resists along and across itself. A point that nothing holds keeps
-        the density `least`.
-        """
-        i = wp.tid() + first
-        total = real(0.0)
-        for k in range(family.members):
-            if standing(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                xi = f.bond(family, i, k)
-                U = inverse_horizon * (displacement[m] - displacement[i])
-                e = strain(xi, U)
-                p = chosen(e, constants, shortened)
-                stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))
-                total += share(family, factors, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
-        density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
-
-    return HyperelasticBondsKernels(pair_force, row_sums)
+    return HyperelasticBondsKernels(
+        Constants, *sums_of_bonds(layout, bits, breakable, Constants, force_of, stiffness_of, module)
+    )

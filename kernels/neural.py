@@ -237,15 +237,17 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
         return T[0] * wp.normalize(Y) + T[1] * (R * vec2(-direction[1], direction[0]))
 
     @wp.func(module=module)
-    def seen(excess: real, sine: real, versine: real, area: real, z: real):
-        """What a network sees of a bond: (lambda, theta, C33, det F)."""
+    def bond_seen(
+        family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, H: mat32, D: mat22, V: mat22,
+        area: real, z: real, i: int, k: int,
+    ):  # fmt: skip
+        """`bond_vectors`, direction in the tangent plane, and what a network sees: (lambda, theta, C33, det F)."""
+        x, u, share = bond_vectors(family, displacement, inverse_horizon, i, k)
+        excess, sine, versine, direction = bond_state(x, u, H, D, V)
         det = real(1.0) + area
-        return vec4(
-            wp.max(real(1.0) + excess, real(no_length)),
-            wp.atan2(sine, real(1.0) - versine),
-            (real(1.0) + z) / (det * det),
-            det,
-        )
+        stretch = wp.max(real(1.0) + excess, real(no_length))
+        angle = wp.atan2(sine, real(1.0) - versine)
+        return x, u, share, direction, vec4(stretch, angle, (real(1.0) + z) / (det * det), det)
 
     @wp.func(module=module)
     def logarithms(row: vec4):
@@ -301,9 +303,9 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
         for k in range(family.members):
             row = vec4(real(1.0), real(0.0), real(1.0), real(1.0))
             if point.has(family, alive, i, k) and V[0, 0] != real(0.0):
-                x, u, _share = bond_vectors(family, displacement, inverse_horizon, i, k)
-                excess, sine, versine, _direction = bond_state(x, u, H, D, V)
-                row = seen(excess, sine, versine, area, z)
+                _x, _u, _share, _direction, row = bond_seen(
+                    family, displacement, inverse_horizon, H, D, V, area, z, i, k
+                )
             features[k * points + i] = row
 
     @wp.kernel(module=module, enable_backward=False)
@@ -375,7 +377,7 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
     if torch:
         direct = None
     elif evaluation == "fused":
-        parts = (f, point, family_frame, bond_state, bond_vectors, family_scale, seen, logarithms, pull)
+        parts = (f, point, family_frame, bond_seen, family_scale, logarithms, pull)
         direct = (fused_tiles if layers.block else fused_loops)(bits, layers, *parts, module)
     return NeuralKernels(
         direct=direct,
@@ -386,9 +388,7 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
     )
 
 
-def fused_loops(
-    bits, layers, f, point, family_frame, bond_state, bond_vectors, family_scale, seen, logarithms, pull, module
-):
+def fused_loops(bits, layers, f, point, family_frame, bond_seen, family_scale, logarithms, pull, module):
     """Kernel of the law with the network evaluated one bond after the other, for a CPU."""
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
@@ -428,9 +428,7 @@ def fused_loops(
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if point.has(family, alive, i, k) and scale > real(0.0):
-                x, u, share = bond_vectors(family, displacement, inverse_horizon, i, k)
-                excess, sine, versine, direction = bond_state(x, u, H, D, V)
-                row = seen(excess, sine, versine, area, z)
+                x, u, share, direction, row = bond_seen(family, displacement, inverse_horizon, H, D, V, area, z, i, k)
                 h = bent(first_weights[0] * logarithms(row) + biases[0])
                 for layer in range(inner):
                     h = bent(inner_weights[layer] * h + biases[layer + 1])
@@ -441,9 +439,7 @@ def fused_loops(
     return fused_force
 
 
-def fused_tiles(
-    bits, layers, f, point, family_frame, bond_state, bond_vectors, family_scale, seen, logarithms, pull, module
-):
+def fused_tiles(bits, layers, f, point, family_frame, bond_seen, family_scale, logarithms, pull, module):
     """Kernel of the law with the network evaluated on tiles, one column a thread, for a GPU.
 
     A thread owns a point; the k-th bonds of a block's points form the columns of one matrix product. Threads
@@ -490,9 +486,7 @@ def fused_tiles(
             direction = x
             share = real(0.0)
             if point.has(family, alive, i, k) and scale > real(0.0):
-                x, u, share = bond_vectors(family, displacement, inverse_horizon, i, k)
-                excess, sine, versine, direction = bond_state(x, u, H, D, V)
-                row = seen(excess, sine, versine, area, z)
+                x, u, share, direction, row = bond_seen(family, displacement, inverse_horizon, H, D, V, area, z, i, k)
             q = logarithms(row)
             h = wp.tile_map(
                 wp.tanh,

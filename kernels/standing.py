@@ -117,3 +117,78 @@ def energy_of_families(layout, bits, family_energy, module):
         out[i] = wp.float64(unit_volume * density)
 
     return strain_energy
+
+
+@functools.cache
+def sums_of_bonds(layout, bits, breakable, Constants, force_of, stiffness_of, module):
+    """Kernels `pair_force` and `row_sums` of a law whose bonds pull their two points against each other.
+
+    pair_force sums the internal force [points], N; row_sums the fictitious density of dynamic relaxation [points],
+    N/m: the row of the stiffness (HE eqs. 86 to 93), the point's own block included. A point that nothing holds keeps
+    the density `least`.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        breakable: Whether bonds can break.
+        Constants: Type of the law's constants.
+        force_of: Warp function (family, constants, i, k, m, xi, U) -> force of bond k of point i, to point m, over
+            `unit_force`, vec3; U is the relative displacement over the horizon.
+        stiffness_of: Warp function of the same -> the most that the bond resists, over `unit_stiffness`.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    bonds = standing_bonds(layout, bits, breakable, module)
+    word_size = WORD
+
+    @wp.kernel(module=module, enable_backward=False)
+    def pair_force(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: Constants,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        ui = displacement[i]
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for word in range(family.words):
+            members = bonds.present(family, alive, i, word)
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    m = f.neighbour(family, i, k)
+                    U = inverse_horizon * (displacement[m] - ui)
+                    pull += force_of(family, constants, i, k, m, f.bond(family, i, k), U)
+                members = members >> wp.uint32(1)
+                k += 1
+        force[i] = unit_force * pull
+
+    @wp.kernel(module=module, enable_backward=False)
+    def row_sums(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: Constants,
+        inverse_horizon: real,
+        unit_stiffness: real,
+        least: real,
+        first: int,
+        density: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        total = real(0.0)
+        for k in range(family.members):
+            if bonds.has(family, alive, i, k):
+                m = f.neighbour(family, i, k)
+                U = inverse_horizon * (displacement[m] - displacement[i])
+                total += stiffness_of(family, constants, i, k, m, f.bond(family, i, k), U)
+        density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
+
+    return pair_force, row_sums

@@ -13,10 +13,9 @@ A horizon of 3 spacings on 21 points across is 3 % too stiff in tension and more
 `--set stiffness=constant` takes the paper's other stiffness.
 """
 
-import numpy as np
-
 from warp_pd import Bimodular, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
 from warp_pd.checks import InputError, finite, one_of, positive
+from warp_pd.measures import row_at
 from warp_pd.solvers import Solver
 
 LENGTH, HEIGHT, TENSILE = 2.0, 0.21, 3.84e8
@@ -72,20 +71,12 @@ def build(
     )  # fmt: skip
 
 
-def middle_line(reference):
-    """Points of the row nearest to half the height, from left to right."""
-    y = reference[:, 1]
-    # Frames hold single precision; rows are many times further apart.
-    line = np.flatnonzero(np.abs(y - y[np.argmin(np.abs(y - 0.5 * HEIGHT))]) < 1e-5 * HEIGHT)
-    return line[np.argsort(reference[line, 0])]
-
-
 def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
     plots.from_above(folder / "deformed.png", shown, field="u2", label="displacement along y (m)")
-    line = middle_line(shown[0].reference)
+    line = row_at(shown[0].reference, 0.5 * HEIGHT)
     x = shown[0].reference[line, 0]
     plots.profiles(
         folder / "middle_line.png",

@@ -27,7 +27,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import finite, one_of
-from warp_pd.measures import at_time, support_force
+from warp_pd.measures import at_time, row_at, support_force
 from warp_pd.solvers import Solver
 
 WIDTH, HEIGHT, THICKNESS, TENSILE, PRESTRESS = 0.38, 0.128, 25e-6, 3.5e9, 1.5e6
@@ -49,7 +49,7 @@ def build(
     }
     sheet = Sheet.rectangle(WIDTH, HEIGHT, thickness=THICKNESS, density=1420.0, points=points, centred=True)
     bottom, top = sheet.edges("bottom"), sheet.edges("top")
-    line = middle_line(sheet.points)
+    line = row_at(sheet.points, 0.5 * HEIGHT)
     # The held rows are one spacing less apart than the edges.
     lift = FREE_ENDS * (HEIGHT - sheet.spacing) * PRESTRESS * (1.0 - 1.0 / 9.0) / TENSILE
     section = WIDTH * THICKNESS
@@ -83,14 +83,6 @@ def build(
     )  # fmt: skip
 
 
-def middle_line(reference):
-    """Points of the row nearest to half the height, from left to right."""
-    y = reference[:, 1]
-    # Frames hold single precision; rows are many times further apart.
-    line = np.flatnonzero(np.abs(y - y[np.argmin(np.abs(y - 0.5 * HEIGHT))]) < 1e-5 * HEIGHT)
-    return line[np.argsort(reference[line, 0])]
-
-
 def pictures(history, folder):
     from warp_pd.output import plots
 
@@ -104,7 +96,7 @@ def pictures(history, folder):
     )
     plots.directions(folder / "stress_directions.png", frame, label="largest principal stress (Pa)", across=60)
     plots.reference(folder / "wrinkles.png", shown, field="wrinkle_level", label="wrinkle level", limits=(0.0, 1.0))
-    line = middle_line(frame.reference)
+    line = row_at(frame.reference, 0.5 * HEIGHT)
     x = frame.reference[line, 0]
     plots.profiles(
         folder / "middle_line.png",

@@ -88,7 +88,7 @@ def build(
         damping = 0.0 if failure else 2.0 * rate
         solver = Explicit(duration, frames=40 if failure else 20, damping=damping, safety=safety)
     force = (
-        ViscoBondBased(POLYUREA, prony, horizon) if published else Visco(POLYUREA, horizon=horizon, prony=prony)
+        ViscoBondBased(POLYUREA, horizon, prony=prony) if published else Visco(POLYUREA, horizon=horizon, prony=prony)
     )  # fmt: skip
     velocity = rate * sheet.points
     for members in sheet.inclusions:

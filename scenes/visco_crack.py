@@ -99,7 +99,7 @@ def build(
     elif published:
         solver = Relaxation(tolerance=tolerance, load_steps=load_steps, ramp_steps=10 * points)
     force = (
-        ViscoBondBased(POLYUREA, prony, horizon) if published
+        ViscoBondBased(POLYUREA, horizon, prony=prony) if published
         else Visco(POLYUREA, horizon=horizon, prony=prony) if moving
         else BondAssociated(POLYUREA, horizon=horizon)
     )  # fmt: skip

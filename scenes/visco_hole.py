@@ -69,7 +69,9 @@ def build(
         solver = Explicit(duration, frames=20, damping=2.0 * rate, safety=safety)
     elif published:
         solver = Relaxation(tolerance=tolerance, load_steps=load_steps, ramp_steps=10 * points)
-    force = BondAssociated(POLYUREA, horizon=horizon) if not published else ViscoBondBased(POLYUREA, prony, horizon)
+    force = (
+        BondAssociated(POLYUREA, horizon=horizon) if not published else ViscoBondBased(POLYUREA, horizon, prony=prony)
+    )
     if viscous and not published:
         force = Visco(POLYUREA, prony=prony, horizon=horizon)
 

@@ -115,3 +115,20 @@ def random_gradient(seed):
     rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     stretch = np.array([[1.3, 0.2], [0.1, 0.9]]) + 0.15 * rng.uniform(-1, 1, (2, 2))
     return rotation[:, :2] @ stretch
+
+
+class StopAt:
+    """A writer that stops the run at a frame, before its restart file is written."""
+
+    def __init__(self, index):
+        self.index = index
+
+    def write(self, frame):
+        if frame.index == self.index:
+            raise KeyboardInterrupt
+
+    def save(self):
+        pass
+
+    def close(self):
+        pass

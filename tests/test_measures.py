@@ -9,6 +9,7 @@ from warp_pd.measures import (
     at_time,
     growth_rate,
     largest,
+    row_at,
     time_above,
     time_below,
     when_above,
@@ -150,3 +151,13 @@ def test_alignment_tells_cracks_along_a_grid_from_cracks_that_ignore_it(turn, ji
         assert line.alignment(crack(turn), turn) > 0.85
         assert line.alignment(crack(turn + 22.5), turn) < -0.3
     assert math.isnan(line.alignment(np.ones(len(sheet.triangles), bool)))
+
+
+def test_the_row_at_a_height_runs_from_left_to_right_in_single_precision_too():
+    sheet = Sheet.rectangle(0.2, 0.1, thickness=1e-3, density=1.0, points=21)
+    turned = np.random.default_rng(0).permutation(sheet.size)
+    points = sheet.points[turned].astype(np.float32)
+    row = row_at(points, 0.0522)
+    assert len(row) == 21
+    assert points[row] == pytest.approx(np.column_stack([np.linspace(0.0, 0.2, 21), np.full(21, 0.05)]), abs=1e-7)
+    assert row_at(np.array([[1.0, 0.0], [0.0, 0.0]]), 0.3).tolist() == [1, 0]

@@ -23,6 +23,7 @@ from warp_pd import (
     Fixed,
     InputError,
     Motion,
+    Newton,
     Pressure,
     Relaxation,
     RigidBall,
@@ -156,6 +157,23 @@ def test_a_resumed_run_equals_the_uninterrupted_one(ball, tmp_path):
     assert rows[0] == rows[1] == 26
 
 
+@pytest.mark.parametrize("usd", [True, False])
+def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
+    left = [".animation.unfinished.usdc", ".animation.copy.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
+            "history.csv.part", "summary.json.part", "damage.png.part"]  # fmt: skip
+    sheet = square(7)
+    simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=2), [Fixed(sheet.edges())])
+    (tmp_path / ".mine.usdc").write_bytes(b"mine")
+    for resume in (False, True):
+        for name in left:
+            (tmp_path / name).write_bytes(b"half")
+        assert simulation.run(out=tmp_path, device="cpu", usd=usd, resume=resume).status == "finished"
+        results = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"} | (
+            {"animation.usd"} if usd else set()
+        )
+        assert {p.name for p in tmp_path.iterdir()} == {".mine.usdc"} | results
+
+
 def test_ctrl_c_ends_at_a_frame_and_can_be_resumed(tmp_path):
     command = [sys.executable, "-m", "warp_pd.cli", "run", "ball_penetration", *SMALL, "--frames", "200", "--no-pictures",  # noqa: E501
                "--no-usd", "--out", str(tmp_path)]  # fmt: skip
@@ -198,8 +216,31 @@ def test_a_restart_file_of_other_settings_is_refused(ball, tmp_path):
         "run", "ball_penetration", *SMALL, "--frames", "24", "--set", "damping=1", "--resume", "--out", str(tmp_path)
     )
     assert done.exit_code == 2 and "other settings (damping = 0.0, here 1.0)" in done.output
+    done = cli(
+        "run", "ball_penetration", *SMALL, "--frames", "12", "--precision", "64", "--resume", "--out", str(tmp_path)
+    )
+    assert done.exit_code == 2 and "other settings (frames = 24, here 12; precision = 32, here 64)" in done.output
     done = cli("run", "ball_penetration", *SMALL, "--resume", "--out", str(tmp_path / "empty"))
     assert done.exit_code == 2 and "does not exist" in done.output
+
+
+def test_what_differs_from_a_restart_file_is_named_without_a_scene(tmp_path):
+    def simulation(points=7, density=1000.0, **changes):
+        sheet = square(points, density=density)
+        given = {"force": BondAssociated(NEO), "solver": Explicit(1e-3, frames=2), **changes}
+        return Simulation(sheet, loads=[Fixed(sheet.edges()), Pressure(2.0)], **given)
+
+    simulation().run(out=tmp_path, device="cpu", usd=False)
+    for other, said in (
+        ({"density": 900.0}, "sheet.density = 1000.0, here 900.0"),
+        ({"force": BondAssociated(NEO, horizon=1.5)}, "force.horizon = 2.015, here 1.5"),
+        ({"solver": Newton()}, "precision = 32, here 64; solver = Explicit, here Newton"),
+        ({"damage": CriticalStretch(2.0)}, "damage = None, here CriticalStretch"),
+        ({"points": 9}, "sheet.points = array (49, 2)"),
+    ):
+        with pytest.raises(InputError, match="other settings") as refused:
+            simulation(**other).run(out=tmp_path, device="cpu", usd=False, resume=True)
+        assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
@@ -237,6 +278,7 @@ def test_pictures_know_the_ball_and_say_when_nothing_happens(ball, tmp_path, mon
     from warp_pd.output import plots
 
     first, last = plots.frames_at(ball, [0.0, 4.0])
+    assert (first.when, last.when) == ("t = 0 s", "t = 4 s")
     assert first.ball == (pytest.approx([0.5, 0.5, 0.075]), 0.15)
     assert last.ball == (pytest.approx([0.5, 0.5, -0.325]), 0.15)
     said = []

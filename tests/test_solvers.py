@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from click.testing import CliRunner
-from helpers import GENT, NEO, jittered, rough, sever, square
+from helpers import GENT, NEO, StopAt, jittered, rough, sever, square
 from material_kernels import evaluate, respond
 
 from warp_pd import (
@@ -319,6 +319,7 @@ def test_no_convergence_ends_the_command_with_code_3(solver, tmp_path):
     assert "not converged" in done.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["status"] == "not converged" and summary["solve"]["reached"] == 0.0
+    assert summary["solve"]["seconds"] > 0.0
 
 
 # Relaxation ---------------------------------------------------------------------------------------------
@@ -442,3 +443,34 @@ def test_resuming_what_did_not_converge_is_not_taken_for_finished(solver, tmp_pa
         assert codes == [3, 3, 3, 3] and summary["status"] == "not converged"
     else:
         assert codes[-1] == 0 and summary["status"] == "finished"
+
+
+@pytest.mark.parametrize(
+    "solver", [Newton(load_steps=4), Relaxation(load_steps=4, tolerance=1e-4)], ids=["newton", "relaxation"]
+)
+def test_a_resumed_run_reports_all_its_load_steps(solver, tmp_path):
+    sheet = square(9)
+    simulation = simulate(sheet, solver, loads=[Fixed(sheet.edges()), Pressure(5.0, ramp=[(0.0, 0.0), (1.0, 1.0)])])
+    begun = simulation.run(out=tmp_path, device="cpu", usd=False, writers=[StopAt(3)]).summary
+    assert begun["status"] == "interrupted"
+    ended = simulation.run(out=tmp_path, device="cpu", usd=False, resume=True).summary
+    again = simulation.run(out=tmp_path, device="cpu", usd=False, resume=True).summary
+    assert [step["share"] for step in ended["solve"]["load_steps"]] == [0.25, 0.5, 0.75, 1.0]
+    assert ended["solve"]["iterations"] == ended["steps"] > 0
+    # It has nothing left to do, and says what was done all the same.
+    for name in ("status", "steps", "residual", "solve", "load_share"):
+        assert again[name] == ended[name]
+
+
+def test_runs_at_rest_say_their_share_of_the_load_and_no_time(tmp_path, capfd):
+    from warp_pd.output import info, plots
+    from warp_pd.output.progress import Progress
+
+    sheet = square(9)
+    simulation = simulate(sheet, Newton(load_steps=2, duration=3.0), loads=[Fixed(sheet.edges()), Pressure(5.0)])
+    summary = simulation.run(out=tmp_path, device="cpu", reporter=Progress()).summary
+    assert summary["time"] is None and summary["load_share"] == 1.0
+    said = capfd.readouterr().err
+    assert "50 % of the load" in said and "t = " not in said
+    assert "0 % of the load to 100 % of the load" in info.describe(tmp_path / "frames.vtkhdf")
+    assert [frame.when for frame in plots.frames_at(tmp_path, [1.5, 3.0])] == ["50 % of the load", "100 % of the load"]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import array, build, internal_force, jittered, square, uniform
+from helpers import StopAt, array, build, internal_force, jittered, square, uniform
 from scipy.integrate import cumulative_trapezoid
 
 from warp_pd import (
@@ -299,20 +299,9 @@ def test_a_resumed_run_is_the_same_bit_for_bit(law, precision, tmp_path):
             initial_velocity=velocity, damage=CriticalEnergy(20.0),
         )  # fmt: skip
 
-    class Stop:
-        def write(self, frame):
-            if frame.index == 3:
-                raise KeyboardInterrupt
-
-        def save(self):
-            pass
-
-        def close(self):
-            pass
-
     options = {"device": "cpu", "precision": precision, "usd": False}
     whole = simulation().run(**options, out=tmp_path / "whole")
-    broken = simulation().run(**options, out=tmp_path / "broken", writers=[Stop()])
+    broken = simulation().run(**options, out=tmp_path / "broken", writers=[StopAt(3)])
     assert broken.status == "interrupted"
     resumed = simulation().run(**options, out=tmp_path / "broken", resume=True)
     assert resumed.status == "finished"
@@ -321,6 +310,14 @@ def test_a_resumed_run_is_the_same_bit_for_bit(law, precision, tmp_path):
     np.testing.assert_array_equal(resumed.frame.velocity, whole.frame.velocity)
     for name, values in whole.built.force.internal.items():
         np.testing.assert_array_equal(resumed.built.force.internal[name].numpy(), values.numpy())
+
+
+def test_both_laws_take_their_arguments_in_one_order():
+    for law in (Visco(POLYUREA, 2.015, prony=TERMS), ViscoBondBased(POLYUREA, 2.015, prony=TERMS)):
+        assert (law.horizon, law.prony) == (2.015, TERMS)
+    for law in (Visco, ViscoBondBased):
+        with pytest.raises(TypeError):
+            law(POLYUREA, 2.015, "plain", "linear", "drop", TERMS)
 
 
 def test_parts_that_do_not_fit_are_refused():
@@ -336,6 +333,7 @@ def test_parts_that_do_not_fit_are_refused():
     for wrong in (
         lambda: Prony(0.0), lambda: Prony(1.0, -1.0), lambda: Prony(1.0, time=0.0), lambda: Prony(1.0, rate=0.0),
         lambda: Visco(POLYUREA, prony=[TERMS]), lambda: Visco(POLYUREA, weights="published"),
+        lambda: Visco(POLYUREA, TERMS), lambda: ViscoBondBased(POLYUREA, TERMS),
         lambda: ViscoBondBased(Yeoh(1.0, 1.0, 1.0)), lambda: ViscoBondBased(POLYUREA, update="euler"),
         lambda: CriticalEnergy(0.0),
     ):  # fmt: skip

@@ -10,21 +10,11 @@ the first step (families, corrected weights) stands beside them.
 from __future__ import annotations
 
 import argparse
-import subprocess
 import time
-from datetime import date
-from pathlib import Path
+
+from stamp import stamp
 
 from warp_pd.cli import build_scene
-
-
-def commit() -> str:
-    """Short name of the commit, or "unknown" outside a repository."""
-    done = subprocess.run(
-        ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    return done.stdout.strip() or "unknown"
 
 
 def row(scene: str, points: int, solver: str, device: str, tolerance: float) -> str:
@@ -53,7 +43,7 @@ def main() -> None:
     parser.add_argument("--solvers", nargs="+", default=["relaxation", "newton"])
     parser.add_argument("--tolerance", type=float, default=1e-8)
     given = parser.parse_args()
-    print(f"Device {given.device}, {date.today()}, commit {commit()}, horizon 2.015, tolerance {given.tolerance:g}.\n")
+    print(f"Measured {stamp(given.device)}, horizon 2.015, tolerance {given.tolerance:g}.\n")
     print(
         "| scene | points a side | solver | status | iterations | products | residual | solve s | rest s | against FE |"
     )

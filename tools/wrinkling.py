@@ -22,6 +22,7 @@ import numpy as np
 from stamp import stamp
 
 from warp_pd.cli import build_scene
+from warp_pd.measures import row_at
 from warp_pd.output import plots
 from warp_pd.runner import Result
 
@@ -137,7 +138,7 @@ def bar(page: Page) -> list[str]:
 
 def cantilever(page: Page) -> list[str]:
     """Section 6.2."""
-    from warp_pd.scenes.cantilever import middle_line
+    from warp_pd.scenes.cantilever import HEIGHT
 
     tables: dict[str, list[str]] = {"constant": [], "tangent": []}
     compared, shapes = [], []
@@ -165,7 +166,7 @@ def cantilever(page: Page) -> list[str]:
             f"{largest_difference(newton, relaxed):.1e} |"
         )
         points = newton.built.simulation.sheet.points
-        line = middle_line(points)
+        line = row_at(points, 0.5 * HEIGHT)
         for c, curves in along.items():
             curves.append((f"Newton, c+/c- = {ratio:g}", points[line, 0], newton.frame.displacement[line, c], colour))
             curves.append(("", points[line, 0], relaxed.frame.displacement[line, c], f"{colour}o"))
@@ -244,7 +245,7 @@ def square(page: Page) -> list[str]:
 
 def kapton(page: Page) -> list[str]:
     """Section 6.4."""
-    from warp_pd.scenes.kapton_shear import middle_line
+    from warp_pd.scenes.kapton_shear import HEIGHT
 
     rows, curves = [], []
     for horizon, colour in zip((2.0, 3.0, 4.0), ("C0", "C2", "C3"), strict=True):
@@ -258,7 +259,7 @@ def kapton(page: Page) -> list[str]:
             f"{m['mean_wrinkle_level']:.3f} | {solve(result)['seconds']:.0f} |"
         )
         points = result.built.simulation.sheet.points
-        line = middle_line(points)
+        line = row_at(points, 0.5 * HEIGHT)
         stress = result.frame.point_data["principal_stress"][line] / 1e6
         curves.append((f"largest, horizon {horizon:g}", points[line, 0], stress[:, 0], f"{colour}-"))
         curves.append((f"smallest, horizon {horizon:g}", points[line, 0], stress[:, 1], f"{colour}--"))

@@ -10,6 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+def moment(time: float, load_duration: float | None) -> str:
+    """Words for when a frame is: its time [s], or at rest its share of the load, for a load time of `load_duration`."""
+    return f"t = {time:.4g} s" if load_duration is None else f"{100.0 * time / load_duration:.4g} % of the load"
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """What stays the same through a whole animation.
@@ -54,7 +59,7 @@ class Frame:
 
     Attributes:
         index: Number of the frame; the first is 0.
-        time: Simulated time [s].
+        time: Simulated time [s]; at rest the load time, see `moment`.
         displacement: Displacement from the reference positions [m], shape (N, 3).
         velocity: Velocity [m/s], shape (N, 3).
         intact_faces: Which faces no crack has cut, shape (F,); None where nothing can break.

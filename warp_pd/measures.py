@@ -241,6 +241,14 @@ def worst_balance(history: History) -> float | None:
     return max(errors) if errors else None
 
 
+def row_at(points: np.ndarray, height: float) -> np.ndarray:
+    """Indices of the row nearest to a height [m], from left to right; `points` [m], shape (N, 2) or (N, 3)."""
+    y = points[:, 1]
+    # Frames hold single precision; rows are many times further apart.
+    row = np.flatnonzero(np.abs(y - y[np.argmin(np.abs(y - height))]) <= 1e-5 * np.ptp(y))
+    return row[np.argsort(points[row, 0])]
+
+
 def growth_rate(history: History, name: str) -> np.ndarray:
     """Rate of the largest value of column `name` so far, by central differences over frames, one value a frame.
 

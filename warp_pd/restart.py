@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import zipfile
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,35 +20,51 @@ if TYPE_CHECKING:
     from .simulation import Built, Simulation
 
 NAME = "restart.npz"
-VERSION = 2
+VERSION = 3
 STATE = ("displacement", "velocity", "work", "dissipated", "released", "energy_release", "impulse", "time")
+NUMBERS = (
+    "frame_index", "time", "steps", "dt", "stable_dt", "since_estimate", "step_seconds", "residual", "solve", "history",
+)  # fmt: skip
 BODIES = ("place", "linear", "angular", "rotation")
+# Longer values are kept as their hash; a message names so many that differ.
+LONGEST, MOST_NAMED = 60, 4
 
 
-def digest(simulation: Simulation, built: Built) -> str:
-    """A number that changes with anything that changes the results."""
-    parts: list[Any] = [VERSION, built.types.bits, _describe(simulation.force), _describe(simulation.solver)]
-    parts += [_describe(load) for load in simulation.loads]
-    parts += [_describe(simulation.contact), _describe(simulation.damage)]
+def parts(simulation: Simulation, built: Built) -> dict[str, str]:
+    """All that changes the results: names such as "force.horizon", and values as text."""
     sheet = simulation.sheet
-    parts += [sheet.thickness, sheet.density, sheet.cuts, _describe(sheet.points), _describe(sheet.areas)]
-    parts += [_describe(i) for i in sheet.inclusions]
-    return hashlib.sha1(repr(parts).encode()).hexdigest()
+    named = {name: getattr(simulation, name) for name in ("force", "solver", "loads", "contact", "damage")}
+    names = ("thickness", "density", "cuts", "points", "areas", "inclusions", "stiffness")
+    named |= {f"sheet.{name}": getattr(sheet, name) for name in names}
+    return {"precision": str(built.types.bits), **{k: v for name, part in named.items() for k, v in _texts(name, part)}}
 
 
-def settings(built: Built) -> dict[str, Any]:
-    """The scene's numbers and the precision, to name what differs where the digests do."""
-    return {**built.simulation.settings, "precision": built.types.bits}
-
-
-def _describe(part: Any) -> Any:
+def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
+    """Names and values of a part and of its parts."""
     if isinstance(part, np.ndarray):
-        return hashlib.sha1(np.ascontiguousarray(part).tobytes()).hexdigest()
-    if is_dataclass(part):
-        return [type(part).__name__, [(f.name, _describe(getattr(part, f.name))) for f in fields(part)]]
-    if isinstance(part, list | tuple):
-        return [_describe(p) for p in part]
-    return getattr(part, "__qualname__", part)
+        yield name, f"array {part.shape} {_hash(np.ascontiguousarray(part).tobytes())}"
+    elif is_dataclass(part):
+        yield name, type(part).__name__
+        for f in fields(part):
+            yield from _texts(f"{name}.{f.name}", getattr(part, f.name))
+    elif isinstance(part, list | tuple) and any(is_dataclass(p) or isinstance(p, np.ndarray) for p in part):
+        for index, p in enumerate(part):
+            yield from _texts(f"{name}.{index}", p)
+    else:
+        text = repr(getattr(part, "__qualname__", part))
+        yield name, text if len(text) <= LONGEST else f"{type(part).__name__} {_hash(text.encode())}"
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.sha1(data).hexdigest()[:12]
+
+
+def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
+    """What differs, then and now; of a part of another kind, only the kind."""
+    names = [name for name in {**began, **here} if began.get(name) != here.get(name)]
+    whole = [name for name in names if not any(name.startswith(f"{other}.") for other in names)]
+    shown = [f"{name} = {began.get(name)}, here {here.get(name)}" for name in whole[:MOST_NAMED]]
+    return "; ".join(shown) + (f"; and {len(whole) - MOST_NAMED} more" if len(whole) > MOST_NAMED else "")
 
 
 def save(path: Path, recorder: Recorder) -> None:
@@ -65,16 +82,9 @@ def save(path: Path, recorder: Recorder) -> None:
         arrays["noise"] = np.frombuffer(json.dumps(built.stable_step.noise_state()).encode(), np.uint8)
     numbers = {
         "version": VERSION,
-        "digest": recorder.digest,
-        "settings": settings(built),
-        "frame_index": recorder.frame_index,
-        "time": recorder.time,
-        "steps": recorder.steps,
-        "dt": recorder.dt,
-        "stable_dt": recorder.stable_dt,
-        "since_estimate": recorder.since_estimate,
-        "step_seconds": recorder.step_seconds,
-        "history": recorder.history,
+        "parts": recorder.parts,
+        "settings": built.simulation.settings,
+        **{name: getattr(recorder, name) for name in NUMBERS},
     }
     arrays["numbers"] = np.frombuffer(json.dumps(numbers).encode(), np.uint8)
     aside = path.with_name(path.name + ".part")
@@ -83,8 +93,8 @@ def save(path: Path, recorder: Recorder) -> None:
     os.replace(aside, path)
 
 
-def load(path: Path, wanted: str, wanted_settings: dict[str, Any]) -> dict[str, Any]:
-    """Arrays and numbers of a restart file that belongs to this digest; the settings are for the message.
+def load(path: Path, wanted: dict[str, str], wanted_settings: dict[str, Any]) -> dict[str, Any]:
+    """Arrays and numbers of a restart file of these parts; the settings are for the message.
 
     Raises:
         InputError: if it is missing, damaged, of another version, or of another simulation.
@@ -101,16 +111,14 @@ def load(path: Path, wanted: str, wanted_settings: dict[str, Any]) -> dict[str, 
         raise InputError(f"resume from {str(path)!r}: the file is damaged ({type(error).__name__})") from None
     if numbers.get("version") != VERSION:
         raise InputError(f"resume from {str(path)!r}: it is of version {numbers.get('version')}, allowed is {VERSION}")
-    if numbers["digest"] != wanted:
-        began = numbers["settings"]
-        other = [
-            f"{key} = {began.get(key)!r}, here {wanted_settings.get(key)!r}"
-            for key in {**began, **wanted_settings}
-            if began.get(key) != wanted_settings.get(key)
-        ]
+    if numbers["parts"] != wanted:
+        sides = (numbers["settings"], numbers["parts"]), (wanted_settings, wanted)
+        # Settings of a scene are what its user knows; where they are the same, the scene itself is another one.
+        same = numbers["settings"] == wanted_settings
+        other = _different(*(p if same else {**s, "precision": p["precision"]} for s, p in sides))
         raise InputError(
-            f"resume from {str(path)!r}: it belongs to other settings ({'; '.join(other) or 'of another scene'}); "
-            f"allowed are those that the run began with"
+            f"resume from {str(path)!r}: it belongs to other settings ({other}); allowed are those that the run began "
+            f"with"
         )
     return {**data, "numbers": numbers}
 
@@ -130,5 +138,5 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
     if built.stable_step is not None:
         built.stable_step.direction.assign(data["direction"])
         built.stable_step.restore_noise(data["noise"])
-    for name in ("frame_index", "time", "steps", "dt", "stable_dt", "since_estimate", "step_seconds", "history"):
+    for name in NUMBERS:
         setattr(recorder, name, numbers[name])

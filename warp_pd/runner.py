@@ -19,7 +19,7 @@ import numpy as np
 from . import restart
 from .checks import InputError
 from .forces.neural import outside_count
-from .frame import Frame
+from .frame import Frame, moment
 from .launches import run_once
 from .output.background import Background
 from .simulation import Built, Measure, Outcome, Simulation
@@ -59,7 +59,7 @@ class Result:
 
     Attributes:
         summary: Content of summary.json.
-        history: One row a frame: time, energies, ball reaction, largest damage, measures.
+        history: One row a frame: time (at rest the load time), energies, ball reaction, largest damage, measures.
         built: The simulation as it ended.
         frame: The last frame.
         folder: Where the files are, or None.
@@ -86,14 +86,14 @@ class Recorder:
         writers: Take the frames.
         reporter: Shows progress, or None.
         folder: For the restart file and the history, or None.
-        digest: Identifies the simulation that a restart file belongs to.
+        parts: What a restart file belongs to, see `restart.parts`.
     """
 
     built: Built
     writers: list[Writer]
     reporter: Any = None
     folder: Path | None = None
-    digest: str = ""
+    parts: dict[str, str] = field(default_factory=dict)
     frame_index: int = -1
     time: float = 0.0
     steps: int = 0
@@ -164,8 +164,7 @@ class Recorder:
         where = f"point {bad} at {built.simulation.sheet.points[bad].tolist()}" if bad < n else "the strain energy"
         between = f"stopped being finite between t = {self.time:.6g} s and t = {now:.6g} s (frame {index})"
         if not built.simulation.solver.in_time:
-            reached = 100.0 * self.time / built.simulation.solver.duration
-            between = f"stopped being finite beyond {reached:.4g} % of the load"
+            between = f"stopped being finite beyond {moment(self.time, built.load_duration)}"
         if index == 0:
             between = "is not finite at the start"
         raise DivergedError(f"diverged: {where} {between}; likely cause: {self._cause(dt)}")
@@ -175,8 +174,9 @@ class Recorder:
         speed = np.linalg.norm(built.to_numpy(built.state.velocity), axis=1)
         fastest = int(speed.argmax())
         if speed[fastest] * dt > built.force.families.horizon:
+            when = moment(now, built.load_duration)
             raise DivergedError(
-                f"diverged: point {fastest} moves more than a horizon in one step at t = {now:.6g} s "
+                f"diverged: point {fastest} moves more than a horizon in one step at {when} "
                 f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self._cause(dt)}"
             )
 
@@ -315,18 +315,18 @@ def run(
     begin = perf_counter()
     built = simulation.build(device, precision)
     folder = _writable_folder(out, resume)
-    digest = restart.digest(simulation, built)
-    saved = (
-        restart.load(folder / restart.NAME, digest, restart.settings(built)) if resume and folder is not None else None
-    )
-    if saved is None and folder is not None:
-        _clear(folder)
+    parts = restart.parts(simulation, built)
+    saved = restart.load(folder / restart.NAME, parts, simulation.settings) if resume and folder is not None else None
+    if folder is not None:
+        _clear_unfinished(folder)
+        if saved is None:
+            _clear(folder)
     if reporter is not None:
         reporter.begin(built)
     compile_seconds = built.workspace.compile()
     if reporter is not None:
         reporter.compiled(compile_seconds)
-    recorder = Recorder(built, list(writers or []), reporter, folder, digest)
+    recorder = Recorder(built, list(writers or []), reporter, folder, parts)
     if saved is not None:
         restart.restore(saved, recorder)
     run_once(built.workspace.device, built.workspace.stages["setup"])
@@ -431,6 +431,14 @@ def _clear(folder: Path) -> None:
         (folder / Path(name).name).unlink(missing_ok=True)
 
 
+def _clear_unfinished(folder: Path) -> None:
+    """Remove what a killed run was about to write; no resumed one reads it."""
+    for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
+                    f"{restart.NAME}.part", "*.png.part"):  # fmt: skip
+        for path in folder.glob(pattern):
+            path.unlink()
+
+
 def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None) -> list[Writer]:
     from .output.vtkhdf import VtkHdfSeries
 
@@ -440,7 +448,7 @@ def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None
         from .output.usd import UsdAnimation
 
         solver = built.simulation.solver
-        equal = solver.frame_count == 1 or isinstance(getattr(solver, "frames", None), int)
+        equal = solver.in_time and (solver.frame_count == 1 or isinstance(getattr(solver, "frames", None), int))
         per_frame = solver.duration / solver.frame_count if equal else None
         writers.append(
             UsdAnimation(folder / "animation.usd", surface, seconds_per_frame=per_frame, append_from=append_from)
@@ -491,8 +499,9 @@ def _notes(built: Built, history: list[dict[str, float]]) -> list[str]:
         worst = history[left.index(max(left))]
         least, most = built.simulation.force.loaded.stretches  # type: ignore[union-attr]
         notes.append(
-            f"training range: up to {max(left):.0f} of {built.force.families.bond_count} bonds (at t = "
-            f"{worst['time']:.4g} s) were outside the principal stretches {least:g} to {most:g} that the network knows"
+            f"training range: up to {max(left):.0f} of {built.force.families.bond_count} bonds (at "
+            f"{moment(worst['time'], built.load_duration)}) were outside the principal stretches {least:g} to {most:g} "
+            f"that the network knows"
         )
     return notes
 
@@ -548,7 +557,8 @@ def _summary(
         "points": simulation.sheet.size,
         "bonds": force.families.bond_count,
         "steps": recorder.steps,
-        "time": recorder.time,
+        "time": recorder.time if built.load_duration is None else None,
+        "load_share": None if built.load_duration is None else recorder.time / built.load_duration,
         "dt": recorder.dt,
         "stable_dt": recorder.stable_dt,
         "residual": recorder.residual,

@@ -279,6 +279,12 @@ class Built:
         return solver.damping > 0.0 or solver.adaptive_damping
 
     @property
+    def load_duration(self) -> float | None:
+        """Load time of the whole load where the sheet is brought to rest [s]; None for a run in time."""
+        solver = self.simulation.solver
+        return None if solver.in_time else solver.duration
+
+    @property
     def tracked(self) -> bool:
         """Whether work and dissipation are summed up."""
         return self.simulation.track_energy and self.simulation.solver.in_time
@@ -718,12 +724,13 @@ class Built:
         """The reference surface, as writers need it."""
         s = self.simulation
         points = np.column_stack([s.sheet.points, np.zeros(s.sheet.size)])
+        at_rest = {} if self.load_duration is None else {"load_duration": self.load_duration}
         return Surface(
             points=points,
             faces=s.sheet.triangles,
             ball_diameter=s.contact.diameter if s.contact else None,
             title=s.scene,
-            metadata={"scene": s.scene, "section": s.section, "units": "SI"},
+            metadata={"scene": s.scene, "section": s.section, "units": "SI", **at_rest},
         )
 
     def intact_faces(self, alive: np.ndarray) -> np.ndarray:

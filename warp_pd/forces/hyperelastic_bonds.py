@@ -77,7 +77,8 @@ class HyperelasticBondsForce(FamilyForce):
     """The law on one sheet and device.
 
     Attributes:
-        factors: Surface correction along x and y of each point, (N,) vec2, or None.
+        bond_constants: Constants of bonds that are longer and shorter than in the reference, and the surface correction
+            along x and y of each point, (N,) vec2, if there is one.
     """
 
     weights = "pairwise"
@@ -92,31 +93,30 @@ class HyperelasticBondsForce(FamilyForce):
         weights = families.stiffened(_bond_weights(families))
         super().__init__("HyperelasticBonds", law, workspace, sheet, breakable, families, None, weights)
         shortened = law.material.compressed_constants
-        self.shortened = self.types.parameters(*(shortened or law.material.constants))
-        self.factors: Any = None
-        if law.surface_correction:
-            values = families.rows_of_points(surface_factors(families, law.material))
-            self.factors = workspace.array("surface_factors", self.owner, self.types.vec2, values)
         self.kernels = hyperelastic_bonds(
             families.layout, workspace.bits, shortened is not None, law.surface_correction, breakable, workspace.module
         )
-
-    def _arguments(self, displacement: Any) -> dict[str, Any]:
-        own = {"factors": self.factors, "constants": self.constants, "shortened": self.shortened}
-        return {**self.family_arguments(displacement), **own}
+        self.bond_constants = self.kernels.constants()
+        self.bond_constants.stretched = self.constants
+        self.bond_constants.shortened = self.types.parameters(*(shortened or law.material.constants))
+        if law.surface_correction:
+            values = families.rows_of_points(surface_factors(families, law.material))
+            self.bond_constants.factors = workspace.array("surface_factors", self.owner, self.types.vec2, values)
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launch that turns a displacement [m] into the internal force [N], both (N,) vec3."""
         self.workspace.launch(
             stage, self.owner, self.kernels.pair_force, self.points,
-            **self._arguments(displacement), unit_force=self.unit_volume * self.inverse_horizon, force=force,
+            **self.family_arguments(displacement), constants=self.bond_constants,
+            unit_force=self.unit_volume * self.inverse_horizon, force=force,
         )  # fmt: skip
 
     def add_density(self, stage: str, displacement: Any, density: Any) -> None:
         """Add the launch that fills `density`, (N,), with the sums of the rows of the stiffness [N/m]."""
         self.workspace.launch(
             stage, self.owner, self.kernels.row_sums, self.points,
-            **self._arguments(displacement), unit_stiffness=self.unit_volume * self.inverse_horizon**2,
+            **self.family_arguments(displacement), constants=self.bond_constants,
+            unit_stiffness=self.unit_volume * self.inverse_horizon**2,
             least=1e-3 * self.law.material.mu * self.thickness, density=density,
         )  # fmt: skip
 

@@ -32,10 +32,10 @@ class Visco(BondAssociated):
 
     Attributes:
         material: What is left after a long time, such as Yeoh; see BondAssociated for all but prony.
-        prony: Terms that relax; none makes this the elastic law, on plain kernels.
+        prony: Terms that relax, by name only; none makes this the elastic law, on plain kernels.
     """
 
-    prony: tuple[Prony, ...] = ()
+    prony: tuple[Prony, ...] = field(default=(), kw_only=True)
     fast: bool = field(default=False, init=False)
 
     has_tangent = False
@@ -125,15 +125,15 @@ class ViscoBondBased:
 
     Attributes:
         material: Yeoh with c10 and c20.
-        prony: Terms that relax.
         horizon: Horizon over the spacing of the sheet [-].
+        prony: Terms that relax, by name only.
         update: "exact" for a stretch that changes linearly over a step, or "series", eq. 60.
     """
 
     material: Yeoh
-    prony: tuple[Prony, ...] = ()
     horizon: float = 3.015
-    update: str = "exact"
+    prony: tuple[Prony, ...] = field(default=(), kw_only=True)
+    update: str = field(default="exact", kw_only=True)
 
     weights = "pairwise"
     has_tangent = False

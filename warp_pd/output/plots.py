@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..frame import moment
 from .vtkhdf import read_ball, read_frame, read_series
 
 COLOURS = "inferno_r"
@@ -22,7 +23,7 @@ class Shown:
     """A frame as the pictures need it.
 
     Attributes:
-        time: [s].
+        when: Its time or share of the load, in words.
         points: Deformed positions [m], shape (N, 3).
         reference: Reference positions [m], shape (N, 3).
         triangles: Intact triangles, shape (F, 3).
@@ -31,7 +32,7 @@ class Shown:
         ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
     """
 
-    time: float
+    when: str
     points: np.ndarray
     reference: np.ndarray
     triangles: np.ndarray
@@ -44,17 +45,19 @@ def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:
     path = folder / "frames.vtkhdf"
     series = read_series(path)
     indices = sorted({int(np.argmin(np.abs(np.asarray(series.times) - t))) for t in times})
-    return [_shown(path, index) for index in indices]
+    load_duration = series.metadata.get("load_duration")
+    return [_shown(path, index, load_duration) for index in indices]
 
 
-def _shown(path: Path, index: int) -> Shown:
+def _shown(path: Path, index: int, load_duration: float | None) -> Shown:
     time, points, triangles, fields = read_frame(path, index)
     for c in range(3):
         fields[f"u{c + 1}"] = fields["displacement"][:, c]
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]
-    return Shown(time, points, points - fields["displacement"], triangles, fields, read_ball(path, index))
+    when = moment(time, load_duration)
+    return Shown(when, points, points - fields["displacement"], triangles, fields, read_ball(path, index))
 
 
 def surfaces(
@@ -97,7 +100,7 @@ def surfaces(
         grown = shown_extent / extent
         grown /= grown.min()
         stretched = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", grown, strict=True) if g > 1.05]
-        axes.set(title=", ".join([f"t = {frame.time:.4g} s", *stretched]))
+        axes.set(title="\n".join([frame.when, *stretched]))
         for c, name in enumerate("xyz"):
             getattr(axes, f"set_{name}lim")(low[c], low[c] + extent[c])
             getattr(axes, f"set_{name}label")(f"{name} (m)")
@@ -137,7 +140,7 @@ def from_above(
         face = colours(norm(frame.fields[field][triangles].mean(axis=1)))
         face[:, :3] *= _shade(frame)[order][:, None]
         axes.add_collection(PolyCollection(list(frame.points[triangles][:, :, :2]), facecolors=face, edgecolors=face))
-        axes.set(aspect="equal", title=f"t = {frame.time:.4g} s")
+        axes.set(aspect="equal", title=frame.when)
         axes.xaxis.set_major_locator(plt.MaxNLocator(5))
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)

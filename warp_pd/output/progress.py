@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
+from ..frame import moment
+
 if TYPE_CHECKING:
     from ..runner import Recorder
     from ..simulation import Built
 
 
 class Progress:
-    """Shows simulated time, step rate, energy balance and time left, on stderr.
+    """Shows simulated time (at rest the share of the load), step rate, energy balance and time left, on stderr.
 
     Args:
         quiet: Show nothing.
@@ -47,12 +49,12 @@ class Progress:
         )
 
     def frame(self, recorder: Recorder) -> None:
-        """A frame of a run in time."""
+        """A frame."""
         solver = recorder.built.simulation.solver
         share = 100.0 * min(1.0, recorder.time / solver.duration)
         row = recorder.history[-1]
         rate = recorder.steps / recorder.step_seconds if recorder.step_seconds > 0.0 else 0.0
-        text = f"t = {recorder.time:.4g} s, {rate:.0f} steps/s"
+        text = f"{moment(recorder.time, recorder.built.load_duration)}, {rate:.0f} steps/s"
         if "balance_error" in row:
             text += f", energy balance {100.0 * row['balance_error']:+.2f} %"
         if "largest_damage" in row:

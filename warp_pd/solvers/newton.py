@@ -255,7 +255,12 @@ class Search:
 
     def run(self, recorder: Recorder) -> str:
         """Follow the load path; returns the final status."""
-        self._begin, tangent, planned = perf_counter(), self.tangent, self.newton.load_steps
+        tangent, planned = self.tangent, self.newton.load_steps
+        self._begin = perf_counter()
+        if recorder.solve is not None:
+            # A resumed run reports the load steps before it, too.
+            self._begin -= recorder.solve["seconds"]
+            self.report.load_steps += recorder.solve["load_steps"]
         reached, size, cuts = recorder.time / self.newton.duration, 1.0 / planned, 0
         standing = self._keep(reached)
         while reached < 1.0 - 1e-9:
@@ -279,7 +284,7 @@ class Search:
                 tangent.evaluate()
                 if reached > recorder.time / self.newton.duration + 1e-9:
                     self._record(recorder, reached)
-                recorder.solve = self.report.summary(tangent.points, reached)
+                recorder.solve = self._summary(reached)
                 return NOT_CONVERGED
         return FINISHED
 
@@ -304,13 +309,16 @@ class Search:
             converged = converged and rounds < MOST_ROUNDS
         return converged, residual
 
+    def _summary(self, reached: float) -> dict[str, Any]:
+        self.report.seconds = perf_counter() - self._begin
+        return self.report.summary(self.tangent.points, reached)
+
     def _record(self, recorder: Recorder, reached: float) -> None:
         """Hand the state to the recorder as the next frame."""
         if self.built.state.time is not None:
             assign(self.built.state.time, np.array([reached * self.newton.duration]))
-        self.report.seconds = perf_counter() - self._begin
         before = recorder.steps
-        recorder.solve = self.report.summary(self.tangent.points, reached)
+        recorder.solve = self._summary(reached)
         now = reached * self.newton.duration
         recorder.frame(recorder.frame_index + 1, now, recorder.solve["iterations"] - before, 0.0)
 

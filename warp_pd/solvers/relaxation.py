@@ -161,14 +161,17 @@ class Relaxing:
         sequence = built.workspace.sequence
         self.ten, self.residual_launches = sequence("step", repeat=10), sequence("residual")
         self.density, self.rupture = sequence("density"), Rupture(built)
-        self.done = 0
+        # A resumed run reports the load steps before it, too, but may take most_steps of its own.
+        earlier = recorder.solve or {"iterations": 0, "seconds": 0.0, "load_steps": []}
+        self.done, self.earlier = 0, earlier["iterations"]
+        self.begin = perf_counter() - earlier["seconds"]
         self.dt = 0.0
         self.largest = 0.0  # squared loads and reactions of a state at rest
-        self.entries: list[dict[str, Any]] = []
+        self.entries: list[dict[str, Any]] = list(earlier["load_steps"])
 
     def run(self) -> str:
         """Follow the load path; returns the final status."""
-        begin, recorder = perf_counter(), self.recorder
+        recorder = self.recorder
         load_steps, duration = self.solver.load_steps, self.solver.duration
         for index in range(round(recorder.time / duration * load_steps) + 1, load_steps + 1):
             before = self.done
@@ -177,10 +180,10 @@ class Relaxing:
             recorder.residual = self.entries[-1]["residuals"][-1]
             recorder.solve = {
                 "solver": "Relaxation",
-                "iterations": self.done,
+                "iterations": self.earlier + self.done,
                 "residuals": [r for entry in self.entries for r in entry["residuals"]],
                 "reached": (index if converged else index - 1) / load_steps,
-                "seconds": perf_counter() - begin,
+                "seconds": perf_counter() - self.begin,
                 "load_steps": self.entries,
             }
             if not converged:
