@@ -11,11 +11,12 @@ import functools
 import warp as wp
 
 from .numeric import numeric
+from .points import PointFunction
 
 
 @functools.cache
 def ball_contact(bits, held, loaded, damped, tracked, module):
-    """Kernels `project` (positions) and `separate` (velocities)."""
+    """Point functions `project` (positions) and `separate` (velocities)."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
@@ -59,72 +60,76 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
             loss = real(0.5) * step[0] * damping[0]
         return loss
 
-    @wp.kernel(module=module, enable_backward=False)
-    def project(
-        reference: wp.array(dtype=types.vec2),
-        mass: wp.array(dtype=real),
-        held_mask: wp.array(dtype=wp.uint8),
-        centre: wp.array(dtype=vec3),
-        schedule: int,
-        radius: real,
-        step: wp.array(dtype=real),
-        damping: wp.array(dtype=real),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        first: int,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        impulse: wp.array(dtype=vec3),
-        work: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        free = bool(True)
-        if wp.static(held):
-            free = held_mask[i] == wp.uint8(0)
-        X = reference[i]
-        c = centre[schedule]
-        # Reference minus centre first: both are small where contact can be.
-        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + displacement[i]
-        distance = wp.length(arm)
-        if free and distance < radius and distance > real(0.0):
-            shift = ((radius - distance) / distance) * arm
-            displacement[i] = displacement[i] + shift
-            start = (velocity[i] - half_kick(i, mass, step, force, external)) / (real(1.0) - half_loss(step, damping))
-            strike(i, shift / step[0], start, mass, velocity, impulse, work)
+    @functools.partial(wp.struct, module=module)
+    class Project:
+        reference: wp.array(dtype=types.vec2)
+        mass: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        centre: wp.array(dtype=vec3)
+        schedule: int
+        radius: real
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+        impulse: wp.array(dtype=vec3)
+        work: wp.array(dtype=wp.float64)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def separate(
-        reference: wp.array(dtype=types.vec2),
-        mass: wp.array(dtype=real),
-        held_mask: wp.array(dtype=wp.uint8),
-        centre: wp.array(dtype=vec3),
-        ball_velocity: vec3,
-        schedule: int,
-        radius: real,
-        step: wp.array(dtype=real),
-        damping: wp.array(dtype=real),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        displacement: wp.array(dtype=vec3),
-        first: int,
-        velocity: wp.array(dtype=vec3),
-        impulse: wp.array(dtype=vec3),
-        work: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
+    @wp.func(module=module)
+    def project(i: int, a: Project):
         free = bool(True)
         if wp.static(held):
-            free = held_mask[i] == wp.uint8(0)
-        X = reference[i]
-        c = centre[schedule]
-        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + displacement[i]
+            free = a.held_mask[i] == wp.uint8(0)
+        X = a.reference[i]
+        c = a.centre[a.schedule]
+        # Reference minus centre first: both are small where contact can be.
+        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
+        distance = wp.length(arm)
+        if free and distance < a.radius and distance > real(0.0):
+            shift = ((a.radius - distance) / distance) * arm
+            a.displacement[i] = a.displacement[i] + shift
+            start = (a.velocity[i] - half_kick(i, a.mass, a.step, a.force, a.external)) / (
+                real(1.0) - half_loss(a.step, a.damping)
+            )
+            strike(i, shift / a.step[0], start, a.mass, a.velocity, a.impulse, a.work)
+
+    @functools.partial(wp.struct, module=module)
+    class Separate:
+        reference: wp.array(dtype=types.vec2)
+        mass: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        centre: wp.array(dtype=vec3)
+        ball_velocity: vec3
+        schedule: int
+        radius: real
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+        impulse: wp.array(dtype=vec3)
+        work: wp.array(dtype=wp.float64)
+
+    @wp.func(module=module)
+    def separate(i: int, a: Separate):
+        free = bool(True)
+        if wp.static(held):
+            free = a.held_mask[i] == wp.uint8(0)
+        X = a.reference[i]
+        c = a.centre[a.schedule]
+        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
         distance = wp.length(arm)
         touching = real(1.0) + real(wp.static(1e-5 if bits == 32 else 1e-10))
-        if free and distance < radius * touching and distance > real(0.0):
+        if free and distance < a.radius * touching and distance > real(0.0):
             normal = arm / distance
-            approach = wp.dot(velocity[i] - ball_velocity, normal)
+            approach = wp.dot(a.velocity[i] - a.ball_velocity, normal)
             if approach < real(0.0):
-                start = (real(1.0) + half_loss(step, damping)) * velocity[i] - half_kick(i, mass, step, force, external)
-                strike(i, -approach * normal, start, mass, velocity, impulse, work)
+                start = (real(1.0) + half_loss(a.step, a.damping)) * a.velocity[i] - half_kick(
+                    i, a.mass, a.step, a.force, a.external
+                )
+                strike(i, -approach * normal, start, a.mass, a.velocity, a.impulse, a.work)
 
-    return project, separate
+    return PointFunction(project, Project, "project"), PointFunction(separate, Separate, "separate")

@@ -19,6 +19,7 @@ from .bond_associated import bond_associated
 from .families import WORD, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
+from .points import PointFunction
 
 # Most threads of a block, and how many of its blocks are to fit the registers of a processor, by precision.
 MOST_THREADS = 256
@@ -184,10 +185,10 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
 
 @functools.cache
 def gather_mates(layout, bits, members, listed, module):
-    """Kernel that takes from each point's own half of the force [points] what the families around it do to it.
+    """Point function that takes from each point's own half of the force [points] what the families around it do to it.
 
     Broken bonds carry zero, so the bonds of the undamaged sheet will do. `listed`: whether a list of other points
-    was used, which is emptied.
+    was used, which the first point empties.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -195,31 +196,32 @@ def gather_mates(layout, bits, members, listed, module):
     Family = f.struct
     n, word_size = members, WORD
 
-    @wp.kernel(module=module, enable_backward=False)
-    def gather_from_mates(
-        family: Family,
-        bond_force: wp.array2d(dtype=vec3),
-        first: int,
-        other_count: wp.array(dtype=wp.int32),
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
+    @functools.partial(wp.struct, module=module)
+    class GatherFromMates:
+        family: Family
+        bond_force: wp.array2d(dtype=vec3)
+        other_count: wp.array(dtype=wp.int32)
+        first_point: int
+        force: wp.array(dtype=vec3)
+
+    @wp.func(module=module)
+    def gather_from_mates(i: int, a: GatherFromMates):
         if wp.static(listed):
             # The list is used up; the next launches begin another.
-            if wp.tid() == 0:
-                other_count[0] = 0
-        ring = bond_force.shape[1]
+            if i == a.first_point:
+                a.other_count[0] = 0
+        ring = a.bond_force.shape[1]
         slot = i % ring
         push = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
-            members_here = f.whole(family, i, wp.static(k // word_size))
+            members_here = f.whole(a.family, i, wp.static(k // word_size))
             if (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0):
-                column = slot + f.neighbour(family, i, wp.static(k)) - i
+                column = slot + f.neighbour(a.family, i, wp.static(k)) - i
                 if column < 0:
                     column += ring
                 if column >= ring:
                     column -= ring
-                push += bond_force[f.mate(family, i, wp.static(k)), column]
-        force[i] = force[i] - push
+                push += a.bond_force[f.mate(a.family, i, wp.static(k)), column]
+        a.force[i] = a.force[i] - push
 
-    return gather_from_mates
+    return PointFunction(gather_from_mates, GatherFromMates, "gather_from_mates")

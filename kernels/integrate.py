@@ -15,6 +15,7 @@ from typing import Any
 import warp as wp
 
 from .numeric import numeric
+from .points import PointFunction
 
 RIGID = 8
 
@@ -24,8 +25,8 @@ class IntegrationKernels:
     """Kernels of one configuration.
 
     Attributes:
-        drift: First half kick and drift.
-        kick: Second half kick.
+        drift: Point function: first half kick and drift.
+        kick: Point function: second half kick.
         kinetic_energy: Kinetic energy of each point [J]; held components do not count.
         residual: Squared unbalanced force and squared reaction of each point [N^2].
     """
@@ -65,83 +66,83 @@ def integration(bits, held, loaded, damped, tracked, module):
                 rate += wp.float64(external[c] * velocity[c])
         return rate
 
-    @wp.kernel(module=module, enable_backward=False)
-    def drift(
-        mass: wp.array(dtype=real),
-        held_mask: wp.array(dtype=wp.uint8),
-        step: wp.array(dtype=real),
-        damping: wp.array(dtype=real),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        first: int,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        work: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        dt = step[0]
-        v = velocity[i]
-        total = force[i]
+    @functools.partial(wp.struct, module=module)
+    class Drift:
+        mass: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+        work: wp.array(dtype=wp.float64)
+
+    @wp.func(module=module)
+    def drift(i: int, a: Drift):
+        dt = a.step[0]
+        v = a.velocity[i]
+        total = a.force[i]
         if wp.static(loaded):
-            total += external[i]
+            total += a.external[i]
         keep = real(1.0)
         if wp.static(damped):
-            keep = real(1.0) - real(0.5) * dt * damping[0]
-        half = keep * v + (real(0.5) * dt / mass[i]) * total
+            keep = real(1.0) - real(0.5) * dt * a.damping[0]
+        half = keep * v + (real(0.5) * dt / a.mass[i]) * total
         if wp.static(held):
-            bits_here = held_mask[i]
+            bits_here = a.held_mask[i]
             for c in range(3):
                 if (wp.int32(bits_here) & ((1 << c) | rigid)) != 0:
                     half[c] = v[c]
             if wp.static(tracked):
-                load = total - force[i]
-                work[i] = work[i] + wp.float64(real(0.5) * dt) * power(bits_here, force[i], load, half)
+                load = total - a.force[i]
+                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt) * power(bits_here, a.force[i], load, half)
         else:
             if wp.static(tracked and loaded):
-                work[i] = work[i] + wp.float64(real(0.5) * dt * wp.dot(external[i], half))
-        displacement[i] = displacement[i] + dt * half
-        velocity[i] = half
+                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
+        a.displacement[i] = a.displacement[i] + dt * half
+        a.velocity[i] = half
 
-    @wp.kernel(module=module, enable_backward=False)
-    def kick(
-        mass: wp.array(dtype=real),
-        held_mask: wp.array(dtype=wp.uint8),
-        step: wp.array(dtype=real),
-        damping: wp.array(dtype=real),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        first: int,
-        velocity: wp.array(dtype=vec3),
-        work: wp.array(dtype=wp.float64),
-        dissipated: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        dt = step[0]
-        half = velocity[i]
-        total = force[i]
+    @functools.partial(wp.struct, module=module)
+    class Kick:
+        mass: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+        work: wp.array(dtype=wp.float64)
+        dissipated: wp.array(dtype=wp.float64)
+
+    @wp.func(module=module)
+    def kick(i: int, a: Kick):
+        dt = a.step[0]
+        half = a.velocity[i]
+        total = a.force[i]
         if wp.static(loaded):
-            total += external[i]
-        v = half + (real(0.5) * dt / mass[i]) * total
+            total += a.external[i]
+        v = half + (real(0.5) * dt / a.mass[i]) * total
         if wp.static(damped):
-            v = v / (real(1.0) + real(0.5) * dt * damping[0])
+            v = v / (real(1.0) + real(0.5) * dt * a.damping[0])
         moving = v
         if wp.static(held):
-            bits_here = held_mask[i]
+            bits_here = a.held_mask[i]
             for c in range(3):
                 if (wp.int32(bits_here) & ((1 << c) | rigid)) != 0:
                     v[c] = half[c]
                 if (wp.int32(bits_here) & (1 << c)) != 0:
                     moving[c] = real(0.0)
             if wp.static(tracked):
-                load = total - force[i]
-                work[i] = work[i] + wp.float64(real(0.5) * dt) * power(bits_here, force[i], load, half)
+                load = total - a.force[i]
+                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt) * power(bits_here, a.force[i], load, half)
         else:
             if wp.static(tracked and loaded):
-                work[i] = work[i] + wp.float64(real(0.5) * dt * wp.dot(external[i], half))
+                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
         if wp.static(tracked and damped):
-            loss = dt * damping[0] * mass[i] * wp.dot(moving, moving)
-            dissipated[i] = dissipated[i] + wp.float64(loss)
-        velocity[i] = v
+            loss = dt * a.damping[0] * a.mass[i] * wp.dot(moving, moving)
+            a.dissipated[i] = a.dissipated[i] + wp.float64(loss)
+        a.velocity[i] = v
 
     @wp.kernel(module=module, enable_backward=False)
     def kinetic_energy(
@@ -184,7 +185,9 @@ def integration(bits, held, loaded, damped, tracked, module):
         unbalanced[i] = wp.float64(wp.dot(free, free))
         reaction[i] = wp.float64(wp.dot(support, support) + wp.dot(load, load))
 
-    return IntegrationKernels(drift, kick, kinetic_energy, residual)
+    return IntegrationKernels(
+        PointFunction(drift, Drift, "drift"), PointFunction(kick, Kick, "kick"), kinetic_energy, residual
+    )
 
 
 @functools.cache

@@ -7,23 +7,28 @@ import warp as wp
 from .families import WORD, family_functions
 from .kinematics import DEGENERATE
 from .numeric import numeric
+from .points import PointFunction
 
 
 @functools.cache
 def constant_loads(bits, present, module):
-    """Kernel that starts the external force from the loads that never change, or from zero."""
+    """Point function that starts the external force from the loads that never change, or from zero."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.kernel(module=module, enable_backward=False)
-    def begin_loads(constant: wp.array(dtype=vec3), first: int, external: wp.array(dtype=vec3)):
-        i = wp.tid() + first
-        if wp.static(present):
-            external[i] = constant[i]
-        else:
-            external[i] = vec3(real(0.0), real(0.0), real(0.0))
+    @functools.partial(wp.struct, module=module)
+    class BeginLoads:
+        constant: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
 
-    return begin_loads
+    @wp.func(module=module)
+    def begin_loads(i: int, a: BeginLoads):
+        if wp.static(present):
+            a.external[i] = a.constant[i]
+        else:
+            a.external[i] = vec3(real(0.0), real(0.0), real(0.0))
+
+    return PointFunction(begin_loads, BeginLoads, "begin_loads")
 
 
 @functools.cache

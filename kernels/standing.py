@@ -11,6 +11,7 @@ import warp as wp
 
 from .families import WORD, family_functions
 from .numeric import numeric
+from .points import PointFunction
 
 
 @dataclass(frozen=True)
@@ -61,29 +62,29 @@ def standing_bonds(layout, bits, breakable, module):
 
 @functools.cache
 def gather_pairs(layout, bits, breakable, module):
-    """Kernel that sums bond_force [members, points] to the internal force [points], N: both ends of every bond."""
+    """Point function that sums bond_force [members, points], both ends of a bond, to the internal force [points], N."""
     vec3, real = numeric(bits).vec3, numeric(bits).real
     f = family_functions(layout, bits, module)
     Family = f.struct
     has = standing_bonds(layout, bits, breakable, module).has
 
-    @wp.kernel(module=module, enable_backward=False)
-    def gather(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        bond_force: wp.array2d(dtype=vec3),
-        first: int,
-        force: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(family.members):
-            if has(family, alive, i, k):
-                m = f.neighbour(family, i, k)
-                pull += bond_force[k, i] - bond_force[f.mate(family, i, k), m]
-        force[i] = pull
+    @functools.partial(wp.struct, module=module)
+    class Gather:
+        family: Family
+        alive: wp.array2d(dtype=wp.uint32)
+        bond_force: wp.array2d(dtype=vec3)
+        force: wp.array(dtype=vec3)
 
-    return gather
+    @wp.func(module=module)
+    def gather(i: int, a: Gather):
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(a.family.members):
+            if has(a.family, a.alive, i, k):
+                m = f.neighbour(a.family, i, k)
+                pull += a.bond_force[k, i] - a.bond_force[f.mate(a.family, i, k), m]
+        a.force[i] = pull
+
+    return PointFunction(gather, Gather, "gather")
 
 
 @functools.cache

@@ -135,8 +135,8 @@ def whole_lattice_force(bits, near, stencil, breakable, listed, module):
                     U1 += wp.static(c1[k]) * u
                     U2 += wp.static(c2[k]) * u
         guess = real(0.0)
-        cosine = int(1)
-        sine = int(0)
+        cosine = wp.int32(1)
+        sine = wp.int32(0)
         for _turn in range(turns):
             for j in range(wp.static(bonds)):
                 G1 = vec3(real(0.0), real(0.0), real(0.0))

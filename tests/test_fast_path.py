@@ -22,7 +22,7 @@ def blocks(monkeypatch):
 @pytest.fixture
 def large_on_gpu(monkeypatch, blocks):
     """Take the kernels of large sheets on a GPU, here for small ones on a CPU."""
-    monkeypatch.setattr(fast_path, "MOST_SHARED", {32: 0, 64: 0})
+    monkeypatch.setattr(fast_path, "MOST_SHARED", 0)
 
 
 def rough(sheet, seed=0):

@@ -408,7 +408,8 @@ def test_a_point_cannot_be_held_twice():
 
 
 def names_of(plan):
-    return {line.split()[0] for line in plan.splitlines() if line.startswith("  ")}
+    rows = [line.strip().split("  ")[0] for line in plan.splitlines() if line.startswith("  ")]
+    return {name for row in rows for name in row.split(", ")}
 
 
 def test_the_plan_leaves_out_what_a_scene_does_not_use():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import time
@@ -44,22 +45,31 @@ class Launch:
     """One kernel launch with its arguments.
 
     Attributes:
-        name: The kernel's name.
+        name: The kernel's name, or those of the point functions that it joins.
         owner: The part that asked for it.
-        kernel: The Warp kernel; one of its arguments is called `first`.
+        source: The Warp kernel; one of its arguments is called `first`. Or a PointFunction.
         threads: Number of threads.
         arguments: Value of every argument but `first`, by name.
         block_dim: Threads of a block on CUDA.
         begin: What the first thread gets for `first`.
+        module: Name of the Warp module of a point function's kernel.
     """
 
     name: str
     owner: str
-    kernel: Any
+    source: Any
     threads: int
     arguments: dict[str, Any]
     block_dim: int
     begin: int = 0
+    module: str = ""
+
+    @functools.cached_property
+    def kernel(self) -> Any:
+        """The Warp kernel; that of a point function is declared when it is asked for, once it is joined with others."""
+        from .kernels.points import PointFunction, every_point
+
+        return every_point(self.source, self.module) if isinstance(self.source, PointFunction) else self.source
 
     def values(self, first: int) -> list[Any]:
         """Arguments in the kernel's order, for threads that begin with `first`."""
@@ -132,6 +142,39 @@ class Workspace:
         launch.check()
         self.stages.setdefault(stage, []).append(launch)
         return launch
+
+    def point(self, stage: str, owner: str, part: Any, threads: int, *, begin: int = 0, **arguments: Any) -> None:
+        """Add a point function to a stage: to the launch before, if that is of point functions of the same points.
+
+        Raises:
+            TypeError: if an argument is missing or unknown.
+        """
+        from .kernels.points import PointFunction, in_turn
+
+        wanted = set(part.arguments.vars)
+        if wanted != set(arguments):
+            raise TypeError(
+                f"point function {part.name}: missing {sorted(wanted - set(arguments))}, "
+                f"unknown {sorted(set(arguments) - wanted)}"
+            )
+        values = part.arguments()
+        for name, value in arguments.items():
+            if value is not None:
+                setattr(values, name, value)
+        launches = self.stages.setdefault(stage, [])
+        last = launches[-1] if launches else None
+        if isinstance(last, Launch) and isinstance(last.source, PointFunction) and (last.threads, last.begin) == (
+            threads, begin,
+        ):  # fmt: skip
+            launches.pop()
+            part = in_turn(last.source, part, self.module)
+            both = part.arguments()
+            both.a, both.b = last.arguments["arguments"], values
+            values = both
+            owner = owner if owner == last.owner else f"{last.owner}, {owner}"
+        launches.append(
+            Launch(part.name, owner, part, threads, {"arguments": values}, self.block_dim, begin, self.module)
+        )
 
     def call(self, stage: str, owner: str, name: str, threads: int, function: Callable[[], None]) -> None:
         """Add a step that is no kernel to a stage."""
@@ -251,7 +294,12 @@ def _record(launch: Launch | Call, device: Any) -> list[Callable[[], None]]:
     commands = []
     for begin, end in itertools.pairwise(bounds):
         command = wp.launch(
-            launch.kernel, dim=int(end - begin), inputs=launch.values(int(begin)), device=device, record_cmd=True
+            launch.kernel,
+            dim=int(end - begin),
+            inputs=launch.values(int(begin)),
+            device=device,
+            record_cmd=True,
+            block_dim=launch.block_dim,
         )
         commands.append(command.launch)
     return commands

@@ -415,7 +415,7 @@ class Built:
             self._add_prescribe()
         if s.sheet.inclusions:
             self._add_move_bodies()
-        w.launch(
+        w.point(
             "step", "solver", self.integration.drift, n,
             mass=self.inertia, held_mask=self.held_mask, step=self.step, damping=self.damping,
             force=state.force, external=state.external, displacement=state.displacement,
@@ -431,7 +431,7 @@ class Built:
             self._add_release()
         self.add_loads("step")
         s.solver.add_before_kick(self)
-        w.launch(
+        w.point(
             "step", "solver", self.integration.kick, n,
             mass=self.inertia, held_mask=self.held_mask, step=self.step, damping=self.damping, force=state.force,
             external=state.external, velocity=state.velocity, work=state.work, dissipated=state.dissipated,
@@ -503,7 +503,7 @@ class Built:
         self._project, self._separate = ball_contact(
             self.types.bits, self.has_held, self.has_loads, self.damped, self.tracked, self.workspace.module
         )
-        self.workspace.launch(
+        self.workspace.point(
             "step", "RigidBall", self._project, self.simulation.sheet.size,
             reference=self.reference, mass=self.inertia, held_mask=self.held_mask, centre=self.scheduled,
             schedule=self._schedule_ids[id(ball)], radius=0.5 * ball.diameter, step=self.step,
@@ -513,7 +513,7 @@ class Built:
 
     def _add_separate(self, ball: RigidBall) -> None:
         state = self.state
-        self.workspace.launch(
+        self.workspace.point(
             "step", "RigidBall", self._separate, self.simulation.sheet.size,
             reference=self.reference, mass=self.inertia, held_mask=self.held_mask, centre=self.scheduled,
             ball_velocity=self.types.vec3(*ball.velocity), schedule=self._schedule_ids[id(ball)],
@@ -609,7 +609,7 @@ class Built:
                     w.array("loaded_force", type(load).__name__, self.types.vec3, force),
                 )
         begin = constant_loads(bits, self._constant is not None, module)
-        w.launch(stage, "loads", begin, s.sheet.size, constant=self._constant, external=self.state.external)
+        w.point(stage, "loads", begin, s.sheet.size, constant=self._constant, external=self.state.external)
         for load in ramped:
             points, force = self._ramped_arrays[id(load)]
             w.launch(

@@ -94,7 +94,7 @@ class FamilyForce:
 
     def add_gather(self, stage: str, bond_force: Any, force: Any) -> None:
         """Add the launch that sums the pairs of each point [N], shape (members, N), to its force [N]."""
-        self.workspace.launch(
+        self.workspace.point(
             stage, self.owner, self.kernels.gather, self.points,
             family=self.struct, alive=self.alive, bond_force=bond_force, force=force,
         )  # fmt: skip

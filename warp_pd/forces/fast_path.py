@@ -31,8 +31,8 @@ WHOLE_BLOCK = 64
 MOST_BLOCKS = 8192
 # Columns of the ring: every strip waits for the few families at edges, which take as long as 2^16 whole ones.
 RING = 2**20
-# Up to so many bonds, all families of a sheet share blocks; in float64, where whole ones gain less, so many more.
-MOST_SHARED = {32: 400_000, 64: 1_000_000}
+# Up to so many bonds, all families of a sheet share blocks.
+MOST_SHARED = 300_000
 
 
 def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
@@ -49,7 +49,7 @@ def fast_path(force: BondAssociatedForce, inverse: np.ndarray, weights: np.ndarr
         return None
     members = force.families.members
     shared = shares_memory(force.workspace.device) and members <= MOST_MEMBERS
-    small = shared and force.points * members <= MOST_SHARED[force.workspace.bits]
+    small = shared and force.points * members <= MOST_SHARED
     isotropic = getattr(material, "isotropic", False)
     stencil = whole_stencil(force.families, inverse, weights) if isotropic and not small else None
     return FastPath(force, near, stencil, shared) if stencil or shared else None
@@ -150,10 +150,11 @@ class FastPath:
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
         launch.block_dim = together * members
-        w.launch(
+        w.point(
             stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module),
             strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
-            family=law.struct, bond_force=self.bond_force, other_count=self.other_count, force=force,
+            family=law.struct, bond_force=self.bond_force, other_count=self.other_count,
+            first_point=strip.gather_begin, force=force,
         )  # fmt: skip
 
 

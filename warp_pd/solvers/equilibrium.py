@@ -91,9 +91,7 @@ class Equilibrium:
         stage = "evaluate"
         force.add_force(stage, self.displacement, self.internal)
         if self.loaded:
-            w.launch(
-                stage, OWNER, constant_loads(w.bits, True, w.module), n, constant=self.dead, external=self.external
-            )
+            w.point(stage, OWNER, constant_loads(w.bits, True, w.module), n, constant=self.dead, external=self.external)
         if self.follower:
             kernel = follower_pressure(force.families.layout, w.bits, force.alive is not None, True, w.module)
             w.launch(

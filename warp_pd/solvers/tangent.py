@@ -123,7 +123,7 @@ class Tangent(Equilibrium):
                 inverse_horizon=force.inverse_horizon, unit_force=force.unit_volume * force.inverse_horizon,
                 bond_force=force.bond_force,
             )  # fmt: skip
-            w.launch(stage, OWNER, force.kernels.gather, n, **self._family(), bond_force=force.bond_force, force=image)
+            w.point(stage, OWNER, force.kernels.gather, n, **self._family(), bond_force=force.bond_force, force=image)
         self._add_pressure_and_supports(stage, vector, image, follower)
 
     def _add_product(self) -> None:
