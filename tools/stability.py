@@ -2,10 +2,12 @@
 
     python tools/stability.py --out docs/stability.md               # all cases; the longest runs stop after --seconds
     python tools/stability.py --fast                                # short versions and one law, for CI
-    python tools/stability.py --device cuda:0 --steps 1000000 --seconds 600 --stand HASH --out docs/stability.md
+    python tools/stability.py --device cuda:0 --jobs 16 --seconds 20 --stand HASH --out docs/stability-gpu.md
     python tools/stability.py --only "units" "ball"                 # cases whose name holds one of these
+    python tools/stability.py --laws visco --out docs/stability.md  # adds to the page, or replaces, what it runs
 
-Every case runs in float32 and in float64. The numbers are also written as JSON beside the page. Verdicts:
+Every case runs in float32 and in float64. The numbers are in the JSON beside the page, saved as they come: a call that
+was stopped goes on with --missing. A page is of one device. Verdicts:
 
     stable                     at the default share of the estimated step, 0.9
     stable with a smaller step the share that holds is the number's remark
@@ -19,9 +21,12 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
+import multiprocessing
+import os
 import tempfile
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -35,23 +40,29 @@ from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    BondNeoHookean,
     CriticalStretch,
     Explicit,
     Fixed,
     Frame,
     Gent,
+    HyperelasticBonds,
     InputError,
     NeoHookean,
     Neural,
     Nodal,
+    Prony,
     RigidBall,
     Sheet,
     Simulation,
+    Visco,
+    ViscoBondBased,
+    Yeoh,
 )
 from warp_pd.bonds import pack
 from warp_pd.forces import ForceLaw
 from warp_pd.launches import run_once
-from warp_pd.runner import DIVERGED, MOST_GAIN, DivergedError
+from warp_pd.runner import DIVERGED, MOST_GAIN, DivergedError, write_aside
 from warp_pd.simulation import Built, find_device
 from warp_pd.solvers.explicit import FIRST_ITERATIONS
 
@@ -65,9 +76,9 @@ MU, DENSITY, THICKNESS, HORIZON = 1e3, 1e3, 0.01, 2.015
 NEARLY = 1e4
 # Error of the energy balance, or energy beyond what was put in, above which a run is wrong.
 ENERGY_ERROR = 0.02
-KINETIC = "k = "
+KINETIC, GAIN = "k = ", "gain "
 GAINED = "a run ends with a message: it gained energy within"
-# Seconds after which no further share of the step is tried.
+# Seconds after the first share of the step, with which kernels are compiled, after which no further one is tried.
 PATIENCE = 10.0
 
 
@@ -90,13 +101,17 @@ class Rubber:
         return NeoHookean(self.mu, bulk) if self.lock is None else Gent(self.mu, bulk, self.lock)
 
     @property
-    def pairwise(self) -> Bimodular:
-        """A bond-based sheet of Young's modulus 3 mu; nu = 1/3."""
+    def prony(self) -> tuple[Prony, ...]:
+        """Terms that relax, over a time near that of a wave across the sheet and over one that the rate decides."""
+        return Prony(0.125 * self.mu, time=0.1), Prony(0.05 * self.mu, time=0.9466, exponent=1.6665)
+
+    def mu_alone(self, volume: str) -> float:
+        """The shear modulus, for laws of bonds, which know nothing else; what there is of the volume is for people."""
         if self.lock is not None:
-            raise NotThere("a bond-based sheet has no lock")
+            raise NotThere("the law has no lock")
         if self.ratio != Rubber.ratio:
-            raise NotThere("a bond-based sheet has no K/mu: nu is 1/3")
-        return Bimodular(3.0 * self.mu)
+            raise NotThere(f"the law has no K/mu: {volume}")
+        return self.mu
 
     def thickness_stretch(self, a: float, b: float) -> float:
         """C33 of the principal stretches a and b, apart from the kernels: zero of sigma_33. NaN beyond the lock."""
@@ -152,7 +167,10 @@ LAWS: dict[str, Callable[[Rubber], ForceLaw]] = {
     "corrected": lambda r: BondAssociated(r.material, horizon=HORIZON, weights="corrected"),
     "closed form": lambda r: Neural(r.material, evaluation="closed_form"),
     "neural": lambda r: Neural(r.material, evaluation="fused"),
-    "bond-based": lambda r: BondBased(r.pairwise),
+    "bond-based": lambda r: BondBased(Bimodular(3.0 * r.mu_alone("nu is 1/3"))),
+    "hyperelastic bonds": lambda r: HyperelasticBonds(BondNeoHookean(r.mu_alone("it is incompressible"))),
+    "visco": lambda r: Visco(r.material, prony=r.prony, horizon=HORIZON, weights="corrected"),
+    "visco bonds": lambda r: ViscoBondBased(Yeoh(0.5 * r.mu_alone("its energy knows no volume")), r.prony),
 }
 
 
@@ -165,7 +183,7 @@ class Finding:
         number: The number behind it, or None.
         remark: What else there is to say.
         field: What float32 and float64 are compared by, or None: the number.
-        unit: KINETIC where that stands in for an energy error, for laws without an energy.
+        unit: What the number is where it is not the column's: KINETIC, for laws without an energy, or GAIN.
     """
 
     verdict: str
@@ -276,10 +294,43 @@ def force_at(built: Built, displacement: np.ndarray) -> np.ndarray:
 
 
 def energies(built: Built) -> tuple[float, float]:
-    """Kinetic and strain energy [J]; the latter is NaN for a law without one."""
+    """Kinetic energy, and stored energy with viscous loss [J]; the latter is NaN for a law without an energy."""
     run_once(built.workspace.device, built.workspace.stages["frame"])
     strain = built.strain_energy
-    return float(built.kinetic_energy.numpy().sum()), math.nan if strain is None else float(strain.numpy().sum())
+    stored = math.nan if strain is None else float(strain.numpy().sum()) + lost(built)
+    return float(built.kinetic_energy.numpy().sum()), stored
+
+
+def lost(built: Built) -> float:
+    """What viscosity took so far [J], as of the last frame; 0 for a law that does not say."""
+    viscous = getattr(built.force, "viscous", None)
+    return 0.0 if viscous is None else float(viscous.numpy().sum())
+
+
+def settle(built: Built, displacement: np.ndarray) -> None:
+    """Bring a displacement [m], shape (N, 3), and the internal variables to what a long rest there leaves."""
+    start = displacement.astype(built.state.displacement.numpy().dtype)
+    if built.force.internal:
+        built.state.displacement.assign(start)
+        built.state.velocity.zero_()
+        # A step of no length brings the strain; all else has relaxed.
+        drive(built, 1e-9, 1)
+        for name, array in built.force.internal.items():
+            if name != "strain":
+                array.zero_()
+    built.state.displacement.assign(start)
+
+
+def tension_at_rest(simulation: Simulation, budget: float) -> float:
+    """An energy [J] with what the law ViscoBondBased, under tension at rest, gives when it pulls its bonds to nothing.
+
+    `budget` is of the long-term shear modulus; forces are of the instantaneous one.
+    """
+    law = simulation.force
+    if not isinstance(law, ViscoBondBased):
+        return budget
+    more = 1.0 + sum(term.c10 for term in law.prony) / law.material.c10
+    return more * (budget + 3.0 * law.material.c10 * volume(simulation.sheet))
 
 
 def stable_step(built: Built) -> float:
@@ -325,7 +376,7 @@ def run_once_at(trial: Trial, simulation: Simulation, budget: float) -> Finding:
     The number is the worst error of the energy balance over the largest energy; for a law without an energy of its
     own, the largest kinetic energy over `budget` [J], the energy that there can be.
     """
-    watch = FiniteFrames()
+    watch, budget = FiniteFrames(), tension_at_rest(simulation, budget)
     try:
         result = simulation.run(device=trial.device, precision=trial.bits, writers=[watch])
     except DivergedError as error:
@@ -346,12 +397,13 @@ def run_once_at(trial: Trial, simulation: Simulation, budget: float) -> Finding:
 
 def attempt(trial: Trial, make: Callable[[float], Simulation], budget: float) -> Finding:
     """The largest share of the step at which the run holds; failing that, what became of it at the smallest."""
-    found, begin = Finding(NONE), perf_counter()
+    found, begin = Finding(NONE), math.inf
     for share in SHARES:
         found = run_once_at(trial, make(share), budget)
         if found.verdict == STABLE:
             return found if share == SHARES[0] else replace(found, verdict=SMALLER, remark=f"at {share:g}")
         found = replace(found, remark=f"at {share:g}: {found.remark}")
+        begin = min(begin, perf_counter())
         if perf_counter() - begin > PATIENCE:
             break
     return found
@@ -373,6 +425,9 @@ def stress_error(built: Built, sheet: Sheet, rubber: Rubber, a: float, b: float)
     force = force_at(built, stretched(sheet, a, b))
     mean = -(force[:, :2] * sheet.points).sum(axis=0) / volume(sheet)
     exact = rubber.stress(a, b)
+    for term in getattr(built.simulation.force, "prony", ()):
+        # Nothing has relaxed yet; the terms are incompressible.
+        exact = exact + 2.0 * term.c10 * (np.array([a, b]) - 1.0 / (np.array([a, b]) * (a * b) ** 2))
     return float(np.abs(mean - exact).max() / np.abs(exact).max()), mean
 
 
@@ -402,7 +457,7 @@ def stiffness(rubber: Rubber, share_of_lock: float | None = None) -> Callable[[T
         if found.verdict == CLEAN:
             return replace(found, number=None)
         if not known:
-            return found
+            return replace(found, unit=found.unit or "energy ")
         return replace(found, number=error, field=stress, unit="")
 
     return find
@@ -493,13 +548,13 @@ def largest_share(built: Built, start: np.ndarray, shares: Sequence[float], step
     velocity = 1e-5 * np.random.default_rng(1).normal(size=start.shape)
     velocity[built.held != 0] = 0.0
     kind = built.state.displacement.numpy().dtype
-    built.state.displacement.assign(start.astype(kind))
+    settle(built, start)
     stable, held = stable_step(built), 0.0
     at_rest = force_at(built, start)
     # A dead load that keeps the start in equilibrium leaves small motion alone.
     built.state.external.assign((-at_rest).astype(kind))
     for share in shares:
-        built.state.displacement.assign(start.astype(kind))
+        settle(built, start)
         built.state.velocity.assign(velocity.astype(kind))
         drive(built, share * stable, steps)
         grown = np.abs(built.to_numpy(built.state.velocity)).max() / np.abs(velocity).max()
@@ -572,7 +627,9 @@ def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
         error = np.abs((built.to_numpy(built.mass)[:, None] * speed).sum(axis=0) - momentum).max()
         error /= (built.to_numpy(built.mass)[:, None] * np.abs(velocity)).sum()
         # Without an energy of the law, the sheet's own at this strain bounds what a few bonds can store.
-        budget = before[0] + (0.01 * MU * volume(sheet) if math.isnan(strain) else before[1])
+        budget = before[0] + before[1]
+        if math.isnan(strain):
+            budget = tension_at_rest(built.simulation, before[0] + 0.01 * MU * volume(sheet))
         field = built.to_numpy(built.state.displacement)
         if math.isnan(strain):
             good = error < 1e-3 and kinetic < (1.0 + ENERGY_ERROR) * budget
@@ -642,11 +699,11 @@ def turned_sheet(degrees: float) -> Callable[[Trial], Finding]:
 
 
 def mirrored(trial: Trial) -> Finding:
-    """The whole sheet inside out: a surface in space turned over, it must carry no force."""
+    """The whole sheet inside out: a surface in space turned over, it must carry the mirrored force of rest, or none."""
     sheet = square()
     built = trial.built(sheet)
     start = np.column_stack([-2.0 * sheet.points[:, 0], np.zeros((sheet.size, 2))])
-    force = force_at(built, start)
+    force = force_at(built, start) - force_at(built, np.zeros_like(start)) * [-1.0, 1.0, 1.0]
     number = float(np.abs(force).max() / (MU * THICKNESS * sheet.spacing))
     limit = 1e-3 if trial.bits == 32 else 1e-10
     return Finding(STABLE if number < limit else WRONG, number)
@@ -709,10 +766,11 @@ def compression(trial: Trial) -> Finding:
 
 @dataclass(frozen=True)
 class Samples:
-    """Kinetic energy and energies along a long run, and its steps."""
+    """Kinetic energy, stored energy with viscous loss, and that loss along a long run [J], and its steps."""
 
     kinetic: np.ndarray
     strain: np.ndarray
+    lost: np.ndarray
     steps: int
 
 
@@ -723,7 +781,7 @@ def long_run(trial: Trial, built: Built, dt: float, steps: int, stored: Callable
     part = max(10, steps // 200)
     many = built.workspace.sequence("step", repeat=min(part, 1000))
     rounds = max(1, part // min(part, 1000))
-    kinetic, strain, done = [energies(built)[0]], [stored()], 0
+    kinetic, strain, loss, done = [energies(built)[0]], [stored()], [lost(built)], 0
     begin = perf_counter()
     while done < steps and perf_counter() - begin < trial.seconds:
         for _ in range(rounds):
@@ -731,16 +789,22 @@ def long_run(trial: Trial, built: Built, dt: float, steps: int, stored: Callable
         done += rounds * many.repeat
         kinetic.append(energies(built)[0])
         strain.append(stored())
+        loss.append(lost(built))
         if caught(built, np.array(kinetic) + np.array(strain)):
             break
-    return Samples(np.array(kinetic), np.array(strain), done)
+    return Samples(np.array(kinetic), np.array(strain), np.array(loss), done)
 
 
 def own_or_nodal(trial: Trial, built: Built) -> Callable[[], float]:
-    """The law's strain energy; for one without, the nodal law's of the same displacement."""
+    """The law's stored energy with viscous loss; for one without, the nodal law's of the same displacement.
+
+    ViscoBondBased has an energy of its own but for what relaxes.
+    """
     if built.strain_energy is not None:
         return lambda: energies(built)[1]
-    other = Simulation(built.simulation.sheet, Nodal(RUBBER.material), Explicit(1.0)).build(trial.device, trial.bits)
+    own = built.simulation.force
+    law = replace(own, prony=()) if isinstance(own, ViscoBondBased) else Nodal(RUBBER.material)
+    other = Simulation(built.simulation.sheet, law, Explicit(1.0)).build(trial.device, trial.bits)
     other.workspace.compile()
 
     def stored() -> float:
@@ -776,7 +840,19 @@ def oscillation(trial: Trial) -> Finding:
         return Finding(CLEAN, None, f"{GAINED} {count_of(s.steps)}")
     # The first quarter shares out the energy between the modes, on which the energy of central differences depends.
     drift = float((total[-quarter:].mean() - total[quarter : 2 * quarter].mean()) / s.kinetic[0])
+    if built.force.internal:
+        number = gain_of(total - s.lost, s.lost) / s.kinetic[0]
+        number = max(number, abs(drift)) if built.force.has_energy else number
+        left = (total - s.lost)[-quarter:].mean() / (total - s.lost)[0]
+        remark = f"{100.0 * left:.3g} % of the energy is left, {count_of(s.steps)}"
+        return Finding(STABLE if number < 0.05 and left < 1.0 else WRONG, number, remark, unit=GAIN)
     return Finding(STABLE if abs(drift) < 0.05 else WRONG, drift, count_of(s.steps))
+
+
+def gain_of(energy: np.ndarray, lost: np.ndarray) -> float:
+    """Largest rise of a viscous sheet's energy from one twentieth of the run to the next, or fall of its loss [J]."""
+    parts = np.array([part.mean() for part in np.array_split(energy, min(20, len(energy)))])
+    return float(max(np.diff(parts).max(initial=0.0), -np.diff(lost).min(initial=0.0)))
 
 
 def spin(trial: Trial) -> Finding:
@@ -785,6 +861,8 @@ def spin(trial: Trial) -> Finding:
     place = np.column_stack([sheet.points - sheet.points.mean(axis=0), np.zeros(sheet.size)])
     velocity = np.cross(np.array([0.2, 0.1, 0.3]), place)
     built = trial.built(sheet, initial_velocity=velocity)
+    if isinstance(built.simulation.force, ViscoBondBased):
+        raise NotThere("under tension at rest, a free sheet of this law contracts: it has no shape to keep")
     stored = own_or_nodal(trial, built)
     mass = built.to_numpy(built.mass)[:, None]
 
@@ -994,7 +1072,7 @@ CASES: tuple[Case, ...] = (
 
 @dataclass(frozen=True)
 class Cell:
-    """What the table says of a case and a law: float32's finding, float64's, and how far apart they are."""
+    """What the table says of a case and a law: float32's finding, float64's, how far apart they are, and its stamp."""
 
     verdict: str
     number: float | None
@@ -1004,6 +1082,7 @@ class Cell:
     difference: float | None
     seconds: float
     unit: str = ""
+    made: str = ""
 
     def text(self) -> str:
         """For the table."""
@@ -1020,9 +1099,9 @@ def shortest(number: float) -> str:
     return nice(float(f"{number:.2g}"))
 
 
-def cell(case: Case, trial: Trial) -> Cell:
-    """Run a case in both precisions."""
-    begin = perf_counter()
+def cell(name: str, trial: Trial) -> Cell:
+    """Run the case of that name in both precisions."""
+    begin, case = perf_counter(), next(case for case in CASES if case.name == name)
     found = {}
     for bits in (32, 64):
         try:
@@ -1050,14 +1129,70 @@ def cell(case: Case, trial: Trial) -> Cell:
 
 
 Table = dict[str, dict[str, Cell]]
+Task = tuple[str, Trial]
+
+
+def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Cell]]:
+    """Run cases, as many at a time as there are jobs; hands each over when it is done."""
+    if jobs == 1:
+        yield from ((task, cell(*task)) for task in tasks)
+        return
+    # A process that was forked could not use CUDA.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, context, initializer=end_with_parent) as pool:
+        running = {pool.submit(cell, *task): task for task in tasks}
+        try:
+            for future in as_completed(running):
+                yield running[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def end_with_parent() -> None:
+    """Leave no process behind when the one that started this one is killed."""
+    parent = multiprocessing.parent_process()
+
+    def wait() -> None:
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def load(path: Path, device: str) -> Table:
+    """The cells of an earlier call; none where there is no file.
+
+    Raises:
+        InputError: if they are of another device.
+    """
+    if not path.exists():
+        return {}
+    cells = {name: {law: Cell(**c) for law, c in row.items()} for name, row in json.loads(path.read_text()).items()}
+    made = {c.made for row in cells.values() for c in row.values()}
+    if not all(text.startswith(f"on {device},") for text in made):
+        raise InputError(
+            f"--out: {path} holds what was {sorted(made)[0]!r}; allowed on {device!r} is a page of its own"
+        )
+    return cells
+
+
+def save(path: Path, cells: Table) -> None:
+    """Write the cells, in the order of the cases and laws."""
+    rows = {case.name: cells[case.name] for case in CASES if case.name in cells}
+    numbers = {name: {law: asdict(row[law]) for law in LAWS if law in row} for name, row in rows.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_aside(path, json.dumps(numbers, indent=1) + "\n")
 
 
 def table(cells: Table, laws: Sequence[str], text: Callable[[Cell], str]) -> str:
-    """Cases down, laws across."""
+    """Cases down, laws across; nothing where none has run."""
     numbers = {case.name: case.number for case in CASES}
     lines = [f"| case | number | {' | '.join(laws)} |", "|---" * (len(laws) + 2) + "|"]
     for name, row in cells.items():
-        lines.append(f"| {name} | {numbers[name]} | {' | '.join(text(row[law]) for law in laws)} |")
+        lines.append(
+            f"| {name} | {numbers[name]} | {' | '.join(text(row[law]) if law in row else '' for law in laws)} |"
+        )
     return "\n".join(lines)
 
 
@@ -1113,8 +1248,8 @@ def limits(cells: Table) -> str:
     for begin, advice in ADVICE.items():
         rows = {name: row for name, row in cells.items() if name.startswith(begin)}
         whole, part, failed = [], [], []
-        for law in next(iter(rows.values()), {}):
-            asked = [name for name, row in rows.items() if row[law].verdict != NONE]
+        for law in LAWS:
+            asked = [name for name, row in rows.items() if law in row and row[law].verdict != NONE]
             good = [name for name in asked if rows[name][law].verdict in (STABLE, SMALLER)]
             shown = law + ("*" if any(rows[name][law].verdict == SMALLER for name in asked) else "")
             if good and len(good) == len(rows):
@@ -1130,14 +1265,28 @@ def limits(cells: Table) -> str:
     return "\n".join(lines)
 
 
-def page(cells: Table, laws: Sequence[str], device: str, command: str, stand: str | None) -> str:
-    """The page as markdown."""
+def stands(cells: Table) -> str:
+    """Which cells come from where, one line a stamp."""
+    lines = []
+    for made in dict.fromkeys(c.made for row in cells.values() for c in row.values()):
+        rows = [[law for law, c in row.items() if c.made == made] for row in cells.values()]
+        counts = {law: sum(law in row for row in rows) for law in LAWS}
+        laws = [law + ("" if n == len(cells) else f" ({n} cases)") for law, n in counts.items() if n]
+        seconds = sum(c.seconds for row in cells.values() for c in row.values() if c.made == made)
+        lines.append(f"- {made}: {', '.join(laws)}; {seconds:.0f} s.")
+    return "\n".join(lines)
+
+
+def page(cells: Table, numbers: str) -> str:
+    """The page as markdown; `numbers` is the name of the file beside it."""
+    laws = [law for law in LAWS if any(law in row for row in cells.values())]
     differences = table(cells, laws, lambda c: "" if c.difference is None else shortest(c.difference))
     tried = ", ".join(f"{share:g}" for share in SHARES)
-    seconds = sum(c.seconds for row in cells.values() for c in row.values())
     return f"""# Stability on stiff and extreme cases
 
-`{command}`, {stamp(device, stand)}; {seconds:.0f} s. The numbers: [{Path("stability.json").name}](stability.json).
+Made by `tools/stability.py`; the numbers: [{numbers}]({numbers}).
+
+{stands(cells)}
 
 A cell holds a verdict and the number behind it, which the second column names.
 
@@ -1153,9 +1302,13 @@ A cell holds a verdict and the number behind it, which the second column names.
 
 Energy errors are of the balance, over the largest energy or work; for a law without an energy of its own, k marks the
 largest kinetic energy over the energy that there can be. `published`, `plain` and `corrected` are weights of
-the bond-associated law, horizon {HORIZON}; the other laws have their default horizons. `neural` is the network inside a
-kernel. Where energy, not shape, is followed over a long time, the laws without a potential are measured by the nodal
-energy of the same displacement.
+the bond-associated law, horizon {HORIZON}, and `visco` is that law with corrected weights and two Prony terms; the
+other laws have their default horizons. `neural` is the network inside a kernel, `visco bonds` the published law
+`ViscoBondBased` with the same Prony terms, under tension at rest, `hyperelastic bonds` the law `HyperelasticBonds` made
+for equibiaxial stretch, incompressible. Where energy, not shape, is followed over a long time, the laws without a
+potential are measured by the nodal energy of the same displacement, `visco bonds` by its own without what relaxes.
+Viscous sheets must lose energy: gain marks the largest rise of theirs from one twentieth of the run to the next, fall
+of their loss, or drift of energy and loss together, over the kinetic energy of the start.
 
 ## Limits, and what to do about them
 
@@ -1181,10 +1334,12 @@ where motion is chaotic.
 
 
 def main(arguments: Sequence[str] | None = None) -> Table:
-    """Run the cases, print a line for each, write the page and the numbers."""
+    """Run the cases, print a line for each, write the page and the numbers; returns what the page has."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", help="by default CUDA where there is one")
     parser.add_argument("--out", type=Path, help="the page; its numbers go beside it, ending in .json")
+    parser.add_argument("--missing", action="store_true", help="run only what the numbers do not have yet")
+    parser.add_argument("--jobs", type=int, default=1, help="processes that share the work")
     parser.add_argument("--fast", action="store_true", help="fewer cases and shorter runs")
     parser.add_argument("--only", nargs="*", default=[""], help="cases whose name holds one of these")
     parser.add_argument("--laws", nargs="*", choices=list(LAWS), help="by default all; with --fast corrected")
@@ -1193,31 +1348,38 @@ def main(arguments: Sequence[str] | None = None) -> Table:
     parser.add_argument("--stand", help="name of the commit, where there is no repository")
     given = parser.parse_args(arguments)
     laws = given.laws or (["corrected"] if given.fast else list(LAWS))
-    try:
-        find_device(given.device)
-    except InputError as error:
-        parser.error(str(error))
     chosen = [c for c in CASES if (c.fast or not given.fast) and any(part in c.name for part in given.only)]
     if not chosen:
         parser.error(f"--only = {given.only}: allowed are parts of the names of cases, such as 'K/mu'")
+    if given.jobs < 1:
+        parser.error(f"--jobs = {given.jobs}: allowed is 1 or more")
+    if given.missing and given.out is None:
+        parser.error("--missing: allowed with --out, beside which the numbers are")
     cells: Table = {}
-    for case in chosen:
-        cells[case.name] = {}
-        for law in laws:
-            trial = Trial(law, 32, given.device, given.steps, given.seconds, given.fast)
-            cells[case.name][law] = found = cell(case, trial)
-            print(
-                f"{case.name:34s} {law:12s} {found.text():40s} f64 {found.double} diff {found.difference} "
-                f"{found.seconds:.1f} s {found.remark[:150]}",
-                flush=True,
-            )
-    if given.out is not None:
+    try:
         device = str(find_device(given.device).name)
-        command = "tools/stability.py" + "".join(f" {a}" for a in (sys.argv[1:] if arguments is None else arguments))
-        given.out.parent.mkdir(parents=True, exist_ok=True)
-        given.out.write_text(page(cells, laws, device, command, given.stand))
-        numbers = {name: {law: asdict(c) for law, c in row.items()} for name, row in cells.items()}
-        given.out.with_suffix(".json").write_text(json.dumps(numbers, indent=1) + "\n")
+        if given.out is not None:
+            cells = load(given.out.with_suffix(".json"), device)
+    except InputError as error:
+        parser.error(str(error))
+    made = f"{stamp(device, given.stand)}, long runs of up to {given.seconds:g} s{', short' if given.fast else ''}"
+    tasks = [
+        (case.name, Trial(law, 32, given.device, given.steps, given.seconds, given.fast))
+        for case in chosen for law in laws if not (given.missing and law in cells.get(case.name, {}))
+    ]  # fmt: skip
+    for (name, trial), found in run_all(tasks, given.jobs):
+        cells.setdefault(name, {})[trial.law] = replace(found, made=made)
+        print(
+            f"{name:34s} {trial.law:12s} {found.text():40s} f64 {found.double} diff {found.difference} "
+            f"{found.seconds:.1f} s {found.remark[:150]}",
+            flush=True,
+        )
+        if given.out is not None:
+            save(given.out.with_suffix(".json"), cells)
+    if given.out is not None:
+        # In the order of the cases, as saved.
+        cells = load(given.out.with_suffix(".json"), device)
+        write_aside(given.out, page(cells, given.out.with_suffix(".json").name))
         print(f"wrote {given.out}")
     return cells
 
