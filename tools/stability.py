@@ -483,6 +483,7 @@ def moved(trial: Trial, sheet: Sheet, rubber: Rubber) -> np.ndarray:
         sheet, rubber, loads=[Fixed(sheet.edges("all"))],
         initial_displacement=stretched(sheet, 1.2, 1.1) + smooth(sheet, 0.05),
     )  # fmt: skip
+    built.force.start()
     side = float(np.ptp(sheet.points, axis=0)[0])
     dt = 0.005 * side / math.sqrt(rubber.mu / sheet.density)
     drive(built, dt, 200)
@@ -618,6 +619,7 @@ def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
             initial_velocity=velocity, damage=CriticalStretch(1e3),
         )  # fmt: skip
         keep_bonds(built, pairs)
+        built.force.start()
         before, momentum = energies(built), (built.to_numpy(built.mass)[:, None] * velocity).sum(axis=0)
         drive(built, 0.02 * sheet.spacing / math.sqrt(MU / DENSITY), 500 if trial.short else 3000)
         if not finite(built):
@@ -832,6 +834,7 @@ def oscillation(trial: Trial) -> Finding:
         sheet, loads=[Fixed(sheet.edges("all"))], initial_displacement=stretched(sheet, 1.1, 1.1),
         initial_velocity=velocity,
     )  # fmt: skip
+    built.force.start()
     stored = own_or_nodal(trial, built)
     s = long_run(trial, built, 0.2 * stable_step(built), 2000 if trial.short else trial.steps, stored)
     total = s.kinetic + s.strain

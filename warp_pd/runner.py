@@ -329,6 +329,8 @@ def run(
     recorder = Recorder(built, list(writers or []), reporter, folder, digest)
     if saved is not None:
         restart.restore(saved, recorder)
+    else:
+        built.force.start()
     run_once(built.workspace.device, built.workspace.stages["setup"])
     if folder is not None:
         files = _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)
