@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from warp_pd.cli import build_scene
+from warp_pd.solvers import explicit
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import error_vs_time as evt
@@ -229,6 +230,14 @@ def test_energy_that_a_viscous_sheet_gains_is_seen():
     assert stability.gain_of(falling, 1.0 - falling) == 0.0
     assert stability.gain_of(falling + 0.3 * (np.arange(200) > 100), 1.0 - falling) > 0.2
     assert stability.gain_of(falling, falling) > 0.01
+
+
+def test_a_ball_that_leaps_over_the_sheet_is_seen(monkeypatch):
+    trial = stability.Trial("nodal", 32, "cpu")
+    scene = stability.ball_scene(trial, 10.0, 0.9)
+    assert stability.passed_through(trial, scene) is None
+    monkeypatch.setattr(explicit, "BALL_TRAVEL", 100.0)
+    assert "5 of the 5 points" in stability.passed_through(trial, scene)
 
 
 def told(cells):

@@ -320,16 +320,16 @@ def settle(built: Built, displacement: np.ndarray) -> None:
     built.state.displacement.assign(start)
 
 
-def tension_at_rest(simulation: Simulation, budget: float) -> float:
+def tension_at_rest(simulation: Simulation, budget: float, standing: float = 1.0) -> float:
     """An energy [J] with what the law ViscoBondBased, under tension at rest, gives when it pulls its bonds to nothing.
 
-    `budget` is of the long-term shear modulus; forces are of the instantaneous one.
+    `budget` is of the long-term shear modulus; forces are of the instantaneous one. `standing` is the share of bonds.
     """
     law = simulation.force
     if not isinstance(law, ViscoBondBased):
         return budget
     more = 1.0 + sum(term.c10 for term in law.prony) / law.material.c10
-    return more * (budget + 3.0 * law.material.c10 * volume(simulation.sheet))
+    return more * (budget + standing * 3.0 * law.material.c10 * volume(simulation.sheet))
 
 
 def stable_step(built: Built) -> float:
@@ -630,7 +630,8 @@ def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
         # Without an energy of the law, the sheet's own at this strain bounds what a few bonds can store.
         budget = before[0] + before[1]
         if math.isnan(strain):
-            budget = tension_at_rest(built.simulation, before[0] + 0.01 * MU * volume(sheet))
+            standing = 1.0 - float(built.to_numpy(built.damage).mean())
+            budget = tension_at_rest(built.simulation, before[0] + 0.01 * MU * volume(sheet), standing)
         field = built.to_numpy(built.state.displacement)
         if math.isnan(strain):
             good = error < 1e-3 and kinetic < (1.0 + ENERGY_ERROR) * budget
@@ -1249,16 +1250,20 @@ ADVICE = {
     "cloud": "A sheet that is not in equilibrium recoils and stiffens: lower `safety`. The horizon must reach the "
     "neighbours where the spacing is widest, so that graded clouds have large families where it is finest; corrected "
     "weights take long there.",
-    "a bond turned": "Folds stiffen within a few steps: lower `safety`.",
+    "sheet turned": "The law `HyperelasticBonds` knows a direction: take it for sheets that stretch without turning.",
+    "a bond turned": "Folds stiffen within a few steps: lower `safety`. Hyperelastic bonds lose their force where they "
+    "turn.",
     "compression": "A sheet that is pushed together crumples down to its spacing, as sheets without bending stiffness "
-    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts.",
+    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts. Hyperelastic bonds are made for tension.",
     "a chain": "Strands a few bonds wide gain energy under laws without a potential: add damping.",
     "zero-energy": "The nodal law does not feel what is finer than a family: a baseline, not for results.",
     "ball": "Any speed: a step is no longer than the ball takes for a quarter of a spacing, so fast balls cost steps.",
     "restart": "Bit for bit.",
     "two runs": "Bit for bit: forces are gathered, nothing is added atomically.",
-    "rigid spin": "Rotation by itself costs no energy; the published weights grow from round-off, free and undamped.",
-    "undamped": "Laws without a potential gain or lose energy in the long run: take `plain` or `corrected`.",
+    "rigid spin": "Rotation by itself costs no energy; the published weights grow from round-off, free and undamped, and "
+    "hyperelastic bonds make energy as they turn.",
+    "undamped": "Laws without a potential gain or lose energy in the long run: take `plain` or `corrected`. "
+    "Viscous sheets only lose.",
 }
 
 
