@@ -1254,14 +1254,15 @@ ADVICE = {
     "a bond turned": "Folds stiffen within a few steps: lower `safety`. Hyperelastic bonds lose their force where they "
     "turn.",
     "compression": "A sheet that is pushed together crumples down to its spacing, as sheets without bending stiffness "
-    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts. Hyperelastic bonds are made for tension.",
+    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts. Hyperelastic bonds are "
+    "made for tension.",
     "a chain": "Strands a few bonds wide gain energy under laws without a potential: add damping.",
     "zero-energy": "The nodal law does not feel what is finer than a family: a baseline, not for results.",
     "ball": "Any speed: a step is no longer than the ball takes for a quarter of a spacing, so fast balls cost steps.",
     "restart": "Bit for bit.",
     "two runs": "Bit for bit: forces are gathered, nothing is added atomically.",
-    "rigid spin": "Rotation by itself costs no energy; the published weights grow from round-off, free and undamped, and "
-    "hyperelastic bonds make energy as they turn.",
+    "rigid spin": "Rotation by itself costs no energy; the published weights grow from round-off, free and undamped, "
+    "and hyperelastic bonds make energy as they turn.",
     "undamped": "Laws without a potential gain or lose energy in the long run: take `plain` or `corrected`. "
     "Viscous sheets only lose.",
 }
