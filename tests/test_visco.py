@@ -162,6 +162,15 @@ def test_nothing_is_lost_on_the_way_to_the_initial_displacement(precision):
     assert losses[0] == pytest.approx(losses[1], rel=2e-3)
 
 
+def test_the_printed_series_that_outran_the_relaxation_says_so():
+    sheet = square(7)
+    law = ViscoBondBased(POLYUREA, prony=(Prony(0.1e6, time=1e-6),), horizon=2.015, update="series")
+    velocity = np.column_stack([10.0 * sheet.points, np.zeros(sheet.size)])
+    result = Simulation(sheet, law, Explicit(0.3, frames=10), initial_velocity=velocity).run(device="cpu", precision=64)
+    assert result.status == "diverged"
+    assert "try update 'exact'" in result.summary["message"]
+
+
 LAWS = [
     Visco(POLYUREA, horizon=2.015, prony=TERMS),
     ViscoBondBased(POLYUREA, prony=TERMS, horizon=2.015),

@@ -179,6 +179,7 @@ LAWS: dict[str, Callable[[Rubber], ForceLaw]] = {
     "hyperelastic bonds": lambda r: HyperelasticBonds(BondNeoHookean(r.mu_alone("it is incompressible"))),
     "visco": lambda r: Visco(r.material, prony=r.prony, horizon=HORIZON, weights="corrected"),
     "visco bonds": lambda r: ViscoBondBased(Yeoh(0.5 * r.mu_alone("its energy knows no volume")), r.prony),
+    "visco series": lambda r: replace(LAWS["visco bonds"](r), update="series"),
 }
 
 
@@ -1277,7 +1278,8 @@ ADVICE = {
     "99 % of the lock, Jm = ": f"K/mu is {nice(NEARLY)} here: softer sheets swell instead. Near the "
     "lock a sheet stiffens within a few steps: lower `safety`. Laws whose forces do not balance beside an edge under "
     "uniform stress, nodal and closed form, reach the lock there and the run ends with a message; take `corrected`.",
-    "relaxation": "Any: the update is exact whatever the step is over the relaxation time.",
+    "relaxation": "Any: the update is exact whatever the step is over the relaxation time. The series that is printed "
+    "(VE eq. 60) grows without bound where a term relaxes within a step, and fast motion makes it: take `exact`.",
     "thickness": "Any: neither strain nor step depends on it.",
     "units": "Any: lengths are kept over the horizon and areas over that of a point.",
     "step": "The estimate is a bound. Undamped, laws without a potential grow slowly at any step: add damping, or take "
@@ -1362,14 +1364,15 @@ A cell holds a verdict and the number behind it, which the second column names.
 - n/a: the law has no such thing; the remarks say why.
 
 Energy errors are of the balance, over the largest energy or work; for a law without an energy of its own, k marks the
-largest kinetic energy over the energy that there can be. `published`, `plain` and `corrected` are weights of
-the bond-associated law, horizon {HORIZON}, and `visco` is that law with corrected weights and two Prony terms; the
-other laws have their default horizons. `neural` is the network inside a kernel, `visco bonds` the published law
-`ViscoBondBased` with the same Prony terms, under tension at rest, `hyperelastic bonds` the law `HyperelasticBonds` made
-for equibiaxial stretch, incompressible. Where energy, not shape, is followed over a long time, the laws without a
-potential are measured by the nodal energy of the same displacement, `visco bonds` by its own without what relaxes.
-Viscous sheets must lose energy: gain marks the largest rise of theirs from one twentieth of the run to the next, fall
-of their loss, or drift of energy and loss together, over the kinetic energy of the start.
+largest kinetic energy over the energy that there can be. `published`, `plain` and `corrected` are weights of the
+bond-associated law, horizon {HORIZON}, and `visco` is that law with corrected weights and two Prony terms; the other
+laws have their default horizons. `neural` is the network inside a kernel, `visco bonds` the published law
+`ViscoBondBased` with the same Prony terms, under tension at rest, `visco series` the same with the update that is
+printed, `hyperelastic bonds` the law `HyperelasticBonds` made for equibiaxial stretch, incompressible. Where energy,
+not shape, is followed over a long time, the laws without a potential are measured by the nodal energy of the same
+displacement, `visco bonds` by its own without what relaxes. Viscous sheets must lose energy: gain marks the largest
+rise of theirs from one twentieth of the run to the next, fall of their loss, or drift of energy and loss together,
+over the kinetic energy of the start.
 
 ## Limits, and what to do about them
 
