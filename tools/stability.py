@@ -23,6 +23,7 @@ import json
 import math
 import multiprocessing
 import os
+import re
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -654,10 +655,11 @@ def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
         keep_bonds(built, pairs)
         built.force.start()
         before, momentum = energies(built), (built.to_numpy(built.mass)[:, None] * velocity).sum(axis=0)
-        drive(built, 0.02 * sheet.spacing / math.sqrt(MU / DENSITY), 500 if trial.short else 3000)
-        if not finite(built):
-            return Finding(CLEAN, None, "not finite, which a run reports")
+        dt = 0.02 * sheet.spacing / math.sqrt(MU / DENSITY)
+        drive(built, dt, 500 if trial.short else 3000)
         kinetic, strain = energies(built)
+        if why := caught(built, np.array([sum(before), kinetic + strain]), dt):
+            return Finding(CLEAN, None, f"a run ends with a message: {why}")
         speed = built.to_numpy(built.state.velocity)
         error = np.abs((built.to_numpy(built.mass)[:, None] * speed).sum(axis=0) - momentum).max()
         error /= (built.to_numpy(built.mass)[:, None] * np.abs(velocity)).sum()
@@ -1254,21 +1256,20 @@ def table(cells: Table, laws: Sequence[str], text: Callable[[Cell], str]) -> str
 
 def remarks(cells: Table) -> str:
     """What the cells that are not simply stable say, one line a remark."""
-    said: dict[tuple[str, str], dict[str, list[str]]] = {}
+    said: dict[tuple[str, str], list[str]] = {}
+    none: dict[tuple[str, str], tuple[str, list[str]]] = {}
     for name, row in cells.items():
         for law, c in row.items():
             if c.remark not in c.text() and (c.verdict != STABLE or "steps" in c.remark):
                 # Numbers of points and times differ from law to law; the cause is after the colon.
                 reason = c.remark.split("likely cause: ")[-1] if c.verdict == CLEAN else c.remark
-                key = (c.verdict, law if c.verdict == NONE else reason)
-                said.setdefault(key, {}).setdefault(reason, []).append(name if c.verdict == NONE else f"{name}, {law}")
-    lines = []
-    for (verdict, law), reasons in said.items():
-        if verdict == NONE:
-            names = "; ".join(dict.fromkeys(name for names in reasons.values() for name in names))
-            lines.append(f"- {law}, does not apply: {names}. {next(iter(reasons))}")
-        else:
-            lines += [f"- {verdict}, {reason}: {'; '.join(names)}" for reason, names in reasons.items()]
+                if c.verdict == NONE:
+                    # Reasons that differ in numbers alone are told once.
+                    none.setdefault((law, re.sub(r"\d\S*", "", reason)), (reason, []))[1].append(name)
+                else:
+                    said.setdefault((c.verdict, reason), []).append(f"{name}, {law}")
+    lines = [f"- {verdict}, {reason}: {'; '.join(names)}" for (verdict, reason), names in said.items()]
+    lines += [f"- {law}, {NONE}: {'; '.join(names)}. {reason}" for (law, _), (reason, names) in none.items()]
     return "\n".join(lines)
 
 
