@@ -1235,12 +1235,18 @@ def load(path: Path, device: str) -> Table:
     return cells
 
 
-def save(path: Path, cells: Table) -> None:
-    """Write the cells, in the order of the cases and laws."""
+def in_order(cells: Table) -> Table:
+    """The cells in the order of the cases and laws."""
     rows = {case.name: cells[case.name] for case in CASES if case.name in cells}
-    numbers = {name: {law: asdict(row[law]) for law in LAWS if law in row} for name, row in rows.items()}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_aside(path, json.dumps(numbers, indent=1) + "\n")
+    return {name: {law: row[law] for law in LAWS if law in row} for name, row in rows.items()}
+
+
+def save(out: Path, cells: Table) -> None:
+    """Write the page and, beside it, the numbers."""
+    numbers = {name: {law: asdict(c) for law, c in row.items()} for name, row in cells.items()}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_aside(out.with_suffix(".json"), json.dumps(numbers, indent=1) + "\n")
+    write_aside(out, page(cells, out.with_suffix(".json").name))
 
 
 def table(cells: Table, laws: Sequence[str], text: Callable[[Cell], str]) -> str:
@@ -1257,7 +1263,7 @@ def table(cells: Table, laws: Sequence[str], text: Callable[[Cell], str]) -> str
 def remarks(cells: Table) -> str:
     """What the cells that are not simply stable say, one line a remark."""
     said: dict[tuple[str, str], list[str]] = {}
-    none: dict[tuple[str, str], tuple[str, list[str]]] = {}
+    none: dict[str, tuple[str, dict[str, None], dict[str, None]]] = {}
     for name, row in cells.items():
         for law, c in row.items():
             if c.remark not in c.text() and (c.verdict != STABLE or "steps" in c.remark):
@@ -1265,11 +1271,12 @@ def remarks(cells: Table) -> str:
                 reason = c.remark.split("likely cause: ")[-1] if c.verdict == CLEAN else c.remark
                 if c.verdict == NONE:
                     # Reasons that differ in numbers alone are told once.
-                    none.setdefault((law, re.sub(r"\d\S*", "", reason)), (reason, []))[1].append(name)
+                    _, names, laws = none.setdefault(re.sub(r"\d\S*", "", reason), (reason, {}, {}))
+                    names[name] = laws[law] = None
                 else:
                     said.setdefault((c.verdict, reason), []).append(f"{name}, {law}")
-    lines = [f"- {verdict}, {reason}: {'; '.join(names)}" for (verdict, reason), names in said.items()]
-    lines += [f"- {law}, {NONE}: {'; '.join(names)}. {reason}" for (law, _), (reason, names) in none.items()]
+    lines = [f"- {verdict}, {reason}: {'; '.join(places)}" for (verdict, reason), places in said.items()]
+    lines += [f"- {NONE}, {reason}: {'; '.join(names)}: {', '.join(laws)}" for reason, names, laws in none.values()]
     return "\n".join(lines)
 
 
@@ -1335,9 +1342,9 @@ def stands(cells: Table) -> str:
     for made in dict.fromkeys(c.made for row in cells.values() for c in row.values()):
         rows = [[law for law, c in row.items() if c.made == made] for row in cells.values()]
         counts = {law: sum(law in row for row in rows) for law in LAWS}
-        laws = [law + ("" if n == len(cells) else f" ({n} cases)") for law, n in counts.items() if n]
+        laws = {n: ", ".join(law for law in LAWS if counts[law] == n) for n in sorted({*counts.values()} - {0})}
         seconds = sum(c.seconds for row in cells.values() for c in row.values() if c.made == made)
-        lines.append(f"- {made}: {', '.join(laws)}; {seconds:.0f} s.")
+        lines.append(f"- {made}: {'; '.join(f'cases of {names}: {n}' for n, names in laws.items())}; {seconds:.0f} s.")
     return "\n".join(lines)
 
 
@@ -1434,17 +1441,16 @@ def main(arguments: Sequence[str] | None = None) -> Table:
     ]  # fmt: skip
     for (name, trial), found in run_all(tasks, given.jobs):
         cells.setdefault(name, {})[trial.law] = replace(found, made=made)
+        cells = in_order(cells)
         print(
             f"{name:34s} {trial.law:12s} {found.text():40s} f64 {found.double} diff {found.difference} "
             f"{found.seconds:.1f} s {found.remark[:150]}",
             flush=True,
         )
         if given.out is not None:
-            save(given.out.with_suffix(".json"), cells)
+            save(given.out, cells)
     if given.out is not None:
-        # In the order of the cases, as saved.
-        cells = load(given.out.with_suffix(".json"), device)
-        write_aside(given.out, page(cells, given.out.with_suffix(".json").name))
+        save(given.out, cells)
         print(f"wrote {given.out}")
     return cells
 
