@@ -16,7 +16,7 @@ from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_force import FamilyForce, require_one_material
 
 UPDATES = ("exact", "series")
-# Relaxation time of the way to the initial displacement, over that of a term at the rate 1/s: none.
+# Relaxation time [s] on the way to the initial displacement: nothing relaxes.
 AT_ONCE = 1e30
 
 
