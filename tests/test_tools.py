@@ -1,5 +1,6 @@
 """The tools that make the pages: that their tables compare like with like, and say so where there is no number."""
 
+import dataclasses
 import json
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from warp_pd.cli import build_scene
+from warp_pd.solvers import explicit
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 import error_vs_time as evt
@@ -194,7 +196,96 @@ def test_the_table_tells_laws_apart():
     assert {cell.verdict for cell in cells["stretched beyond the lock, Jm = 20"].values()} == {stability.CLEAN}
 
 
-def test_a_law_that_has_no_lock_says_so():
-    cells = stability.main(["--device", "cpu", "--laws", "bond-based", "--only", "Jm = 1"])
-    assert {row["bond-based"].verdict for row in cells.values()} == {stability.NONE}
-    assert "no lock" in cells["99 % of the lock, Jm = 1"]["bond-based"].remark
+@pytest.mark.parametrize("law", ["bond-based", "hyperelastic bonds", "visco bonds"])
+def test_a_law_that_has_no_lock_says_so(law):
+    cells = stability.main(["--device", "cpu", "--laws", law, "--only", "Jm = 1", "K/mu = 1e3"])
+    assert {row[law].verdict for row in cells.values()} == {stability.NONE}
+    assert "no lock" in cells["99 % of the lock, Jm = 1"][law].remark
+    assert "no K/mu" in cells["K/mu = 1e3"][law].remark
+
+
+def test_a_sheet_under_tension_at_rest_is_not_asked_to_keep_its_shape():
+    cells = stability.main(["--device", "cpu", "--laws", "visco bonds", "--only", "rigid spin", "inside out"])
+    assert (cells["rigid spin"]["visco bonds"].verdict, cells["sheet inside out"]["visco bonds"].verdict) == (
+        stability.NONE, stability.STABLE,
+    )  # fmt: skip
+
+
+def test_viscous_sheets_hold_their_balance_and_only_lose():
+    """Stress and lock with what has not relaxed yet, the balance with what was lost, and energy that falls."""
+    names = ["K/mu = 1e6", "two bonds", "undamped oscillation"]
+    cells = stability.main(["--fast", "--device", "cpu", "--laws", "visco", "--only", *names[::2]])
+    oscillation = cells["undamped oscillation"]["visco"]
+    assert cells["K/mu = 1e6"]["visco"].number < 1e-6
+    assert oscillation.unit == stability.GAIN
+    assert {cell["visco"].verdict for cell in cells.values()} == {stability.STABLE}
+    left = float(oscillation.remark.split(" %")[0])
+    assert 10.0 < left < 95.0
+    bonds = stability.main(["--device", "cpu", "--laws", "visco", "--only", "two bonds"])
+    assert bonds["two bonds"]["visco"].number < 1e-4
+
+
+def test_energy_that_a_viscous_sheet_gains_is_seen():
+    falling = np.exp(-np.linspace(0.0, 3.0, 200))
+    assert stability.gain_of(falling, 1.0 - falling) == 0.0
+    assert stability.gain_of(falling + 0.3 * (np.arange(200) > 100), 1.0 - falling) > 0.2
+    assert stability.gain_of(falling, falling) > 0.01
+
+
+def test_a_ball_that_leaps_over_the_sheet_is_seen(monkeypatch):
+    trial = stability.Trial("nodal", 32, "cpu")
+    scene = stability.ball_scene(trial, 10.0, 0.9)
+    assert stability.passed_through(trial, scene) is None
+    monkeypatch.setattr(explicit, "BALL_TRAVEL", 100.0)
+    assert "5 of the 5 points" in stability.passed_through(trial, scene)
+
+
+def told(cells):
+    """Cells but for what differs from call to call."""
+    return {
+        name: {law: dataclasses.replace(cell, seconds=0.0, made="") for law, cell in row.items()}
+        for name, row in cells.items()
+    }
+
+
+def test_processes_share_the_cases_and_a_stopped_call_goes_on(tmp_path, monkeypatch):
+    page = tmp_path / "page.md"
+    options = ["--device", "cpu", "--laws", "nodal", "bond-based", "--only", "inside out", "K/mu = 1e3"]
+    shared = stability.main([*options, "--jobs", "2", "--out", str(page)])
+    assert list(shared["sheet inside out"]) == ["nodal", "bond-based"]
+    measured, ran = stability.cell, []
+
+    def stopped(name, trial):
+        if len(ran) == 2:
+            raise KeyboardInterrupt
+        ran.append((name, trial.law))
+        return measured(name, trial)
+
+    monkeypatch.setattr(stability, "cell", stopped)
+    alone = ["--out", str(tmp_path / "alone.md")]
+    with pytest.raises(KeyboardInterrupt):
+        stability.main([*options, *alone])
+    assert "| K/mu = 1e3 | error of the mean stress | stable" in (tmp_path / "alone.md").read_text()
+    assert "inside out" not in (tmp_path / "alone.md").read_text()
+    monkeypatch.setattr(stability, "cell", measured)
+    found = stability.main([*options, *alone, "--missing"])
+    assert told(found) == told(shared)
+    numbers = (tmp_path / "alone.json").read_text()
+    monkeypatch.setattr(stability, "cell", lambda name, trial: pytest.fail("there was nothing left to run"))
+    stability.main([*options, *alone, "--missing"])
+    assert (tmp_path / "alone.json").read_text() == numbers
+
+
+def test_a_page_is_of_one_device_and_says_what_each_call_made(tmp_path, capsys):
+    page, numbers = tmp_path / "page.md", tmp_path / "page.json"
+    options = ["--device", "cpu", "--only", "inside out", "--out", str(page)]
+    stability.main([*options, "--laws", "nodal", "--stand", "first"])
+    stability.main([*options, "--laws", "bond-based", "--stand", "second"])
+    text = page.read_text()
+    assert "commit first, long runs of up to 10 s: cases of nodal: 1;" in text
+    assert "commit second, long runs of up to 10 s: cases of bond-based: 1;" in text
+    assert "| nodal | bond-based |" in text
+    numbers.write_text(numbers.read_text().replace("on CPU,", "on NVIDIA H200,"))
+    with pytest.raises(SystemExit):
+        stability.main([*options, "--laws", "nodal"])
+    assert "allowed on 'CPU' is a page of its own" in capsys.readouterr().err

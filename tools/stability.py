@@ -2,10 +2,12 @@
 
     python tools/stability.py --out docs/stability.md               # all cases; the longest runs stop after --seconds
     python tools/stability.py --fast                                # short versions and one law, for CI
-    python tools/stability.py --device cuda:0 --steps 1000000 --seconds 600 --stand HASH --out docs/stability.md
+    python tools/stability.py --device cuda:0 --jobs 16 --seconds 20 --stand HASH --out docs/stability-gpu.md
     python tools/stability.py --only "units" "ball"                 # cases whose name holds one of these
+    python tools/stability.py --laws visco --out docs/stability.md  # adds to the page, or replaces, what it runs
 
-Every case runs in float32 and in float64. The numbers are also written as JSON beside the page. Verdicts:
+Every case runs in float32 and in float64. The numbers are in the JSON beside the page, saved as they come: a call that
+was stopped goes on with --missing. A page is of one device. Verdicts:
 
     stable                     at the default share of the estimated step, 0.9
     stable with a smaller step the share that holds is the number's remark
@@ -19,9 +21,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
+import multiprocessing
+import os
+import re
 import tempfile
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -35,23 +41,29 @@ from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    BondNeoHookean,
     CriticalStretch,
     Explicit,
     Fixed,
     Frame,
     Gent,
+    HyperelasticBonds,
     InputError,
     NeoHookean,
     Neural,
     Nodal,
+    Prony,
     RigidBall,
     Sheet,
     Simulation,
+    Visco,
+    ViscoBondBased,
+    Yeoh,
 )
 from warp_pd.bonds import pack
 from warp_pd.forces import ForceLaw
 from warp_pd.launches import run_once
-from warp_pd.runner import DIVERGED, MOST_GAIN, DivergedError
+from warp_pd.runner import DIVERGED, MOST_GAIN, DivergedError, write_aside
 from warp_pd.simulation import Built, find_device
 from warp_pd.solvers.explicit import FIRST_ITERATIONS
 
@@ -65,9 +77,10 @@ MU, DENSITY, THICKNESS, HORIZON = 1e3, 1e3, 0.01, 2.015
 NEARLY = 1e4
 # Error of the energy balance, or energy beyond what was put in, above which a run is wrong.
 ENERGY_ERROR = 0.02
-KINETIC = "k = "
-GAINED = "a run ends with a message: it gained energy within"
-# Seconds after which no further share of the step is tried.
+# Fall of the viscous loss from frame to frame over the largest energy, above which a run is wrong.
+LOSS_ERROR = 1e-4
+KINETIC, GAIN = "k = ", "gain "
+# Seconds after the first share of the step, with which kernels are compiled, after which no further one is tried.
 PATIENCE = 10.0
 
 
@@ -77,11 +90,15 @@ class NotThere(Exception):
 
 @dataclass(frozen=True)
 class Rubber:
-    """What the laws' materials are made of: shear modulus [Pa], K/mu, and Jm of a Gent sheet or None."""
+    """What the laws' materials are made of: shear modulus [Pa], K/mu, Jm of a Gent sheet or None, relaxation time [s].
+
+    A shear wave crosses most sheets in a second.
+    """
 
     mu: float = MU
     ratio: float = 100.0
     lock: float | None = None
+    relaxation: float = 0.1
 
     @property
     def material(self) -> NeoHookean | Gent:
@@ -90,13 +107,20 @@ class Rubber:
         return NeoHookean(self.mu, bulk) if self.lock is None else Gent(self.mu, bulk, self.lock)
 
     @property
-    def pairwise(self) -> Bimodular:
-        """A bond-based sheet of Young's modulus 3 mu; nu = 1/3."""
+    def prony(self) -> tuple[Prony, ...]:
+        """Terms that relax, over a constant time and over one that falls with the rate."""
+        return (
+            Prony(0.125 * self.mu, time=self.relaxation),
+            Prony(0.05 * self.mu, time=10.0 * self.relaxation, exponent=1.6665),
+        )
+
+    def mu_alone(self, volume: str) -> float:
+        """The shear modulus, for laws of bonds, which know nothing else; what there is of the volume is for people."""
         if self.lock is not None:
-            raise NotThere("a bond-based sheet has no lock")
+            raise NotThere("the law has no lock")
         if self.ratio != Rubber.ratio:
-            raise NotThere("a bond-based sheet has no K/mu: nu is 1/3")
-        return Bimodular(3.0 * self.mu)
+            raise NotThere(f"the law has no K/mu: {volume}")
+        return self.mu
 
     def thickness_stretch(self, a: float, b: float) -> float:
         """C33 of the principal stretches a and b, apart from the kernels: zero of sigma_33. NaN beyond the lock."""
@@ -152,7 +176,11 @@ LAWS: dict[str, Callable[[Rubber], ForceLaw]] = {
     "corrected": lambda r: BondAssociated(r.material, horizon=HORIZON, weights="corrected"),
     "closed form": lambda r: Neural(r.material, evaluation="closed_form"),
     "neural": lambda r: Neural(r.material, evaluation="fused"),
-    "bond-based": lambda r: BondBased(r.pairwise),
+    "bond-based": lambda r: BondBased(Bimodular(3.0 * r.mu_alone("nu is 1/3"))),
+    "hyperelastic bonds": lambda r: HyperelasticBonds(BondNeoHookean(r.mu_alone("it is incompressible"))),
+    "visco": lambda r: Visco(r.material, prony=r.prony, horizon=HORIZON, weights="corrected"),
+    "visco bonds": lambda r: ViscoBondBased(Yeoh(0.5 * r.mu_alone("its energy knows no volume")), r.prony),
+    "visco series": lambda r: replace(LAWS["visco bonds"](r), update="series"),
 }
 
 
@@ -165,7 +193,7 @@ class Finding:
         number: The number behind it, or None.
         remark: What else there is to say.
         field: What float32 and float64 are compared by, or None: the number.
-        unit: KINETIC where that stands in for an energy error, for laws without an energy.
+        unit: What the number is where it is not the column's: KINETIC, for laws without an energy, or GAIN.
     """
 
     verdict: str
@@ -276,10 +304,43 @@ def force_at(built: Built, displacement: np.ndarray) -> np.ndarray:
 
 
 def energies(built: Built) -> tuple[float, float]:
-    """Kinetic and strain energy [J]; the latter is NaN for a law without one."""
+    """Kinetic energy, and stored energy with viscous loss [J]; the latter is NaN for a law without an energy."""
     run_once(built.workspace.device, built.workspace.stages["frame"])
     strain = built.strain_energy
-    return float(built.kinetic_energy.numpy().sum()), math.nan if strain is None else float(strain.numpy().sum())
+    stored = math.nan if strain is None else float(strain.numpy().sum()) + lost(built)
+    return float(built.kinetic_energy.numpy().sum()), stored
+
+
+def lost(built: Built) -> float:
+    """What viscosity took so far [J], as of the last frame; 0 for a law that does not say."""
+    viscous = getattr(built.force, "viscous", None)
+    return 0.0 if viscous is None else float(viscous.numpy().sum())
+
+
+def settle(built: Built, displacement: np.ndarray) -> None:
+    """Bring a displacement [m], shape (N, 3), and the internal variables to what a long rest there leaves."""
+    start = displacement.astype(built.state.displacement.numpy().dtype)
+    if built.force.internal:
+        built.state.displacement.assign(start)
+        built.state.velocity.zero_()
+        # A step of no length brings the strain; all else has relaxed.
+        drive(built, 1e-9, 1)
+        for name, array in built.force.internal.items():
+            if name != "strain":
+                array.zero_()
+    built.state.displacement.assign(start)
+
+
+def tension_at_rest(simulation: Simulation, budget: float, standing: float = 1.0) -> float:
+    """An energy [J] with what the law ViscoBondBased, under tension at rest, gives when it pulls its bonds to nothing.
+
+    `budget` is of the long-term shear modulus; forces are of the instantaneous one. `standing` is the share of bonds.
+    """
+    law = simulation.force
+    if not isinstance(law, ViscoBondBased):
+        return budget
+    more = 1.0 + sum(term.c10 for term in law.prony) / law.material.c10
+    return more * (budget + standing * 3.0 * law.material.c10 * volume(simulation.sheet))
 
 
 def stable_step(built: Built) -> float:
@@ -325,7 +386,7 @@ def run_once_at(trial: Trial, simulation: Simulation, budget: float) -> Finding:
     The number is the worst error of the energy balance over the largest energy; for a law without an energy of its
     own, the largest kinetic energy over `budget` [J], the energy that there can be.
     """
-    watch = FiniteFrames()
+    watch, budget = FiniteFrames(), tension_at_rest(simulation, budget)
     try:
         result = simulation.run(device=trial.device, precision=trial.bits, writers=[watch])
     except DivergedError as error:
@@ -341,17 +402,23 @@ def run_once_at(trial: Trial, simulation: Simulation, budget: float) -> Finding:
         return Finding(CLEAN, number, result.summary["message"], unit=unit)
     if number > most:
         return Finding(WRONG, number, "energy", unit=unit)
+    lost = np.array([row.get("viscous", 0.0) for row in rows])
+    fall = -np.diff(lost).min() / max(row["kinetic"] + row.get("strain", 0.0) for row in rows)
+    # Where a bond breaks, the strain of the others jumps, and what they store.
+    if simulation.damage is None and fall > LOSS_ERROR:
+        return Finding(WRONG, fall, "the viscous loss falls", unit=unit)
     return Finding(STABLE, number, field=result.frame.displacement, unit=unit)
 
 
 def attempt(trial: Trial, make: Callable[[float], Simulation], budget: float) -> Finding:
     """The largest share of the step at which the run holds; failing that, what became of it at the smallest."""
-    found, begin = Finding(NONE), perf_counter()
+    found, begin = Finding(NONE), math.inf
     for share in SHARES:
         found = run_once_at(trial, make(share), budget)
         if found.verdict == STABLE:
             return found if share == SHARES[0] else replace(found, verdict=SMALLER, remark=f"at {share:g}")
         found = replace(found, remark=f"at {share:g}: {found.remark}")
+        begin = min(begin, perf_counter())
         if perf_counter() - begin > PATIENCE:
             break
     return found
@@ -373,6 +440,9 @@ def stress_error(built: Built, sheet: Sheet, rubber: Rubber, a: float, b: float)
     force = force_at(built, stretched(sheet, a, b))
     mean = -(force[:, :2] * sheet.points).sum(axis=0) / volume(sheet)
     exact = rubber.stress(a, b)
+    for term in getattr(built.simulation.force, "prony", ()):
+        # Nothing has relaxed yet; the terms are incompressible.
+        exact = exact + 2.0 * term.c10 * (np.array([a, b]) - 1.0 / (np.array([a, b]) * (a * b) ** 2))
     return float(np.abs(mean - exact).max() / np.abs(exact).max()), mean
 
 
@@ -402,7 +472,7 @@ def stiffness(rubber: Rubber, share_of_lock: float | None = None) -> Callable[[T
         if found.verdict == CLEAN:
             return replace(found, number=None)
         if not known:
-            return found
+            return replace(found, unit=found.unit or "energy ")
         return replace(found, number=error, field=stress, unit="")
 
     return find
@@ -419,6 +489,26 @@ def beyond_lock(trial: Trial) -> Finding:
     return run_once_at(trial, simulation, math.inf)
 
 
+def relaxing(relaxation: float) -> Callable[[Trial], Finding]:
+    """A sheet whose stress relaxes in far less time than a step, or in far more than a run, from a rough start."""
+
+    def find(trial: Trial) -> Finding:
+        sheet, rubber = square(), replace(RUBBER, relaxation=relaxation)
+        if not isinstance(trial.simulation(sheet, rubber).force, Visco | ViscoBondBased):
+            raise NotThere("nothing relaxes")
+        start, time = stretched(sheet, 1.3, 0.9) + smooth(sheet, 0.1), duration(trial, sheet, rubber, 2.0)
+        return attempt(
+            trial,
+            lambda share: trial.simulation(
+                sheet, rubber, loads=[Fixed(sheet.edges("all"))], initial_displacement=start,
+                solver=Explicit(time, frames=20, safety=share),
+            ),
+            rubber.energy(1.3, 1.0) * volume(sheet),
+        )  # fmt: skip
+
+    return find
+
+
 # Cases: geometry and units ----------------------------------------------------------------------------------
 
 
@@ -428,6 +518,7 @@ def moved(trial: Trial, sheet: Sheet, rubber: Rubber) -> np.ndarray:
         sheet, rubber, loads=[Fixed(sheet.edges("all"))],
         initial_displacement=stretched(sheet, 1.2, 1.1) + smooth(sheet, 0.05),
     )  # fmt: skip
+    built.force.start()
     side = float(np.ptp(sheet.points, axis=0)[0])
     dt = 0.005 * side / math.sqrt(rubber.mu / sheet.density)
     drive(built, dt, 200)
@@ -493,13 +584,13 @@ def largest_share(built: Built, start: np.ndarray, shares: Sequence[float], step
     velocity = 1e-5 * np.random.default_rng(1).normal(size=start.shape)
     velocity[built.held != 0] = 0.0
     kind = built.state.displacement.numpy().dtype
-    built.state.displacement.assign(start.astype(kind))
+    settle(built, start)
     stable, held = stable_step(built), 0.0
     at_rest = force_at(built, start)
     # A dead load that keeps the start in equilibrium leaves small motion alone.
     built.state.external.assign((-at_rest).astype(kind))
     for share in shares:
-        built.state.displacement.assign(start.astype(kind))
+        settle(built, start)
         built.state.velocity.assign(velocity.astype(kind))
         drive(built, share * stable, steps)
         grown = np.abs(built.to_numpy(built.state.velocity)).max() / np.abs(velocity).max()
@@ -563,16 +654,21 @@ def few_bonds(pairs: Sequence[tuple[int, int]]) -> Callable[[Trial], Finding]:
             initial_velocity=velocity, damage=CriticalStretch(1e3),
         )  # fmt: skip
         keep_bonds(built, pairs)
+        built.force.start()
         before, momentum = energies(built), (built.to_numpy(built.mass)[:, None] * velocity).sum(axis=0)
-        drive(built, 0.02 * sheet.spacing / math.sqrt(MU / DENSITY), 500 if trial.short else 3000)
-        if not finite(built):
-            return Finding(CLEAN, None, "not finite, which a run reports")
+        dt = 0.02 * sheet.spacing / math.sqrt(MU / DENSITY)
+        drive(built, dt, 500 if trial.short else 3000)
         kinetic, strain = energies(built)
+        if why := caught(built, np.array([sum(before), kinetic + strain]), dt):
+            return Finding(CLEAN, None, f"a run ends with a message: {why}")
         speed = built.to_numpy(built.state.velocity)
         error = np.abs((built.to_numpy(built.mass)[:, None] * speed).sum(axis=0) - momentum).max()
         error /= (built.to_numpy(built.mass)[:, None] * np.abs(velocity)).sum()
         # Without an energy of the law, the sheet's own at this strain bounds what a few bonds can store.
-        budget = before[0] + (0.01 * MU * volume(sheet) if math.isnan(strain) else before[1])
+        budget = before[0] + before[1]
+        if math.isnan(strain):
+            standing = 1.0 - float(built.to_numpy(built.damage).mean())
+            budget = tension_at_rest(built.simulation, before[0] + 0.01 * MU * volume(sheet), standing)
         field = built.to_numpy(built.state.displacement)
         if math.isnan(strain):
             good = error < 1e-3 and kinetic < (1.0 + ENERGY_ERROR) * budget
@@ -642,11 +738,11 @@ def turned_sheet(degrees: float) -> Callable[[Trial], Finding]:
 
 
 def mirrored(trial: Trial) -> Finding:
-    """The whole sheet inside out: a surface in space turned over, it must carry no force."""
+    """The whole sheet inside out: a surface in space turned over, it must carry the mirrored force of rest, or none."""
     sheet = square()
     built = trial.built(sheet)
     start = np.column_stack([-2.0 * sheet.points[:, 0], np.zeros((sheet.size, 2))])
-    force = force_at(built, start)
+    force = force_at(built, start) - force_at(built, np.zeros_like(start)) * [-1.0, 1.0, 1.0]
     number = float(np.abs(force).max() / (MU * THICKNESS * sheet.spacing))
     limit = 1e-3 if trial.bits == 32 else 1e-10
     return Finding(STABLE if number < limit else WRONG, number)
@@ -709,10 +805,11 @@ def compression(trial: Trial) -> Finding:
 
 @dataclass(frozen=True)
 class Samples:
-    """Kinetic energy and energies along a long run, and its steps."""
+    """Kinetic energy, stored energy with viscous loss, and that loss along a long run [J], and its steps."""
 
     kinetic: np.ndarray
     strain: np.ndarray
+    lost: np.ndarray
     steps: int
 
 
@@ -723,7 +820,7 @@ def long_run(trial: Trial, built: Built, dt: float, steps: int, stored: Callable
     part = max(10, steps // 200)
     many = built.workspace.sequence("step", repeat=min(part, 1000))
     rounds = max(1, part // min(part, 1000))
-    kinetic, strain, done = [energies(built)[0]], [stored()], 0
+    kinetic, strain, loss, done = [energies(built)[0]], [stored()], [lost(built)], 0
     begin = perf_counter()
     while done < steps and perf_counter() - begin < trial.seconds:
         for _ in range(rounds):
@@ -731,16 +828,22 @@ def long_run(trial: Trial, built: Built, dt: float, steps: int, stored: Callable
         done += rounds * many.repeat
         kinetic.append(energies(built)[0])
         strain.append(stored())
-        if caught(built, np.array(kinetic) + np.array(strain)):
+        loss.append(lost(built))
+        if caught(built, np.array(kinetic) + np.array(strain), dt):
             break
-    return Samples(np.array(kinetic), np.array(strain), done)
+    return Samples(np.array(kinetic), np.array(strain), np.array(loss), done)
 
 
 def own_or_nodal(trial: Trial, built: Built) -> Callable[[], float]:
-    """The law's strain energy; for one without, the nodal law's of the same displacement."""
+    """The law's stored energy with viscous loss; for one without, the nodal law's of the same displacement.
+
+    ViscoBondBased has an energy of its own but for what relaxes.
+    """
     if built.strain_energy is not None:
         return lambda: energies(built)[1]
-    other = Simulation(built.simulation.sheet, Nodal(RUBBER.material), Explicit(1.0)).build(trial.device, trial.bits)
+    own = built.simulation.force
+    law = replace(own, prony=()) if isinstance(own, ViscoBondBased) else Nodal(RUBBER.material)
+    other = Simulation(built.simulation.sheet, law, Explicit(1.0)).build(trial.device, trial.bits)
     other.workspace.compile()
 
     def stored() -> float:
@@ -750,9 +853,14 @@ def own_or_nodal(trial: Trial, built: Built) -> Callable[[], float]:
     return stored
 
 
-def caught(built: Built, total: np.ndarray) -> bool:
-    """Whether a run of the product would have ended with a message."""
-    return not np.isfinite(total).all() or bool(built.force.has_energy and (total / total[0]).max() > 1.0 + MOST_GAIN)
+def caught(built: Built, total: np.ndarray, dt: float) -> str:
+    """Why a run of the product would have ended with a message, or nothing."""
+    if not finite(built):
+        return "it stopped being finite"
+    if np.linalg.norm(built.to_numpy(built.state.velocity), axis=1).max() * dt > built.force.families.horizon:
+        return "points move more than a horizon in a step"
+    gained = built.force.has_energy and not (total / total[0]).max() <= 1.0 + MOST_GAIN
+    return "it gained energy" if gained else ""
 
 
 def count_of(steps: int) -> str:
@@ -768,15 +876,29 @@ def oscillation(trial: Trial) -> Finding:
         sheet, loads=[Fixed(sheet.edges("all"))], initial_displacement=stretched(sheet, 1.1, 1.1),
         initial_velocity=velocity,
     )  # fmt: skip
+    built.force.start()
     stored = own_or_nodal(trial, built)
-    s = long_run(trial, built, 0.2 * stable_step(built), 2000 if trial.short else trial.steps, stored)
+    dt = 0.2 * stable_step(built)
+    s = long_run(trial, built, dt, 2000 if trial.short else trial.steps, stored)
     total = s.kinetic + s.strain
     quarter = max(1, len(total) // 4)
-    if caught(built, total):
-        return Finding(CLEAN, None, f"{GAINED} {count_of(s.steps)}")
+    if why := caught(built, total, dt):
+        return Finding(CLEAN, None, f"a run ends with a message: {why} within {count_of(s.steps)}")
     # The first quarter shares out the energy between the modes, on which the energy of central differences depends.
     drift = float((total[-quarter:].mean() - total[quarter : 2 * quarter].mean()) / s.kinetic[0])
+    if built.force.internal:
+        number = gain_of(total - s.lost, s.lost) / s.kinetic[0]
+        number = max(number, abs(drift)) if built.force.has_energy else number
+        left = (total - s.lost)[-quarter:].mean() / (total - s.lost)[0]
+        remark = f"{100.0 * left:.3g} % of the energy is left, {count_of(s.steps)}"
+        return Finding(STABLE if number < 0.05 and left < 1.0 else WRONG, number, remark, unit=GAIN)
     return Finding(STABLE if abs(drift) < 0.05 else WRONG, drift, count_of(s.steps))
+
+
+def gain_of(energy: np.ndarray, lost: np.ndarray) -> float:
+    """Largest rise of a viscous sheet's energy from one twentieth of the run to the next, or fall of its loss [J]."""
+    parts = np.array([part.mean() for part in np.array_split(energy, min(20, len(energy)))])
+    return float(max(np.diff(parts).max(initial=0.0), -np.diff(lost).min(initial=0.0)))
 
 
 def spin(trial: Trial) -> Finding:
@@ -784,6 +906,8 @@ def spin(trial: Trial) -> Finding:
     sheet = square(5)
     place = np.column_stack([sheet.points - sheet.points.mean(axis=0), np.zeros(sheet.size)])
     velocity = np.cross(np.array([0.2, 0.1, 0.3]), place)
+    if isinstance(trial.simulation(sheet).force, ViscoBondBased):
+        raise NotThere("under tension at rest, a free sheet of this law contracts: it has no shape to keep")
     built = trial.built(sheet, initial_velocity=velocity)
     stored = own_or_nodal(trial, built)
     mass = built.to_numpy(built.mass)[:, None]
@@ -796,8 +920,8 @@ def spin(trial: Trial) -> Finding:
     dt = 0.5 * stable_step(built)
     s = long_run(trial, built, dt, 2000 if trial.short else max(2000, trial.steps // 10), stored)
     total = s.kinetic + s.strain
-    if caught(built, total):
-        return Finding(CLEAN, None, f"{GAINED} {count_of(s.steps)}")
+    if why := caught(built, total, dt):
+        return Finding(CLEAN, None, f"a run ends with a message: {why} within {count_of(s.steps)}")
     turn = float(np.linalg.norm(angular() - before) / np.linalg.norm(before))
     drift = float(np.abs(total / total[0] - 1.0).max())
     turns = np.linalg.norm([0.2, 0.1, 0.3]) * dt * s.steps / (2.0 * np.pi)
@@ -842,12 +966,24 @@ def ball(speed: float) -> Callable[[Trial], Finding]:
     return find
 
 
+class Unwatched:
+    """Recorder that looks at nothing, so that what the ball gives each point adds up over the whole run."""
+
+    frame_index, since_estimate, stable_dt = 0, 0, None
+
+    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
+        """Nothing."""
+
+
 def passed_through(trial: Trial, simulation: Simulation) -> str | None:
-    """What is wrong if the ball left intact sheet behind it, or None."""
-    result = simulation.run(device=trial.device, precision=trial.bits)
-    sheet = simulation.sheet
-    under = np.hypot(*(sheet.points - 0.5).T) < 0.1
-    left = int((result.frame.displacement[under, 2] > -0.1).sum())
+    """What is wrong if the ball passed points in its way without a touch, or None."""
+    built = simulation.build(trial.device, trial.bits)
+    built.workspace.compile()
+    run_once(built.workspace.device, built.workspace.stages["setup"])
+    recorder: Any = Unwatched()
+    simulation.solver.march(built, recorder)
+    under = np.hypot(*(simulation.sheet.points - 0.5).T) < 0.1
+    left = int((built.to_numpy(built.state.impulse)[under] == 0.0).all(axis=1).sum())
     return f"the ball passed {left} of the {int(under.sum())} points in its way without a touch" if left else None
 
 
@@ -946,6 +1082,7 @@ CASES: tuple[Case, ...] = (
         for lock in (200.0, 50.0, 10.0, 3.0, 1.0)
     ),
     Case("stretched beyond the lock, Jm = 20", ENERGY, beyond_lock, fast=True),
+    *(Case(f"relaxation in {nice(time)} s", ENERGY, relaxing(time)) for time in (1e-9, 1e-3, 1e9)),
     *(
         Case(f"thickness {nice(h)} of the side", "change of the motion", scaled(thickness=h), fast=h == 1e-6)
         for h in (1e-6, 1e-3, 1.0)
@@ -994,7 +1131,7 @@ CASES: tuple[Case, ...] = (
 
 @dataclass(frozen=True)
 class Cell:
-    """What the table says of a case and a law: float32's finding, float64's, and how far apart they are."""
+    """What the table says of a case and a law: float32's finding, float64's, how far apart they are, and its stamp."""
 
     verdict: str
     number: float | None
@@ -1004,6 +1141,7 @@ class Cell:
     difference: float | None
     seconds: float
     unit: str = ""
+    made: str = ""
 
     def text(self) -> str:
         """For the table."""
@@ -1020,9 +1158,9 @@ def shortest(number: float) -> str:
     return nice(float(f"{number:.2g}"))
 
 
-def cell(case: Case, trial: Trial) -> Cell:
-    """Run a case in both precisions."""
-    begin = perf_counter()
+def cell(name: str, trial: Trial) -> Cell:
+    """Run the case of that name in both precisions."""
+    begin, case = perf_counter(), next(case for case in CASES if case.name == name)
     found = {}
     for bits in (32, 64):
         try:
@@ -1050,34 +1188,96 @@ def cell(case: Case, trial: Trial) -> Cell:
 
 
 Table = dict[str, dict[str, Cell]]
+Task = tuple[str, Trial]
+
+
+def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Cell]]:
+    """Run cases, as many at a time as there are jobs; hands each over when it is done."""
+    if jobs == 1:
+        yield from ((task, cell(*task)) for task in tasks)
+        return
+    # A process that was forked could not use CUDA.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, context, initializer=end_with_parent) as pool:
+        running = {pool.submit(cell, *task): task for task in tasks}
+        try:
+            for future in as_completed(running):
+                yield running[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def end_with_parent() -> None:
+    """Leave no process behind when the one that started this one is killed."""
+    parent = multiprocessing.parent_process()
+
+    def wait() -> None:
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def load(path: Path, device: str) -> Table:
+    """The cells of an earlier call; none where there is no file.
+
+    Raises:
+        InputError: if they are of another device.
+    """
+    if not path.exists():
+        return {}
+    cells = {name: {law: Cell(**c) for law, c in row.items()} for name, row in json.loads(path.read_text()).items()}
+    made = {c.made for row in cells.values() for c in row.values()}
+    if not all(text.startswith(f"on {device},") for text in made):
+        raise InputError(
+            f"--out: {path} holds what was {sorted(made)[0]!r}; allowed on {device!r} is a page of its own"
+        )
+    return cells
+
+
+def in_order(cells: Table) -> Table:
+    """The cells in the order of the cases and laws."""
+    rows = {case.name: cells[case.name] for case in CASES if case.name in cells}
+    return {name: {law: row[law] for law in LAWS if law in row} for name, row in rows.items()}
+
+
+def save(out: Path, cells: Table) -> None:
+    """Write the page and, beside it, the numbers."""
+    numbers = {name: {law: asdict(c) for law, c in row.items()} for name, row in cells.items()}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_aside(out.with_suffix(".json"), json.dumps(numbers, indent=1) + "\n")
+    write_aside(out, page(cells, out.with_suffix(".json").name))
 
 
 def table(cells: Table, laws: Sequence[str], text: Callable[[Cell], str]) -> str:
-    """Cases down, laws across."""
+    """Cases down, laws across; nothing where none has run."""
     numbers = {case.name: case.number for case in CASES}
     lines = [f"| case | number | {' | '.join(laws)} |", "|---" * (len(laws) + 2) + "|"]
     for name, row in cells.items():
-        lines.append(f"| {name} | {numbers[name]} | {' | '.join(text(row[law]) for law in laws)} |")
+        lines.append(
+            f"| {name} | {numbers[name]} | {' | '.join(text(row[law]) if law in row else '' for law in laws)} |"
+        )
     return "\n".join(lines)
 
 
 def remarks(cells: Table) -> str:
     """What the cells that are not simply stable say, one line a remark."""
-    said: dict[tuple[str, str], dict[str, list[str]]] = {}
+    said: dict[tuple[str, str], list[str]] = {}
+    none: dict[str, tuple[str, dict[str, None], dict[str, None]]] = {}
     for name, row in cells.items():
         for law, c in row.items():
             if c.remark not in c.text() and (c.verdict != STABLE or "steps" in c.remark):
                 # Numbers of points and times differ from law to law; the cause is after the colon.
                 reason = c.remark.split("likely cause: ")[-1] if c.verdict == CLEAN else c.remark
-                key = (c.verdict, law if c.verdict == NONE else reason)
-                said.setdefault(key, {}).setdefault(reason, []).append(name if c.verdict == NONE else f"{name}, {law}")
-    lines = []
-    for (verdict, law), reasons in said.items():
-        if verdict == NONE:
-            names = "; ".join(dict.fromkeys(name for names in reasons.values() for name in names))
-            lines.append(f"- {law}, does not apply: {names}. {next(iter(reasons))}")
-        else:
-            lines += [f"- {verdict}, {reason}: {'; '.join(names)}" for reason, names in reasons.items()]
+                if c.verdict == NONE:
+                    # Reasons that differ in numbers alone are told once.
+                    _, names, laws = none.setdefault(re.sub(r"\d\S*", "", reason), (reason, {}, {}))
+                    names[name] = laws[law] = None
+                else:
+                    said.setdefault((c.verdict, reason), []).append(f"{name}, {law}")
+    lines = [f"- {verdict}, {reason}: {'; '.join(places)}" for (verdict, reason), places in said.items()]
+    lines += [f"- {NONE}, {reason}: {'; '.join(names)}: {', '.join(laws)}" for reason, names, laws in none.values()]
     return "\n".join(lines)
 
 
@@ -1087,6 +1287,8 @@ ADVICE = {
     "99 % of the lock, Jm = ": f"K/mu is {nice(NEARLY)} here: softer sheets swell instead. Near the "
     "lock a sheet stiffens within a few steps: lower `safety`. Laws whose forces do not balance beside an edge under "
     "uniform stress, nodal and closed form, reach the lock there and the run ends with a message; take `corrected`.",
+    "relaxation": "Any: the update is exact whatever the step is over the relaxation time. The series that is printed "
+    "(VE eq. 60) grows without bound where a term relaxes within a step, and fast motion makes it: take `exact`.",
     "thickness": "Any: neither strain nor step depends on it.",
     "units": "Any: lengths are kept over the horizon and areas over that of a point.",
     "step": "The estimate is a bound. Undamped, laws without a potential grow slowly at any step: add damping, or take "
@@ -1094,16 +1296,21 @@ ADVICE = {
     "cloud": "A sheet that is not in equilibrium recoils and stiffens: lower `safety`. The horizon must reach the "
     "neighbours where the spacing is widest, so that graded clouds have large families where it is finest; corrected "
     "weights take long there.",
-    "a bond turned": "Folds stiffen within a few steps: lower `safety`.",
+    "sheet turned": "The law `HyperelasticBonds` knows a direction: take it for sheets that stretch without turning.",
+    "a bond turned": "Folds stiffen within a few steps: lower `safety`. Hyperelastic bonds lose their force where they "
+    "turn.",
     "compression": "A sheet that is pushed together crumples down to its spacing, as sheets without bending stiffness "
-    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts.",
+    "do: lower `safety`, add damping, or take `Relaxation` where only the rest state counts. Hyperelastic bonds are "
+    "made for tension.",
     "a chain": "Strands a few bonds wide gain energy under laws without a potential: add damping.",
     "zero-energy": "The nodal law does not feel what is finer than a family: a baseline, not for results.",
     "ball": "Any speed: a step is no longer than the ball takes for a quarter of a spacing, so fast balls cost steps.",
     "restart": "Bit for bit.",
     "two runs": "Bit for bit: forces are gathered, nothing is added atomically.",
-    "rigid spin": "Rotation by itself costs no energy; the published weights grow from round-off, free and undamped.",
-    "undamped": "Laws without a potential gain or lose energy in the long run: take `plain` or `corrected`.",
+    "rigid spin": "Rotation by itself costs no energy; the published weights grow from round-off, free and undamped, "
+    "and hyperelastic bonds make energy as they turn.",
+    "undamped": "Laws without a potential gain or lose energy in the long run: take `plain` or `corrected`. "
+    "Viscous sheets only lose.",
 }
 
 
@@ -1113,8 +1320,8 @@ def limits(cells: Table) -> str:
     for begin, advice in ADVICE.items():
         rows = {name: row for name, row in cells.items() if name.startswith(begin)}
         whole, part, failed = [], [], []
-        for law in next(iter(rows.values()), {}):
-            asked = [name for name, row in rows.items() if row[law].verdict != NONE]
+        for law in LAWS:
+            asked = [name for name, row in rows.items() if law in row and row[law].verdict != NONE]
             good = [name for name in asked if rows[name][law].verdict in (STABLE, SMALLER)]
             shown = law + ("*" if any(rows[name][law].verdict == SMALLER for name in asked) else "")
             if good and len(good) == len(rows):
@@ -1130,14 +1337,28 @@ def limits(cells: Table) -> str:
     return "\n".join(lines)
 
 
-def page(cells: Table, laws: Sequence[str], device: str, command: str, stand: str | None) -> str:
-    """The page as markdown."""
+def stands(cells: Table) -> str:
+    """Which cells come from where, one line a stamp."""
+    lines = []
+    for made in dict.fromkeys(c.made for row in cells.values() for c in row.values()):
+        rows = [[law for law, c in row.items() if c.made == made] for row in cells.values()]
+        counts = {law: sum(law in row for row in rows) for law in LAWS}
+        laws = {n: ", ".join(law for law in LAWS if counts[law] == n) for n in sorted({*counts.values()} - {0})}
+        seconds = sum(c.seconds for row in cells.values() for c in row.values() if c.made == made)
+        lines.append(f"- {made}: {'; '.join(f'cases of {names}: {n}' for n, names in laws.items())}; {seconds:.0f} s.")
+    return "\n".join(lines)
+
+
+def page(cells: Table, numbers: str) -> str:
+    """The page as markdown; `numbers` is the name of the file beside it."""
+    laws = [law for law in LAWS if any(law in row for row in cells.values())]
     differences = table(cells, laws, lambda c: "" if c.difference is None else shortest(c.difference))
     tried = ", ".join(f"{share:g}" for share in SHARES)
-    seconds = sum(c.seconds for row in cells.values() for c in row.values())
     return f"""# Stability on stiff and extreme cases
 
-`{command}`, {stamp(device, stand)}; {seconds:.0f} s. The numbers: [{Path("stability.json").name}](stability.json).
+Made by `tools/stability.py`; the numbers: [{numbers}]({numbers}).
+
+{stands(cells)}
 
 A cell holds a verdict and the number behind it, which the second column names.
 
@@ -1152,10 +1373,16 @@ A cell holds a verdict and the number behind it, which the second column names.
 - n/a: the law has no such thing; the remarks say why.
 
 Energy errors are of the balance, over the largest energy or work; for a law without an energy of its own, k marks the
-largest kinetic energy over the energy that there can be. `published`, `plain` and `corrected` are weights of
-the bond-associated law, horizon {HORIZON}; the other laws have their default horizons. `neural` is the network inside a
-kernel. Where energy, not shape, is followed over a long time, the laws without a potential are measured by the nodal
-energy of the same displacement.
+largest kinetic energy over the energy that there can be. `published`, `plain` and `corrected` are weights of the
+bond-associated law, horizon {HORIZON}, and `visco` is that law with corrected weights and two Prony terms; the other
+laws have their default horizons. `neural` is the network inside a kernel, `visco bonds` the published law
+`ViscoBondBased` with the same Prony terms, under tension at rest, `visco series` the same with the update that is
+printed, `hyperelastic bonds` the law `HyperelasticBonds` made for equibiaxial stretch, incompressible. Where energy,
+not shape, is followed over a long time, the laws without a potential are measured by the nodal energy of the same
+displacement, `visco bonds` by its own without what relaxes. Viscous sheets must lose energy: gain marks the largest
+rise of theirs from one twentieth of the run to the next, fall of their loss, or drift of energy and loss together,
+over the kinetic energy of the start. Their loss must never fall where nothing breaks; where bonds break, the strain
+of the others jumps, and the balance judges.
 
 ## Limits, and what to do about them
 
@@ -1181,10 +1408,12 @@ where motion is chaotic.
 
 
 def main(arguments: Sequence[str] | None = None) -> Table:
-    """Run the cases, print a line for each, write the page and the numbers."""
+    """Run the cases, print a line for each, write the page and the numbers; returns what the page has."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", help="by default CUDA where there is one")
     parser.add_argument("--out", type=Path, help="the page; its numbers go beside it, ending in .json")
+    parser.add_argument("--missing", action="store_true", help="run only what the numbers do not have yet")
+    parser.add_argument("--jobs", type=int, default=1, help="processes that share the work")
     parser.add_argument("--fast", action="store_true", help="fewer cases and shorter runs")
     parser.add_argument("--only", nargs="*", default=[""], help="cases whose name holds one of these")
     parser.add_argument("--laws", nargs="*", choices=list(LAWS), help="by default all; with --fast corrected")
@@ -1193,31 +1422,37 @@ def main(arguments: Sequence[str] | None = None) -> Table:
     parser.add_argument("--stand", help="name of the commit, where there is no repository")
     given = parser.parse_args(arguments)
     laws = given.laws or (["corrected"] if given.fast else list(LAWS))
-    try:
-        find_device(given.device)
-    except InputError as error:
-        parser.error(str(error))
     chosen = [c for c in CASES if (c.fast or not given.fast) and any(part in c.name for part in given.only)]
     if not chosen:
         parser.error(f"--only = {given.only}: allowed are parts of the names of cases, such as 'K/mu'")
+    if given.jobs < 1:
+        parser.error(f"--jobs = {given.jobs}: allowed is 1 or more")
+    if given.missing and given.out is None:
+        parser.error("--missing: allowed with --out, beside which the numbers are")
     cells: Table = {}
-    for case in chosen:
-        cells[case.name] = {}
-        for law in laws:
-            trial = Trial(law, 32, given.device, given.steps, given.seconds, given.fast)
-            cells[case.name][law] = found = cell(case, trial)
-            print(
-                f"{case.name:34s} {law:12s} {found.text():40s} f64 {found.double} diff {found.difference} "
-                f"{found.seconds:.1f} s {found.remark[:150]}",
-                flush=True,
-            )
-    if given.out is not None:
+    try:
         device = str(find_device(given.device).name)
-        command = "tools/stability.py" + "".join(f" {a}" for a in (sys.argv[1:] if arguments is None else arguments))
-        given.out.parent.mkdir(parents=True, exist_ok=True)
-        given.out.write_text(page(cells, laws, device, command, given.stand))
-        numbers = {name: {law: asdict(c) for law, c in row.items()} for name, row in cells.items()}
-        given.out.with_suffix(".json").write_text(json.dumps(numbers, indent=1) + "\n")
+        if given.out is not None:
+            cells = load(given.out.with_suffix(".json"), device)
+    except InputError as error:
+        parser.error(str(error))
+    made = f"{stamp(device, given.stand)}, long runs of up to {given.seconds:g} s{', short' if given.fast else ''}"
+    tasks = [
+        (case.name, Trial(law, 32, given.device, given.steps, given.seconds, given.fast))
+        for case in chosen for law in laws if not (given.missing and law in cells.get(case.name, {}))
+    ]  # fmt: skip
+    for (name, trial), found in run_all(tasks, given.jobs):
+        cells.setdefault(name, {})[trial.law] = replace(found, made=made)
+        cells = in_order(cells)
+        print(
+            f"{name:34s} {trial.law:12s} {found.text():40s} f64 {found.double} diff {found.difference} "
+            f"{found.seconds:.1f} s {found.remark[:150]}",
+            flush=True,
+        )
+        if given.out is not None:
+            save(given.out, cells)
+    if given.out is not None:
+        save(given.out, cells)
         print(f"wrote {given.out}")
     return cells
 

@@ -116,7 +116,7 @@ class Workspace:
         module: Name of the Warp module that holds every kernel of this configuration.
         block_dim: Threads of a block on CUDA; one number for all launches, as kernels are compiled for it.
         arrays: All arrays, in the order they were asked for.
-        stages: Launches by stage, in order: "setup" once, "step" every step, "frame" at frames, "estimate"
+        stages: Launches by stage, in order: "start" and "setup" once, "step" every step, "frame" at frames, "estimate"
             for one iteration of the stable step.
     """
 

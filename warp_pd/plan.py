@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from .simulation import Built
 
 STAGES = {
-    "setup": "once at the start",
+    "start": "once at the start",
+    "setup": "once at the start or a restart",
     "step": "every step",
     "estimate": "each iteration of the stable step",
     "density": "every 300 steps of relaxation",

@@ -205,6 +205,8 @@ class Recorder:
         lock = getattr(built.simulation.force.material, "lock", None)
         if lock is not None:
             return f"the Gent lock Jm = {lock:g} was reached, or the sheet stiffened faster than the step followed"
+        if built.force.internal and getattr(built.simulation.force, "update", "exact") == "series":
+            return "a Prony term relaxed within a step, which the series update does not follow; try update 'exact'"
         if not built.force.has_energy:
             return "the law has no energy: it can pump it in; try damping or the law bond_associated"
         if built.force.weights == "published":
@@ -329,6 +331,8 @@ def run(
     recorder = Recorder(built, list(writers or []), reporter, folder, parts)
     if saved is not None:
         restart.restore(saved, recorder)
+    else:
+        built.force.start()
     run_once(built.workspace.device, built.workspace.stages["setup"])
     if folder is not None:
         files = _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)

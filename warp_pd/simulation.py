@@ -95,7 +95,8 @@ class Simulation:
         measures: Numbers to report, at every frame; the summary has those of the last one.
         outcomes: Numbers to report of the whole run.
         fields: Names of further point fields of the frames, of those that the force law has.
-        initial_displacement: [m], shape (N, 3), or None for zero.
+        initial_displacement: [m], shape (N, 3), or None for zero. The sheet was brought there at once: nothing of a
+            viscous law has relaxed.
         initial_velocity: [m/s], shape (N, 3), or None for zero.
         track_energy: Whether external work and dissipation are summed up for the energy balance.
         scene: Name of the scene.
@@ -676,7 +677,12 @@ class Built:
         )
 
     def _add_setup(self) -> None:
-        """What makes the forces fit the displacement before the first step, or after a restart."""
+        """What makes the state of the law fit the initial displacement, and the forces the displacement.
+
+        The latter before the first step, or after a restart.
+        """
+        if self.simulation.initial_displacement is not None:
+            self.force.add_start("start", self.state.displacement)
         if self.schedules.schedules:
             self._add_tick("setup")
         self.force.add_force("setup", self.state.displacement, self.state.force)

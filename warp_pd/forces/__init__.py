@@ -6,7 +6,8 @@ A force law is a frozen dataclass with these attributes and methods:
     has_tangent         whether Newton's method has a tangent for it
     signature(layout, breakable)            what decides which kernels are compiled
     build(workspace, sheet, breakable)      the law on a device: families, struct, alive, kernels, constants,
-                                            add_force and, with an energy, add_energy; internal and add_update
+                                            add_force and, with an energy, add_energy; internal, add_update,
+                                            add_start and start
 """
 
 from __future__ import annotations

@@ -92,6 +92,12 @@ class FamilyForce:
     def add_update(self, stage: str, displacement: Any, step: Any) -> None:
         """Nothing: an elastic law has no state."""
 
+    def add_start(self, stage: str, displacement: Any) -> None:
+        """Nothing: an elastic law has no state."""
+
+    def start(self) -> None:
+        """Nothing: an elastic law has no state."""
+
     def add_gather(self, stage: str, bond_force: Any, force: Any) -> None:
         """Add the launch that sums the pairs of each point [N], shape (members, N), to its force [N]."""
         self.workspace.point(

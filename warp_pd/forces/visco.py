@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..bonds import Families, build_families
 from ..checks import InputError, one_of, positive
-from ..launches import Workspace
+from ..launches import Workspace, run_once
 from ..materials import Prony, Yeoh
 from ..sheet import Sheet
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_force import FamilyForce, require_one_material
 
 UPDATES = ("exact", "series")
+# Relaxation time [s] on the way to the initial displacement: nothing relaxes.
+AT_ONCE = 1e30
 
 
 @dataclass(frozen=True)
@@ -87,13 +89,27 @@ class ViscoForce(BondAssociatedForce):
         }
         self.viscous = workspace.array("viscous", "Visco", wp.float64, shape=self.points)
 
-    def add_update(self, stage: str, displacement: Any, step: Any) -> None:
+    def add_update(self, stage: str, displacement: Any, step: Any, prony: Any = None) -> None:
         """Add the launch that brings the internal variables to the end of a step [s], one real number."""
         self.workspace.launch(
             stage, "Visco", self.visco.update, self.points,
-            **self.family_arguments(displacement), step=step, prony=self.prony, unit_volume=self.unit_volume,
-            **self.internal,
+            **self.family_arguments(displacement), step=step, prony=self.prony if prony is None else prony,
+            unit_volume=self.unit_volume, **self.internal,
         )  # fmt: skip
+
+    def add_start(self, stage: str, displacement: Any) -> None:
+        """Add the launches that bring the internal variables to a displacement [m] reached at once."""
+        self.add_update(stage, displacement, *_at_once(self.law, self.workspace, self.types))
+        # Fills `viscous`: the stored energy before it lies there as well.
+        self.add_energy(stage, displacement, self.viscous)
+
+    def start(self) -> None:
+        """Run what `add_start` added: what it took to get there is stored, none of it lost."""
+        launches = self.workspace.stages.get("start", [])
+        run_once(self.workspace.device, launches)
+        if launches:
+            work = self.internal["viscous_work"]
+            work.assign(work.numpy() - self.viscous.numpy())
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launches that turn a displacement [m] into the internal force [N], both (N,) vec3."""
@@ -194,13 +210,23 @@ class ViscoBondBasedForce(FamilyForce):
                 "viscous_stretch": workspace.array("viscous_stretch", self.owner, real, shape=(rows, self.points)),
             }
 
-    def add_update(self, stage: str, displacement: Any, step: Any) -> None:
+    def add_update(self, stage: str, displacement: Any, step: Any, prony: Any = None) -> None:
         """Add the launch that brings the internal variables to the end of a step [s], one real number."""
         if self.internal:
             self.workspace.launch(
                 stage, self.owner, self.kernels.update, self.points,
-                **self.family_arguments(displacement), step=step, prony=self.prony, **self.internal,
+                **self.family_arguments(displacement), step=step, prony=self.prony if prony is None else prony,
+                **self.internal,
             )  # fmt: skip
+
+    def add_start(self, stage: str, displacement: Any) -> None:
+        """Add the launch that brings the internal variables to a displacement [m] reached at once."""
+        if self.internal:
+            self.add_update(stage, displacement, *_at_once(self.law, self.workspace, self.types))
+
+    def start(self) -> None:
+        """Run what `add_start` added."""
+        run_once(self.workspace.device, self.workspace.stages.get("start", []))
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launches that turn a displacement [m] into the internal force [N], both (N,) vec3."""
@@ -217,6 +243,12 @@ class ViscoBondBasedForce(FamilyForce):
 def _check_prony(prony: tuple[Prony, ...]) -> None:
     if not isinstance(prony, tuple) or not all(isinstance(term, Prony) for term in prony):
         raise InputError(f"prony = {prony!r}: allowed is a tuple of Prony")
+
+
+def _at_once(law: Visco | ViscoBondBased, workspace: Workspace, types: Any) -> tuple[Any, Any]:
+    """A step of one second, and the Prony terms without time to relax in it."""
+    slow = tuple(replace(term, time=AT_ONCE, exponent=0.0) for term in law.prony)
+    return workspace.array("one_second", "Visco", types.real, np.ones(1)), _prony_array(slow, workspace, types)
 
 
 def _prony_array(prony: tuple[Prony, ...], workspace: Workspace, types: Any) -> Any:
