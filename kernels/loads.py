@@ -109,7 +109,7 @@ def surface_vector(layout, bits, breakable, module):
 
 @functools.cache
 def follower_pressure(layout, bits, breakable, scheduled, module):
-    """Kernel that adds p a_i (F e1 x F e2), with F of the whole family of the point.
+    """Point function that adds p a_i (F e1 x F e2), with F of the whole family of the point.
 
     A point whose remaining family determines no F takes no pressure.
     """
@@ -119,22 +119,22 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
     Family = f.struct
     surface = surface_vector(layout, bits, breakable, module)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def add_follower_pressure(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
-        unit_pressure: real,
-        factors: wp.array(dtype=vec3),
-        schedule: int,
-        first: int,
-        external: wp.array(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        p = unit_pressure * f.area(family, i)
-        if wp.static(scheduled):
-            p = p * factors[schedule][0]
-        external[i] = external[i] + p * surface(family, alive, displacement, inverse_horizon, i)
+    @functools.partial(wp.struct, module=module)
+    class FollowerPressure:
+        family: Family
+        alive: wp.array2d(dtype=wp.uint32)
+        displacement: wp.array(dtype=vec3)
+        inverse_horizon: real
+        unit_pressure: real
+        factors: wp.array(dtype=vec3)
+        schedule: int
+        external: wp.array(dtype=vec3)
 
-    return add_follower_pressure
+    @wp.func(module=module)
+    def add_follower_pressure(i: int, a: FollowerPressure):
+        p = a.unit_pressure * f.area(a.family, i)
+        if wp.static(scheduled):
+            p = p * a.factors[a.schedule][0]
+        a.external[i] = a.external[i] + p * surface(a.family, a.alive, a.displacement, a.inverse_horizon, i)
+
+    return PointFunction(add_follower_pressure, FollowerPressure, "add_follower_pressure")

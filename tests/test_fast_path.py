@@ -33,7 +33,7 @@ def rough(sheet, seed=0):
 
 
 def names(built):
-    return [launch.name for launch in built.workspace.stages["step"]]
+    return [name for launch in built.workspace.stages["step"] for name in launch.name.split(", ")]
 
 
 def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT):

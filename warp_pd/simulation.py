@@ -630,7 +630,7 @@ class Built:
         kernel = follower_pressure(
             force.families.layout, self.types.bits, self.breakable, scheduled, self.workspace.module
         )
-        self.workspace.launch(
+        self.workspace.point(
             stage, "Pressure", kernel, self.simulation.sheet.size,
             family=force.struct, alive=force.alive, displacement=self.state.displacement,
             inverse_horizon=force.inverse_horizon, unit_pressure=load.value * force.families.reference_area,

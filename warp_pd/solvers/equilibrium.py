@@ -94,7 +94,7 @@ class Equilibrium:
             w.point(stage, OWNER, constant_loads(w.bits, True, w.module), n, constant=self.dead, external=self.external)
         if self.follower:
             kernel = follower_pressure(force.families.layout, w.bits, force.alive is not None, True, w.module)
-            w.launch(
+            w.point(
                 stage, OWNER, kernel, n,
                 **self._family(), displacement=self.displacement, inverse_horizon=force.inverse_horizon,
                 unit_pressure=force.families.reference_area, factors=self.pressure, schedule=0,
