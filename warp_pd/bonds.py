@@ -23,7 +23,7 @@ TOLERANCE = 1e-9
 # Largest horizon in spacings: beyond, the masks of a family's intersections take gigabytes.
 MOST = 16.0
 # Entries of a table, or of points times members squared, that a core works on at once: they stay in its cache.
-BLOCK = 300_000
+BLOCK = 200_000
 
 InfluenceFunction = Callable[[np.ndarray], np.ndarray]
 INFLUENCE: dict[str, InfluenceFunction] = {
@@ -146,11 +146,10 @@ class Families:
         products = c[..., None] * np.stack(
             [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
         )
-        over_members = "jk,rkc->rjc" if shared else "rjk,rkc->rjc"
         terms = np.concatenate(
             [products, np.where(self.exists[part], self.member_areas[part], 0.0)[..., None]], axis=-1
         )
-        sums = np.einsum(over_members, mask, terms, optimize=True)
+        sums = mask @ terms
         shape, size = sums[..., :3], sums[..., 3]
         inverse, usable = inverse_shape(shape)
         usable &= self.exists[part]
@@ -357,7 +356,7 @@ def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, i
     neighbours = np.full((size, n), -1, np.int32)
     neighbours[exists] = graph.indices
     # Bond (i, j) is entry e by rows; by columns, entry e is its mate.
-    slot = np.nonzero(exists)[1].astype(np.int32)
+    slot = np.broadcast_to(np.arange(n, dtype=np.int32), exists.shape)[exists]
     mates = np.zeros((size, n), np.int32)
     mates[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data
     reference_area = float(sheet.areas.mean())
