@@ -10,6 +10,7 @@ import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
@@ -87,6 +88,7 @@ class Recorder:
         reporter: Shows progress, or None.
         folder: For the restart file and the history, or None.
         digest: Identifies the simulation that a restart file belongs to.
+        files: The one of the writers that works in a thread of its own, which writes the restart file too, or None.
     """
 
     built: Built
@@ -94,6 +96,7 @@ class Recorder:
     reporter: Any = None
     folder: Path | None = None
     digest: str = ""
+    files: Background | None = None
     frame_index: int = -1
     time: float = 0.0
     steps: int = 0
@@ -139,14 +142,19 @@ class Recorder:
         if self.folder is not None:
             write_history(self.folder / "history.csv", self.history)
             if self._restart_due(index):
-                for writer in self.writers:
-                    writer.save()
-                restart.save(self.folder / restart.NAME, self)
+                self._save(self.folder / restart.NAME)
         if self.reporter is not None:
             self.reporter.frame(self)
         self._clock = perf_counter()
         if self.stop_asked:
             raise KeyboardInterrupt
+
+    def _save(self, path: Path) -> None:
+        for writer in self.writers:
+            if writer is not self.files:
+                writer.save()
+        assert self.files is not None
+        self.files.save_then(partial(restart.save, path, restart.collect(self)))
 
     def _restart_due(self, index: int) -> bool:
         """At the first and last frame, when the user stops the run, and some forty times in between."""
@@ -323,8 +331,9 @@ def run(
         restart.restore(saved, recorder)
     run_once(built.workspace.device, built.workspace.stages["setup"])
     if folder is not None:
-        files = _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)
-        recorder.writers.append(Background(files))
+        append_from = None if saved is None else recorder.frame_index + 1
+        recorder.files = Background(_file_writers(built, folder, usd, append_from))
+        recorder.writers.append(recorder.files)
     setup_seconds = perf_counter() - begin - compile_seconds
     status, message = FINISHED, ""
     restore_signal = _stop_at_frames(recorder)
