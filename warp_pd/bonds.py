@@ -332,33 +332,9 @@ def _near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
 
 
 def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
-    from scipy import sparse
-    from scipy.spatial import cKDTree
-
-    points, size = sheet.points, sheet.size
-    pairs = cKDTree(points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
-    severed = np.zeros(size, bool)
-    for segment in sheet.cuts:
-        across = crosses(points[pairs[:, 0]], points[pairs[:, 1]], segment)
-        severed[pairs[across]] = True
-        pairs = pairs[~across]
-    half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
-    graph = half + half.T
-    sizes = np.diff(graph.indptr)
-    if (sizes == 0).any():
-        lone = int(np.flatnonzero(sizes == 0)[0])
-        raise InputError(
-            f"points[{lone}] at {points[lone].tolist()} has no neighbour within the horizon "
-            f"{horizon:.6g} m: allowed are points with at least one; raise the horizon or remove the point"
-        )
-    n = int(sizes.max())
-    exists = np.arange(n) < sizes[:, None]
-    neighbours = np.full((size, n), -1, np.int32)
-    neighbours[exists] = graph.indices
-    # Bond (i, j) is entry e by rows; by columns, entry e is its mate.
-    slot = np.broadcast_to(np.arange(n, dtype=np.int32), exists.shape)[exists]
-    mates = np.zeros((size, n), np.int32)
-    mates[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data
+    points, (neighbours, mates, severed) = sheet.points, _cloud_neighbours(sheet, horizon)
+    size, n = neighbours.shape
+    exists = neighbours >= 0
     reference_area = float(sheet.areas.mean())
     bonds, influence, member_areas = np.empty((size, n, 2)), np.empty((size, n)), np.empty((size, n))
 
@@ -384,6 +360,38 @@ def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, i
         severed=severed,
         stiffness=sheet.stiffness,
     )
+
+
+def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tables of neighbours, in rising order, and mates, shape (N, n); points that lost bonds to a cut, shape (N,)."""
+    from scipy import sparse
+    from scipy.spatial import cKDTree
+
+    points, size = sheet.points, sheet.size
+    pairs = cKDTree(points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    severed = np.zeros(size, bool)
+    for segment in sheet.cuts:
+        across = crosses(points[pairs[:, 0]], points[pairs[:, 1]], segment)
+        severed[pairs[across]] = True
+        pairs = pairs[~across]
+    half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
+    graph = half + half.T
+    sizes = np.diff(graph.indptr)
+    if (sizes == 0).any():
+        lone = int(np.flatnonzero(sizes == 0)[0])
+        raise InputError(
+            f"points[{lone}] at {points[lone].tolist()} has no neighbour within the horizon "
+            f"{horizon:.6g} m: allowed are points with at least one; raise the horizon or remove the point"
+        )
+    member = np.arange(int(sizes.max()), dtype=np.int32)
+    exists = member < sizes[:, None]
+    neighbours = np.full(exists.shape, -1, np.int32)
+    neighbours[exists] = graph.indices
+    # Bond (i, j) is entry e by rows; by columns, entry e is its mate.
+    slot = np.broadcast_to(member, exists.shape)[exists]
+    mates = np.zeros(exists.shape, np.int32)
+    mates[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data
+    return neighbours, mates, severed
 
 
 def _cloud_common(bonds: np.ndarray, exists: np.ndarray) -> np.ndarray:
