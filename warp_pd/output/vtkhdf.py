@@ -162,10 +162,7 @@ class VtkHdfSeries:
             if not _same(faces, self._held_faces):
                 _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
-        # Added in double precision, kept in single, without an array of either in between.
-        positions = np.empty((len(self.surface.points), 3), np.float32)
-        np.add(self.surface.points, frame.displacement, out=positions, dtype=np.float64, casting="same_kind")
-        _add_rows(root["Points"], positions)
+        _add_rows(root["Points"], frame.positions(self.surface))
         for name, values in fields.items():
             _add_rows(root["PointData"][name], values)
             _add_rows(steps["PointDataOffsets"][name], [begin])
