@@ -179,7 +179,8 @@ class VtkHdfSeries:
         _add_rows(steps["Values"], [frame.time])
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
-        self._held_faces, self._held_intact = faces, frame.intact_faces
+        self._held_faces = faces
+        self._held_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
 
     def _continue_from(self, first: int) -> None:
         """Drop the frames from `first` on, and take up where the frame before it left off."""
