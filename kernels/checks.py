@@ -1,29 +1,78 @@
-"""What the host asks for at a frame."""
+"""What the host asks for at a frame: sums over points, whether all is finite, how fast it moves.
+
+Each thread takes a block of points, in order, so sums repeat bit for bit; the host adds up the blocks.
+"""
 
 import functools
+from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
 from .numeric import numeric
 
+BLOCK = 256
+
+
+@dataclass(frozen=True)
+class FrameChecks:
+    """Kernels of one configuration; a launch has a thread a block.
+
+    Attributes:
+        watch_motion: Lowest index of a point of the block whose displacement or velocity is not finite, or the
+            number of points; largest squared speed.
+        sum_blocks: Sum of float64 numbers.
+        sum_vectors: Sum of vectors, a component a row.
+    """
+
+    watch_motion: Any
+    sum_blocks: Any
+    sum_vectors: Any
+
 
 @functools.cache
-def finite_check(bits, module):
-    """Kernel that leaves the lowest index of a point whose displacement or velocity is not finite.
-
-    `bad` starts as the number of points and stays so when all is well.
-    """
+def frame_checks(bits, module):
+    """Kernels for a precision."""
     vec3 = numeric(bits).vec3
+    block = BLOCK
 
     @wp.kernel(module=module, enable_backward=False)
-    def find_not_finite(
+    def watch_motion(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         first: int,
-        bad: wp.array(dtype=wp.int32),
+        not_finite: wp.array(dtype=wp.int32),
+        fastest: wp.array(dtype=wp.float64),
     ):
-        i = wp.tid() + first
-        if not (wp.isfinite(displacement[i]) and wp.isfinite(velocity[i])):
-            wp.atomic_min(bad, 0, i)
+        b = wp.tid() + first
+        points = velocity.shape[0]
+        lowest = points
+        largest = wp.float64(0.0)
+        for i in range(b * block, wp.min((b + 1) * block, points)):
+            v = velocity[i]
+            if not (wp.isfinite(displacement[i]) and wp.isfinite(v)):
+                lowest = wp.min(lowest, i)
+            x, y, z = wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2])
+            largest = wp.max(largest, x * x + y * y + z * z)
+        not_finite[b] = lowest
+        fastest[b] = largest
 
-    return find_not_finite
+    @wp.kernel(module=module, enable_backward=False)
+    def sum_blocks(values: wp.array(dtype=wp.float64), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
+        b = wp.tid() + first
+        total = wp.float64(0.0)
+        for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+            total += values[i]
+        sums[row, b] = total
+
+    @wp.kernel(module=module, enable_backward=False)
+    def sum_vectors(values: wp.array(dtype=vec3), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
+        b = wp.tid() + first
+        total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        for i in range(b * block, wp.min((b + 1) * block, values.shape[0])):
+            v = values[i]
+            total += wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+        for c in range(3):
+            sums[row + c, b] = total[c]
+
+    return FrameChecks(watch_motion, sum_blocks, sum_vectors)

@@ -148,3 +148,44 @@ def point_damage(layout, bits, module):
         out[i] = wp.float32(wp.min(lost / f.family_area(family, i), real(1.0)))
 
     return damage
+
+
+@functools.cache
+def face_damage(layout, bits, module):
+    """Kernel `find_intact_faces`; arguments as of `breaking`."""
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    word_size = WORD
+
+    @wp.func(module=module)
+    def lost(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int, j: int):
+        """Whether the family of i has lost its bond to j."""
+        found = bool(False)
+        for word in range(family.words):
+            members = f.whole(family, i, word) & ~alive[word, i]
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    if f.neighbour(family, i, k) == j:
+                        found = True
+                members = members >> wp.uint32(1)
+                k += 1
+        return found
+
+    @wp.kernel(module=module, enable_backward=False)
+    def find_intact_faces(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        triangles: wp.array(dtype=wp.vec3i),
+        first: int,
+        intact: wp.array(dtype=wp.uint8),
+    ):
+        """Whether a triangle kept the bonds along its edges; no bond lies along one that is longer than the horizon."""
+        t = wp.tid() + first
+        a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
+        torn = lost(family, alive, a, b) or lost(family, alive, b, c) or lost(family, alive, c, a)
+        intact[t] = wp.uint8(1)
+        if torn:
+            intact[t] = wp.uint8(0)
+
+    return find_intact_faces

@@ -192,7 +192,7 @@ def integration(bits, held, loaded, damped, tracked, module):
 
 @functools.cache
 def clock(bits, module):
-    """Kernels of time: `tick` evaluates every schedule, `prescribe` turns motions into velocities.
+    """Kernels of time: `tick` evaluates every schedule, `prescribe` turns motions into velocities, every point once.
 
     A schedule is a piecewise linear function of time, three values a knot; schedule s owns the knots
     begins[s] to begins[s+1] - 1. Outside its knots it keeps its first or last value.
@@ -239,8 +239,7 @@ def clock(bits, module):
     @wp.kernel(module=module, enable_backward=False)
     def prescribe(
         points: wp.array(dtype=wp.int32),
-        schedules: wp.array(dtype=wp.int32),
-        components: wp.array(dtype=wp.uint8),
+        schedules: wp.array(dtype=wp.vec3i),
         scheduled: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
         displacement: wp.array(dtype=vec3),
@@ -249,11 +248,10 @@ def clock(bits, module):
     ):
         p = wp.tid() + first
         i = points[p]
-        target = scheduled[schedules[p]]
         v = velocity[i]
         for c in range(3):
-            if (wp.int32(components[p]) & (1 << c)) != 0:
-                v[c] = (target[c] - displacement[i][c]) / step[0]
+            if schedules[p][c] >= 0:
+                v[c] = (scheduled[schedules[p][c]][c] - displacement[i][c]) / step[0]
         velocity[i] = v
 
     return tick, prescribe

@@ -54,6 +54,30 @@ def test_saving_waits_for_the_frame_before():
     writer.close()
 
 
+def test_work_after_saving_waits_in_the_thread_too():
+    notes, work = Notes(), []
+    writer = Background([notes])
+    notes.gate.clear()
+    writer.write(0)
+    writer.save_then(lambda: work.append((threading.get_ident(), list(notes.saved_after))))
+    assert work == [] and notes.saved_after is None
+    notes.gate.set()
+    writer.write(1)
+    assert work == [(*notes.threads, [0])]
+    writer.close()
+    assert notes.done == [0, 1]
+
+
+def test_nothing_is_saved_after_a_frame_that_was_not_written():
+    notes, work = Notes(fails_at=0), []
+    writer = Background([notes])
+    writer.write(0)
+    writer.save_then(lambda: work.append(0))
+    with pytest.raises(OSError, match="disk full"):
+        writer.close()
+    assert work == [] and notes.saved_after is None and notes.closed
+
+
 def test_an_error_is_raised_at_the_next_call_and_files_are_closed():
     bad, good = Notes(fails_at=1), Notes()
     writer = Background([bad, good])

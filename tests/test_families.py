@@ -6,8 +6,9 @@ from helpers import build, internal_force, jittered, rough, square
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from warp_pd import Sheet
+from warp_pd import Sheet, bonds
 from warp_pd.bonds import build_families, pack, unpack
+from warp_pd.sheet import crosses
 
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15, 9.015)
 MEMBERS = {1.5: 8, 2.015: 12, 3.015: 28, 3.15: 28, 4.15: 56, 9.015: 252}
@@ -47,6 +48,38 @@ def test_families_are_those_of_brute_force(horizon, make):
         rows = common if common.ndim == 2 else common[i]
         expected = apart[np.ix_(found, found)] <= reach
         assert (rows[np.ix_(members, members)] == expected).all()
+
+
+@pytest.mark.parametrize("block", [1, 3000, bonds.BLOCK])
+@pytest.mark.parametrize("sheet", [jittered(12, share=0.3), square(11).as_cloud().cut((0.02, 0.053), (0.07, 0.058))])
+def test_tables_of_a_cloud_are_those_of_a_loop_over_points(sheet, block, monkeypatch):
+    monkeypatch.setattr(bonds, "BLOCK", block)
+    families = build_families(sheet, 3.15, "linear")
+    inverse, size = families.inverse_shapes()
+    common, X, a = unpack(families.common, families.members), sheet.points / families.horizon, families.areas
+    rows = []
+    for i in range(sheet.size):
+        apart = np.linalg.norm(sheet.points - sheet.points[i], axis=1)
+        near = (apart <= families.horizon * (1 + 1e-9)) & (apart > 0)
+        for segment in sheet.cuts:
+            # The side that a bond starts from decides nothing: no point lies on this cut.
+            near &= ~crosses(np.broadcast_to(sheet.points[i], sheet.points.shape), sheet.points, segment)
+        rows.append(np.flatnonzero(near))
+    assert families.members == max(map(len, rows))
+    for i, row in enumerate(rows):
+        n, bond = len(row), (sheet.points[row] - sheet.points[i]) / families.horizon
+        np.testing.assert_array_equal(families.neighbours[i], np.append(row, np.full(families.members - n, -1)))
+        np.testing.assert_array_equal(families.mates[i, :n], [np.flatnonzero(rows[j] == i)[0] for j in row])
+        np.testing.assert_array_equal(families.bonds[i, :n], bond)
+        together = ((bond[:, None] - bond[None]) ** 2).sum(axis=-1) <= (1 + 1e-9) ** 2
+        np.testing.assert_array_equal(common[i, :n, :n], together)
+        assert not common[i, n:].any() and not common[i, :, n:].any() and not families.exists[i, n:].any()
+        c = (1 - np.minimum(np.linalg.norm(X[row] - X[i], axis=1), 1.0)) * a[row]
+        shape = np.einsum("jk,k,ka,kb->jab", together, c, bond, bond)
+        expected = np.linalg.inv(shape)[:, [0, 0, 1], [0, 1, 1]]
+        np.testing.assert_allclose(inverse[i, :n], expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+        np.testing.assert_allclose(size[i, :n], together @ a[row], rtol=1e-12)
+        assert not inverse[i, n:].any() and not size[i, n:].any()
 
 
 @pytest.mark.parametrize("sheet", [square(9), jittered(9), square(9).cut((0.0, 0.053), (0.05, 0.053))])

@@ -174,6 +174,16 @@ def test_triangles_are_stored_when_they_change(tmp_path: Path) -> None:
         assert len(file["VTKHDF/Polygons/Connectivity"]) == sum(each.size for each in stored)
 
 
+def test_triangles_torn_in_the_same_array_are_gone(tmp_path: Path) -> None:
+    surface, path = make_surface(), tmp_path / "frames.vtkhdf"
+    intact = np.ones(len(surface.faces), bool)
+    with VtkHdfSeries(path, surface) as series:
+        for index in range(3):
+            intact[:index] = False
+            series.write(make_frame(surface, index, intact_faces=intact))
+    assert read_series(path).faces.tolist() == [len(surface.faces) - index for index in range(3)]
+
+
 def test_info(tmp_path: Path) -> None:
     surface = write_all(tmp_path / "frames.vtkhdf")
     info = read_series(tmp_path / "frames.vtkhdf")

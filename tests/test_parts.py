@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import GENT, NEO, build, square, uniform
+from helpers import GENT, NEO, array, build, square, uniform
 
 from warp_pd import (
     BodyForce,
@@ -68,6 +68,24 @@ def test_prescribed_motion_follows_its_knots_component_by_component():
     assert result.frame.displacement[right, 2] == pytest.approx(0.002, abs=1e-12)
     assert np.ptp(result.frame.displacement[right, 1]) > 1e-8
     assert abs(result.history[-1]["balance_error"]) < 2e-2
+
+
+def test_edges_that_move_in_different_directions_share_their_corners():
+    """Each point has one thread: two of them would write its velocity at once, and one motion would be lost."""
+    sheet = square(7)
+    right, top = sheet.edges("right"), sheet.edges("top")
+    loads = [
+        Fixed(sheet.edges("left")),
+        Motion(right, [0.0, 0.1], x=[0.0, 0.01]),
+        Motion(top[1:], [0.0, 0.1], y=[0.0, 0.02]),
+    ]
+    simulation = Simulation(sheet, BondAssociated(NEO), Explicit(0.1, frames=1, safety=0.1), loads=loads)
+    moved = array(simulation.build("cpu"), "moved_points").numpy()
+    assert len(moved) == len(set(moved)) == len(right) + len(top) - 2
+    corner = np.intersect1d(right, top)
+    assert simulation.run(device="cpu").frame.displacement[corner, :2] == pytest.approx(
+        np.array([[0.01, 0.02]]), abs=1e-7
+    )
 
 
 def ball_run(precision=64, damping=0.0, **ball):

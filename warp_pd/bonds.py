@@ -16,12 +16,14 @@ import numpy as np
 from .checks import InputError, finite, one_of
 from .kernels.families import WORD
 from .kernels.kinematics import DEGENERATE
-from .launches import Workspace
+from .launches import Workspace, cores
 from .sheet import Sheet, crosses
 
 TOLERANCE = 1e-9
 # Largest horizon in spacings: beyond, the masks of a family's intersections take gigabytes.
 MOST = 16.0
+# Entries of a table, or of points times members squared, that a core works on at once: they stay in its cache.
+BLOCK = 200_000
 
 InfluenceFunction = Callable[[np.ndarray], np.ndarray]
 INFLUENCE: dict[str, InfluenceFunction] = {
@@ -127,11 +129,12 @@ class Families:
             reference area (zero where degenerate or where the bond does not exist), shape (R, n).
         """
         rows, n = self.exists.shape
-        inverse, size = np.zeros((rows, n, 3)), np.zeros((rows, n))
-        chunk = max(1, 20_000_000 // (n * n))
-        for begin in range(0, rows, chunk):
-            part = slice(begin, min(begin + chunk, rows))
+        inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
+
+        def fill(part: slice) -> None:
             inverse[part], size[part] = self._shapes_of(part)
+
+        _in_blocks(rows, n * n, fill)
         return inverse, size
 
     def _shapes_of(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -143,11 +146,10 @@ class Families:
         products = c[..., None] * np.stack(
             [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
         )
-        over_members = "jk,rkc->rjc" if shared else "rjk,rkc->rjc"
         terms = np.concatenate(
             [products, np.where(self.exists[part], self.member_areas[part], 0.0)[..., None]], axis=-1
         )
-        sums = np.einsum(over_members, mask, terms, optimize=True)
+        sums = mask @ terms
         shape, size = sums[..., :3], sums[..., 3]
         inverse, usable = inverse_shape(shape)
         usable &= self.exists[part]
@@ -330,47 +332,28 @@ def _near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
 
 
 def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(sheet.points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
-    severed = np.zeros(sheet.size, bool)
-    for segment in sheet.cuts:
-        across = crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
-        severed[pairs[across]] = True
-        pairs = pairs[~across]
-    tail = np.concatenate([pairs[:, 0], pairs[:, 1]])
-    head = np.concatenate([pairs[:, 1], pairs[:, 0]])
-    order = np.lexsort((head, tail))
-    tail, head = tail[order], head[order]
-    sizes = np.bincount(tail, minlength=sheet.size)
-    if (sizes == 0).any():
-        lone = int(np.flatnonzero(sizes == 0)[0])
-        raise InputError(
-            f"points[{lone}] at {sheet.points[lone].tolist()} has no neighbour within the horizon "
-            f"{horizon:.6g} m: allowed are points with at least one; raise the horizon or remove the point"
-        )
-    n = int(sizes.max())
-    begin = np.concatenate([[0], np.cumsum(sizes)])
-    slot = np.arange(len(tail)) - begin[tail]
-    neighbours = np.full((sheet.size, n), -1, np.int32)
-    neighbours[tail, slot] = head
+    points, (neighbours, mates, severed) = sheet.points, _cloud_neighbours(sheet, horizon)
+    size, n = neighbours.shape
     exists = neighbours >= 0
-    # Bond (i, j) is entry e; sorted by (head, tail) instead, entry e of that order is its mate.
-    back = np.lexsort((tail, head))
-    mates = np.zeros((sheet.size, n), np.int32)
-    mates[tail[back], slot[back]] = slot
-    member = np.where(exists, neighbours, 0)
-    bonds = np.where(exists[..., None], sheet.points[member] - sheet.points[:, None], 0.0) / horizon
-    r = np.minimum(np.linalg.norm(bonds, axis=-1), 1.0)
     reference_area = float(sheet.areas.mean())
+    bonds, influence, member_areas = np.empty((size, n, 2)), np.empty((size, n)), np.empty((size, n))
+
+    def fill(part: slice) -> None:
+        here, member = exists[part], np.maximum(neighbours[part], 0)
+        bonds[part] = np.where(here[..., None], points[member] - points[part, None], 0.0) / horizon
+        r = np.minimum(np.linalg.norm(bonds[part], axis=-1), 1.0)
+        influence[part] = np.where(here, function(np.where(here, r, 1.0)), 0.0)
+        member_areas[part] = np.where(here, sheet.areas[member], 0.0) / reference_area
+
+    _in_blocks(size, n, fill)
     return Families(
         horizon=horizon,
         reference_area=reference_area,
         exists=exists,
         bonds=bonds,
-        influence=np.where(exists, function(np.where(exists, r, 1.0)), 0.0),
+        influence=influence,
         common=_cloud_common(bonds, exists) if intersections else np.zeros((0, 0, 0), np.uint32),
-        member_areas=np.where(exists, sheet.areas[member], 0.0) / reference_area,
+        member_areas=member_areas,
         areas=sheet.areas / reference_area,
         mates=mates,
         neighbours=neighbours,
@@ -379,16 +362,70 @@ def _cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, i
     )
 
 
+def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Tables of neighbours, in rising order, and mates, shape (N, n); points that lost bonds to a cut, shape (N,)."""
+    from scipy import sparse
+    from scipy.spatial import cKDTree
+
+    points, size = sheet.points, sheet.size
+    pairs = cKDTree(points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    severed = np.zeros(size, bool)
+    for segment in sheet.cuts:
+        across = crosses(points[pairs[:, 0]], points[pairs[:, 1]], segment)
+        severed[pairs[across]] = True
+        pairs = pairs[~across]
+    half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
+    graph = half + half.T
+    sizes = np.diff(graph.indptr)
+    if (sizes == 0).any():
+        lone = int(np.flatnonzero(sizes == 0)[0])
+        raise InputError(
+            f"points[{lone}] at {points[lone].tolist()} has no neighbour within the horizon "
+            f"{horizon:.6g} m: allowed are points with at least one; raise the horizon or remove the point"
+        )
+    member = np.arange(int(sizes.max()), dtype=np.int32)
+    exists = member < sizes[:, None]
+    neighbours = np.full(exists.shape, -1, np.int32)
+    neighbours[exists] = graph.indices
+    # Bond (i, j) is entry e by rows; by columns, entry e is its mate.
+    slot = np.broadcast_to(member, exists.shape)[exists]
+    mates = np.zeros(exists.shape, np.int32)
+    mates[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data
+    return neighbours, mates, severed
+
+
 def _cloud_common(bonds: np.ndarray, exists: np.ndarray) -> np.ndarray:
     points, n = exists.shape
-    common = np.zeros((points, n, -(-n // WORD)), np.uint32)
-    chunk = max(1, 10_000_000 // (n * n))
+    common = np.empty((points, n, -(-n // WORD)), np.uint32)
     limit = (1.0 + TOLERANCE) ** 2
-    for begin in range(0, points, chunk):
-        part = slice(begin, min(begin + chunk, points))
-        apart = ((bonds[part, :, None] - bonds[part, None]) ** 2).sum(axis=-1)
-        common[part] = pack((apart <= limit) & exists[part, :, None] & exists[part, None])
+
+    def fill(part: slice) -> None:
+        x, y, here = bonds[part, :, 0], bonds[part, :, 1], exists[part]
+        apart = (x[:, :, None] - x[:, None]) ** 2
+        apart += (y[:, :, None] - y[:, None]) ** 2
+        common[part] = pack((apart <= limit) & here[:, :, None] & here[:, None])
+
+    _in_blocks(points, n * n, fill)
     return common
+
+
+def _in_blocks(rows: int, entries: int, work: Callable[[slice], None]) -> None:
+    """Do the work on slices of the rows, of so many entries each, on all cores."""
+    step = max(1, BLOCK // entries)
+    for _ in cores().map(work, [slice(begin, min(begin + step, rows)) for begin in range(0, rows, step)]):
+        pass
+
+
+def _by_member(values: np.ndarray, scalar: Any, axes: tuple[int, ...] = (1, 0)) -> np.ndarray:
+    """A table by point, shape (N, n, ...), with its axes in another order, in the type of the device."""
+    table = np.empty([values.shape[axis] for axis in axes], scalar)
+    by_point = table.transpose(np.argsort(axes))
+
+    def fill(part: slice) -> None:
+        by_point[part] = values[part]
+
+    _in_blocks(len(values), max(1, values[0].size), fill)
+    return table
 
 
 def family_struct(
@@ -416,7 +453,8 @@ def family_struct(
 
     s = functions.struct()
     s.members, s.words = families.members, families.words
-    family_areas = (families.member_areas * families.exists).sum(axis=1)
+    family_areas = families.member_areas.sum(axis=1)
+    real = wp.dtype_to_numpy(types.real)
 
     def put(name: str, values: np.ndarray, dtype: Any) -> Any:
         return workspace.array(name, owner, dtype, values)
@@ -436,16 +474,16 @@ def family_struct(
         s.kind_area = put("kind_area", families.areas, types.real)
         s.kind_family_area = put("kind_family_area", family_areas, types.real)
         return s
-    s.neighbours = put("neighbours", families.neighbours.T, wp.int32)  # type: ignore[union-attr]
-    s.mates = put("mates", families.mates.T, wp.int32)
-    s.bonds = put("bonds", families.bonds.transpose(1, 0, 2), types.vec2)
-    s.influences = put("influences", families.influence.T, types.real)
+    s.neighbours = put("neighbours", _by_member(families.neighbours, np.int32), wp.int32)  # type: ignore[arg-type]
+    s.mates = put("mates", _by_member(families.mates, np.int32), wp.int32)
+    s.bonds = put("bonds", _by_member(families.bonds, real, (1, 0, 2)), types.vec2)
+    s.influences = put("influences", _by_member(families.influence, real), types.real)
     if families.common.size:
-        s.commons = put("commons", families.common.transpose(1, 2, 0), wp.uint32)
+        s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
     s.wholes = put("wholes", pack(families.exists).T, wp.uint32)
     if inverse is not None:
-        s.shapes = put("shapes", inverse.transpose(1, 0, 2), types.vec3)
-    s.weights = put("weights", weights.T, types.real)
+        s.shapes = put("shapes", _by_member(inverse, real, (1, 0, 2)), types.vec3)
+    s.weights = put("weights", _by_member(weights, real), types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", family_areas, types.real)
     return s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,7 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The sheet at one time.
+    """The sheet at one time. Writers get real numbers in the precision of the run, measures in double precision.
 
     Attributes:
         index: Number of the frame; the first is 0.
@@ -76,6 +76,20 @@ class Frame:
     damage: NDArray[np.floating] | None = None
     ball_center: NDArray[np.floating] | None = None
     point_data: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    def in_double(self) -> Frame:
+        """The same frame, its single-precision numbers in double precision."""
+
+        def double(values: Any) -> Any:
+            return values.astype(np.float64) if getattr(values, "dtype", None) == np.float32 else values
+
+        return replace(
+            self,
+            displacement=double(self.displacement),
+            velocity=double(self.velocity),
+            damage=double(self.damage),
+            point_data={name: double(values) for name, values in self.point_data.items()},
+        )
 
     def positions(self, surface: Surface) -> NDArray[np.float64]:
         """Deformed positions [m], shape (N, 3)."""

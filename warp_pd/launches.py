@@ -227,7 +227,7 @@ class LaunchSequence:
                 if len(commands) == 1:
                     commands[0]()
                 else:
-                    list(_cores().map(_call, commands))
+                    list(cores().map(_call, commands))
 
     def _run_graph(self) -> None:
         if any(isinstance(launch, Call) for launch in self.launches):
@@ -274,7 +274,8 @@ def available_cores() -> int:
 _pool: ThreadPoolExecutor | None = None
 
 
-def _cores() -> ThreadPoolExecutor:
+def cores() -> ThreadPoolExecutor:
+    """Threads, one a core, for work that releases the interpreter lock."""
     global _pool  # noqa: PLW0603 - one pool a process
     if _pool is None:
         _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")

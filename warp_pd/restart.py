@@ -67,18 +67,18 @@ def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
     return "; ".join(shown) + (f"; and {len(whole) - MOST_NAMED} more" if len(whole) > MOST_NAMED else "")
 
 
-def save(path: Path, recorder: Recorder) -> None:
-    """Write the state aside, then move it into place."""
+def collect(recorder: Recorder) -> dict[str, Any]:
+    """Copies of all that a restart file holds."""
     built = recorder.built
-    arrays = {name: getattr(built.state, name).numpy() for name in STATE if getattr(built.state, name) is not None}
-    for name, array in zip(BODIES, built.state.bodies, strict=False):
-        arrays[f"body_{name}"] = array.numpy()
+    copied = {name: getattr(built.state, name) for name in STATE if getattr(built.state, name) is not None}
+    copied |= {f"body_{name}": array for name, array in zip(BODIES, built.state.bodies, strict=False)}
     if built.force.alive is not None:
-        arrays["alive"] = built.force.alive.numpy()
-    for name, array in built.force.internal.items():
-        arrays[f"internal_{name}"] = array.numpy()
+        copied["alive"] = built.force.alive
+    copied |= {f"internal_{name}": array for name, array in built.force.internal.items()}
     if built.stable_step is not None:
-        arrays["direction"] = built.stable_step.direction.numpy()
+        copied["direction"] = built.stable_step.direction
+    arrays = {name: built.to_host(array) for name, array in copied.items()}
+    if built.stable_step is not None:
         arrays["noise"] = np.frombuffer(json.dumps(built.stable_step.noise_state()).encode(), np.uint8)
     numbers = {
         "version": VERSION,
@@ -87,6 +87,11 @@ def save(path: Path, recorder: Recorder) -> None:
         **{name: getattr(recorder, name) for name in NUMBERS},
     }
     arrays["numbers"] = np.frombuffer(json.dumps(numbers).encode(), np.uint8)
+    return arrays
+
+
+def save(path: Path, arrays: dict[str, Any]) -> None:
+    """Write what `collect` gave aside, then move it into place."""
     aside = path.with_name(path.name + ".part")
     with aside.open("wb") as stream:
         np.savez(stream, **arrays)

@@ -10,6 +10,7 @@ import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
@@ -87,6 +88,7 @@ class Recorder:
         reporter: Shows progress, or None.
         folder: For the restart file and the history, or None.
         parts: What a restart file belongs to, see `restart.parts`.
+        files: The one of the writers that works in a thread of its own, which writes the restart file too, or None.
     """
 
     built: Built
@@ -94,6 +96,7 @@ class Recorder:
     reporter: Any = None
     folder: Path | None = None
     parts: dict[str, str] = field(default_factory=dict)
+    files: Background | None = None
     frame_index: int = -1
     time: float = 0.0
     steps: int = 0
@@ -122,11 +125,13 @@ class Recorder:
             DivergedError: if it is not finite any more; nothing of it is written.
         """
         built = self.built
-        self._require_finite(index, now, dt)
+        run_once(built.workspace.device, built.workspace.stages["frame"])
+        totals = built.totals()
+        self._require_finite(index, now, dt, totals)
         self.step_seconds += perf_counter() - self._clock
         elapsed = now - self.time
         frame = snapshot(built, index, now)
-        row = self._row(frame, elapsed, dt)
+        row = self._row(frame, totals, elapsed, dt)
         self._require_no_gain(row, index, dt)
         self.history.append(row)
         self.frame_index, self.time, self.dt = index, now, dt
@@ -137,28 +142,30 @@ class Recorder:
         if self.folder is not None:
             write_history(self.folder / "history.csv", self.history)
             if self._restart_due(index):
-                for writer in self.writers:
-                    writer.save()
-                restart.save(self.folder / restart.NAME, self)
+                self._save(self.folder / restart.NAME)
         if self.reporter is not None:
             self.reporter.frame(self)
         self._clock = perf_counter()
         if self.stop_asked:
             raise KeyboardInterrupt
 
+    def _save(self, path: Path) -> None:
+        for writer in self.writers:
+            if writer is not self.files:
+                writer.save()
+        assert self.files is not None
+        self.files.save_then(partial(restart.save, path, restart.collect(self)))
+
     def _restart_due(self, index: int) -> bool:
         """At the first and last frame, when the user stops the run, and some forty times in between."""
         frames = self.built.simulation.solver.frame_count
         return self.stop_asked or index in (0, frames) or index % max(1, frames // RESTARTS) == 0
 
-    def _require_finite(self, index: int, now: float, dt: float) -> None:
+    def _require_finite(self, index: int, now: float, dt: float, totals: dict[str, float]) -> None:
         built = self.built
         n = built.simulation.sheet.size
-        built.bad.assign(np.array([n], np.int32))
-        run_once(built.workspace.device, built.workspace.stages["frame"])
-        bad = int(built.bad.numpy()[0])
-        energy = float(built.strain_energy.numpy().sum()) if built.strain_energy is not None else 0.0
-        if bad == n and np.isfinite(energy):
+        bad = int(built.not_finite.numpy().min())
+        if bad == n and np.isfinite(totals.get("strain", 0.0)):
             self._require_slow(index, now, dt)
             return
         where = f"point {bad} at {built.simulation.sheet.points[bad].tolist()}" if bad < n else "the strain energy"
@@ -171,9 +178,9 @@ class Recorder:
 
     def _require_slow(self, index: int, now: float, dt: float) -> None:
         built = self.built
-        speed = np.linalg.norm(built.to_numpy(built.state.velocity), axis=1)
-        fastest = int(speed.argmax())
-        if speed[fastest] * dt > built.force.families.horizon:
+        if np.sqrt(built.fastest.numpy().max()) * dt > built.force.families.horizon:
+            speed = np.linalg.norm(built.to_numpy(built.state.velocity), axis=1)
+            fastest = int(speed.argmax())
             when = moment(now, built.load_duration)
             raise DivergedError(
                 f"diverged: point {fastest} moves more than a horizon in one step at {when} "
@@ -214,30 +221,29 @@ class Recorder:
         torn = ", as torn edges do" if built.breakable else ""
         return f"the sheet stiffened faster than the step followed{torn}; try a smaller safety"
 
-    def _row(self, frame: Frame, elapsed: float, dt: float) -> dict[str, float]:
+    def _row(self, frame: Frame, totals: dict[str, float], elapsed: float, dt: float) -> dict[str, float]:
         built, state = self.built, self.built.state
         row: dict[str, float] = {"time": frame.time, "step": dt}
-        row["kinetic"] = float(built.kinetic_energy.numpy().sum())
-        if built.strain_energy is not None:
-            row["strain"] = float(built.strain_energy.numpy().sum())
+        row.update({name: totals[name] for name in ("kinetic", "strain") if name in totals})
         if built.tracked:
-            for name, array in (("external", state.work), ("damping", state.dissipated), ("rupture", state.released)):
+            for name in ("external", "damping", "rupture"):
                 if name != "rupture" or built.force.has_energy:
-                    row[name] = float(array.numpy().sum()) if array is not None else 0.0
+                    row[name] = totals.get(name, 0.0)
             if built.force.has_energy:
-                if getattr(built.force, "viscous", None) is not None:
-                    row["viscous"] = float(built.force.viscous.numpy().sum())
+                if "viscous" in totals:
+                    row["viscous"] = totals["viscous"]
                 row["balance_error"] = self._balance_error(row)
         if getattr(built.force, "outside", None) is not None:
             row["bonds_outside_training"] = float(outside_count(built.force))
         if state.impulse is not None:
-            total = built.to_numpy(state.impulse).sum(axis=0)
             state.impulse.zero_()
-            for name, value in zip("xyz", total, strict=True):
-                row[f"ball_force_{name}"] = float(-value / elapsed) if elapsed > 0.0 else 0.0
+            for name in "xyz":
+                row[f"ball_force_{name}"] = -totals[f"impulse_{name}"] / elapsed if elapsed > 0.0 else 0.0
         if frame.damage is not None:
             row["largest_damage"] = float(frame.damage.max())
-            row["mean_damage"] = float(frame.damage.mean())
+            row["mean_damage"] = float(frame.damage.mean(dtype=np.float64))
+        if built.simulation.measures:
+            frame = frame.in_double()
         for measure in built.simulation.measures:
             row[measure.name] = float(measure.value(built, frame))
         return row
@@ -256,27 +262,21 @@ class Recorder:
 
 def snapshot(built: Built, index: int, now: float) -> Frame:
     """The state as a frame; the launches of the "frame" stage have run."""
-    simulation = built.simulation
-    damage = intact = None
-    if built.damage is not None:
-        damage = np.clip(built.to_numpy(built.damage), 0.0, 1.0)
-        intact = built.intact_faces(built.force.alive.numpy())
-    ball = None
-    if simulation.contact is not None:
-        ball = np.array(simulation.contact.start, float) + now * np.array(simulation.contact.velocity, float)
-    volume = simulation.sheet.areas * simulation.sheet.thickness
+    contact, ball = built.simulation.contact, None
+    if contact is not None:
+        ball = np.array(contact.start, float) + now * np.array(contact.velocity, float)
     energy = built.strain_energy
     return Frame(
         index=index,
         time=now,
-        displacement=built.to_numpy(built.state.displacement),
-        velocity=built.to_numpy(built.state.velocity),
-        intact_faces=intact,
-        damage=damage,
+        displacement=built.to_host(built.state.displacement),
+        velocity=built.to_host(built.state.velocity),
+        intact_faces=None if built.intact is None else built.to_host(built.intact).view(bool),
+        damage=None if built.damage is None else built.to_host(built.damage),
         ball_center=ball,
         point_data={
-            **({} if energy is None else {"strain_energy_density": energy.numpy() / volume}),
-            **{name: built.to_numpy(array) for name, array in built.fields.items()},
+            **({} if energy is None else {"strain_energy_density": energy.numpy() / built.volume}),
+            **{name: built.to_host(array) for name, array in built.fields.items()},
         },
     )
 
@@ -335,8 +335,9 @@ def run(
         built.force.start()
     run_once(built.workspace.device, built.workspace.stages["setup"])
     if folder is not None:
-        files = _file_writers(built, folder, usd, None if saved is None else recorder.frame_index + 1)
-        recorder.writers.append(Background(files))
+        append_from = None if saved is None else recorder.frame_index + 1
+        recorder.files = Background(_file_writers(built, folder, usd, append_from))
+        recorder.writers.append(recorder.files)
     setup_seconds = perf_counter() - begin - compile_seconds
     status, message = FINISHED, ""
     restore_signal = _stop_at_frames(recorder)
@@ -363,7 +364,7 @@ def run(
     if recorder.last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     summary = _summary(recorder, status, message, setup_seconds, compile_seconds, perf_counter() - begin)
-    result = Result(summary, recorder.history, built, recorder.last, folder)
+    result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
     if folder is not None:
         before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
         # First, so that a picture that cannot be drawn does not take the numbers with it.

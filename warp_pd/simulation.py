@@ -15,6 +15,7 @@ One step, in the order of its launches (those that no part asks for do not exist
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -458,17 +459,16 @@ class Built:
         w = self.workspace
         if not self._motions:
             return
-        points, schedules, components = [], [], []
+        # One row a point, as edges that move in different directions share their corners.
+        points = np.unique(np.concatenate([indices for _, indices in self._motions]))
+        schedules = np.full((len(points), 3), -1, np.int32)
         for motion, indices in self._motions:
-            points.append(indices)
-            schedules.append(np.full(len(indices), self._schedule_ids[id(motion)], np.int32))
-            components.append(np.full(len(indices), motion.mask(), np.uint8))
-        total = sum(len(p) for p in points)
+            moved = [c for c in range(3) if motion.mask() & (1 << c)]
+            schedules[np.searchsorted(points, indices)[:, None], moved] = self._schedule_ids[id(motion)]
         w.launch(
-            "step", "Motion", self._prescribe, total,
-            points=w.array("moved_points", "Motion", wp.int32, np.concatenate(points)),
-            schedules=w.array("moved_schedules", "Motion", wp.int32, np.concatenate(schedules)),
-            components=w.array("moved_components", "Motion", wp.uint8, np.concatenate(components)),
+            "step", "Motion", self._prescribe, len(points),
+            points=w.array("moved_points", "Motion", wp.int32, points),
+            schedules=w.array("moved_schedules", "Motion", wp.vec3i, schedules),
             scheduled=self.scheduled, step=self.step, displacement=self.state.displacement,
             velocity=self.state.velocity,
         )  # fmt: skip
@@ -689,13 +689,11 @@ class Built:
         self.add_loads("setup")
 
     def _add_frame(self) -> None:
-        from .kernels.checks import finite_check
+        from .kernels.checks import BLOCK, frame_checks
 
         w, n, state = self.workspace, self.simulation.sheet.size, self.state
         self.strain_energy = w.array("strain_energy", "frames", wp.float64, shape=n) if self.force.has_energy else None
         self.kinetic_energy = w.array("kinetic_energy", "frames", wp.float64, shape=n)
-        self.bad = w.array("bad", "frames", wp.int32, shape=1)
-        self.damage = w.array("damage", "frames", wp.float32, shape=n) if self.breakable else None
         if self.strain_energy is not None:
             self.force.add_energy("frame", state.displacement, self.strain_energy)
         if isinstance(self.force, NeuralForce):
@@ -705,15 +703,53 @@ class Built:
             "frame", "frames", self.integration.kinetic_energy, n,
             mass=self.mass, held_mask=self.held_mask, velocity=state.velocity, out=self.kinetic_energy,
         )  # fmt: skip
+        checks, blocks = frame_checks(self.types.bits, w.module), -(-n // BLOCK)
+        self.not_finite = w.array("not_finite", "frames", wp.int32, shape=blocks)
+        self.fastest = w.array("fastest", "frames", wp.float64, shape=blocks)
         w.launch(
-            "frame", "frames", finite_check(self.types.bits, w.module), n,
-            displacement=state.displacement, velocity=state.velocity, bad=self.bad,
+            "frame", "frames", checks.watch_motion, blocks,
+            displacement=state.displacement, velocity=state.velocity, not_finite=self.not_finite, fastest=self.fastest,
         )  # fmt: skip
+        self._add_sums(checks, blocks)
+        self.damage = self.intact = None
         if self.breakable:
+            self._add_damage()
+
+    def _add_sums(self, checks: Any, blocks: int) -> None:
+        """Add the launches that sum up what the history holds."""
+        w, state = self.workspace, self.state
+        summed = {
+            "kinetic": self.kinetic_energy,
+            "strain": self.strain_energy,
+            "external": state.work,
+            "damping": state.dissipated,
+            "rupture": state.released,
+            "viscous": getattr(self.force, "viscous", None),
+        }
+        summed = {name: array for name, array in summed.items() if array is not None}
+        vectors = [] if state.impulse is None else ["impulse_x", "impulse_y", "impulse_z"]
+        self._summed = [*summed, *vectors]
+        self._sums = w.array("sums_of_blocks", "frames", wp.float64, shape=(len(self._summed), blocks))
+        for row, values in enumerate(summed.values()):
+            w.launch("frame", "frames", checks.sum_blocks, blocks, values=values, row=row, sums=self._sums)
+        if vectors:
             w.launch(
-                "frame", type(self.simulation.damage).__name__, self._damage, n,
-                family=self.force.struct, alive=self.force.alive, out=self.damage,
-            )  # fmt: skip
+                "frame", "frames", checks.sum_vectors, blocks, values=state.impulse, row=len(summed), sums=self._sums
+            )
+
+    def _add_damage(self) -> None:
+        """Add the launches that find the damage of the points and the triangles that are whole."""
+        from .kernels.damage import face_damage
+
+        w, sheet, owner = self.workspace, self.simulation.sheet, type(self.simulation.damage).__name__
+        self.damage = w.array("damage", "frames", wp.float32, shape=sheet.size)
+        self.intact = w.array("intact_faces", "frames", wp.uint8, shape=len(sheet.triangles))
+        family = {"family": self.force.struct, "alive": self.force.alive}
+        w.launch("frame", owner, self._damage, sheet.size, **family, out=self.damage)
+        w.launch(
+            "frame", owner, face_damage(self.force.families.layout, self.types.bits, w.module), len(sheet.triangles),
+            **family, triangles=w.array("triangles", "frames", wp.vec3i, sheet.triangles), intact=self.intact,
+        )  # fmt: skip
 
     def _add_fields(self) -> dict[str, Any]:
         """Further fields of the frames, by name: arrays on the device."""
@@ -739,46 +775,27 @@ class Built:
             metadata={"scene": s.scene, "section": s.section, "units": "SI", **at_rest},
         )
 
-    def intact_faces(self, alive: np.ndarray) -> np.ndarray:
-        """Which triangles kept the bonds along all their edges, shape (F,).
+    @functools.cached_property
+    def volume(self) -> np.ndarray:
+        """Volume of each point [m^3], shape (N,)."""
+        return self.simulation.sheet.areas * self.simulation.sheet.thickness
 
-        Args:
-            alive: Bits of the standing bonds, shape (words, N).
+    def totals(self) -> dict[str, float]:
+        """Sums over all points as of the last frame, of those there are: energies [J] and the ball's impulse [N s].
+
+        Keys: kinetic, strain, external, damping, rupture, viscous, impulse_x, impulse_y, impulse_z.
         """
-        if not hasattr(self, "_edge_members"):
-            self._edge_members = _edge_members(self.simulation.sheet, self.force.families)
-        intact = np.ones(len(self.simulation.sheet.triangles), bool)
-        for tail, member in self._edge_members:
-            known = member >= 0
-            safe = np.maximum(member, 0)
-            word = alive[safe // 32, tail]
-            intact &= ~known | ((word >> (safe % 32).astype(np.uint32)) & 1).astype(bool)
-        return intact
+        return dict(zip(self._summed, self._sums.numpy().sum(axis=1).tolist(), strict=True))
+
+    def to_host(self, array: Any) -> np.ndarray:
+        """A copy on the host, in the precision of the device."""
+        # Of an array on a GPU, numpy() is a copy already.
+        return array.numpy().copy() if array.device.is_cpu else array.numpy()
 
     def to_numpy(self, array: Any) -> np.ndarray:
         """A copy on the host, as float64 if it holds real numbers."""
-        values = array.numpy()
-        return values.astype(np.float64) if values.dtype.kind == "f" else values.copy()
-
-
-def _edge_members(sheet: Sheet, families: Any) -> list[tuple[np.ndarray, np.ndarray]]:
-    """For each of the three edges of every triangle: its first point, and the member index of its second.
-
-    The member is -1 where the edge is longer than the horizon: no bond lies along it.
-    """
-    result = []
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        tail, head = sheet.triangles[:, a], sheet.triangles[:, b]
-        if families.neighbours is None:
-            order = np.argsort(families.shift)
-            place = np.searchsorted(families.shift[order], head - tail)
-            found = order[np.minimum(place, len(order) - 1)]
-            member = np.where(families.shift[found] == head - tail, found, -1)
-        else:
-            matches = families.neighbours[tail] == head[:, None]
-            member = np.where(matches.any(axis=1), matches.argmax(axis=1), -1)
-        result.append((tail, member))
-    return result
+        values = self.to_host(array)
+        return values.astype(np.float64, copy=False) if values.dtype.kind == "f" else values
 
 
 def _constraints(simulation: Simulation) -> tuple[np.ndarray, list[tuple[Motion, np.ndarray]]]:

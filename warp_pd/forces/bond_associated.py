@@ -162,8 +162,8 @@ def tables(
     inverse, size = families.inverse_shapes()
     if weights == "published":
         return families, inverse, size, None
-    total = size.sum(axis=1, keepdims=True)
-    plain = families.areas[:, None] * size / np.where(total > 0.0, total, 1.0)
+    total = size.sum(axis=1)
+    plain = (families.areas / np.where(total > 0.0, total, 1.0))[:, None] * size
     if weights == "plain":
         return families, inverse, plain, None
     if sheet.lattice is None:

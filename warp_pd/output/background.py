@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
@@ -34,6 +34,19 @@ class Background:
         self._settle()
         for writer in self.writers:
             writer.save()
+
+    def save_then(self, work: Callable[[], None]) -> None:
+        """In the thread, bring everything written so far to the disk, then do the work; neither after a failure."""
+        before = self._waiting
+
+        def save() -> None:
+            if before is not None:
+                before.result()
+            for writer in self.writers:
+                writer.save()
+            work()
+
+        self._waiting = self._thread.submit(save)
 
     def close(self) -> None:
         """Write what waits, and close all files, even if one of them failed."""

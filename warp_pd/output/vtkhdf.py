@@ -83,6 +83,7 @@ class VtkHdfSeries:
         self._frames = 0
         self._fields: tuple[str, ...] = ()
         self._held_faces: NDArray[np.integer] | None = None
+        self._held_intact: NDArray[np.bool_] | None = None
         self._closed = False
         if append_from:
             self._continue_from(append_from)
@@ -155,9 +156,11 @@ class VtkHdfSeries:
         root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
         # What an earlier call began and did not finish is not part of any frame.
         _cut(root, frame.index)
-        faces = frame.faces(self.surface)
-        if self._held_faces is None or not np.array_equal(faces, self._held_faces):
-            _add_faces(root, faces, len(self.surface.points))
+        faces = self._held_faces
+        if faces is None or not _same(frame.intact_faces, self._held_intact):
+            faces = frame.faces(self.surface)
+            if not _same(faces, self._held_faces):
+                _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
         _add_rows(root["Points"], frame.positions(self.surface))
         for name, values in fields.items():
@@ -177,6 +180,7 @@ class VtkHdfSeries:
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
         self._held_faces = faces
+        self._held_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
 
     def _continue_from(self, first: int) -> None:
         """Drop the frames from `first` on, and take up where the frame before it left off."""
@@ -307,11 +311,15 @@ def _point_fields(frame: Frame) -> dict[str, NDArray[Any]]:
     return {name: _stored(np.asarray(values)) for name, values in fields.items()}
 
 
+def _same(a: NDArray[Any] | None, b: NDArray[Any] | None) -> bool:
+    return a is b or (a is not None and b is not None and np.array_equal(a, b))
+
+
 def _stored(values: NDArray[Any]) -> NDArray[Any]:
     """Real numbers in single precision; VTK knows no truth values, so these become 0 and 1."""
     if values.dtype == np.bool_:
         return values.astype(np.uint8)
-    return values if np.issubdtype(values.dtype, np.integer) else values.astype(np.float32)
+    return values if np.issubdtype(values.dtype, np.integer) else values.astype(np.float32, copy=False)
 
 
 def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
