@@ -290,7 +290,7 @@ def test_points_that_lost_a_bond_join(sheet):
 
 def names_of(built):
     return {use.name for use in built.workspace.arrays} | {
-        name for launches in built.workspace.stages.values() for launch in launches for name in launch.name.split(", ")
+        name for launches in built.workspace.stages.values() for launch in launches for name in launch.parts
     }
 
 

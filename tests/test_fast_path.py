@@ -33,7 +33,7 @@ def rough(sheet, seed=0):
 
 
 def names(built):
-    return [name for launch in built.workspace.stages["step"] for name in launch.name.split(", ")]
+    return [name for launch in built.workspace.stages["step"] for name in launch.parts]
 
 
 def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT):

@@ -30,12 +30,12 @@ PAGE = Path(__file__).resolve().parents[1] / "docs/what-a-scene-costs.md"
 
 @dataclass(frozen=True)
 class Cost:
-    """What a scene takes: arrays and their bytes a point, launches a step, time a step [s]."""
+    """What a scene takes: arrays and their bytes a point, parts of a step, time a step [s]."""
 
     points: int
     arrays: int
     bytes_per_point: float
-    launches: int
+    parts: int
     step: float
 
 
@@ -90,7 +90,7 @@ def cost(simulation: Simulation, device: str, seconds: float) -> Cost:
         points=simulation.sheet.size,
         arrays=len(built.workspace.arrays),
         bytes_per_point=built.workspace.array_bytes() / simulation.sheet.size,
-        launches=len(built.workspace.stages["step"]),
+        parts=sum(len(launch.parts) for launch in built.workspace.stages["step"]),
         step=step,
     )
 
@@ -101,7 +101,7 @@ def row(name: str, device: str, seconds: float, settings: dict[str, object]) -> 
     full, added = forced(plain, device)
     a, b = cost(plain, device, seconds), cost(full, device, seconds)
     return (
-        f"| {name} | {a.points} | {a.arrays} / {b.arrays} | {a.launches} / {b.launches} | "
+        f"| {name} | {a.points} | {a.arrays} / {b.arrays} | {a.parts} / {b.parts} | "
         f"{a.bytes_per_point:.0f} / {b.bytes_per_point:.0f} | {1e6 * a.step:.4g} / {1e6 * b.step:.4g} | "
         f"{b.step / a.step:.2f} | {', '.join(added)} |"
     )
@@ -137,13 +137,14 @@ def introduction(measured: str) -> Sequence[str]:
         "",
         f"Made by `tools/scene_costs.py` {measured}; float32, the sizes of the scenes.",
         "The first number of each pair is what the scene needs, the second what it would take with the features of",
-        "the last column, which it does without: they leave no array, no launch and no branch. `warp-pd plan SCENE`",
-        "lists what there is. Times are of explicit steps of a sheet that hardly moves, for scenes at rest too.",
-        "Where a law is cheap (bond-based) the features would double the step; where it finds 28 stresses a point they",
+        "the last column, which it does without: they leave no array, no part of a step and no branch. Parts that",
+        "touch their own point alone share a launch; `warp-pd plan SCENE` lists what there is. Times are of explicit",
+        "steps of a sheet that hardly moves, for scenes at rest too. Where a law is cheap (bond-based) the features",
+        "would double the step; where it finds 28 stresses a point they",
         "vanish in it on a CPU, not on a GPU ([performance](performance.md), 1.4 to 1.7 times). Repeated",
         "measurements differ by up to 5 %, so factors from 0.95 to 1.05 are one.",
         "",
-        "| scene | points | arrays | launches a step | bytes a point | step (us) | times | forced on |",
+        "| scene | points | arrays | parts of a step | bytes a point | step (us) | times | forced on |",
         "|---|---|---|---|---|---|---|---|",
     ]
 

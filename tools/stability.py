@@ -179,7 +179,7 @@ LAWS: dict[str, Callable[[Rubber], ForceLaw]] = {
     "bond-based": lambda r: BondBased(Bimodular(3.0 * r.mu_alone("nu is 1/3"))),
     "hyperelastic bonds": lambda r: HyperelasticBonds(BondNeoHookean(r.mu_alone("it is incompressible"))),
     "visco": lambda r: Visco(r.material, prony=r.prony, horizon=HORIZON, weights="corrected"),
-    "visco bonds": lambda r: ViscoBondBased(Yeoh(0.5 * r.mu_alone("its energy knows no volume")), r.prony),
+    "visco bonds": lambda r: ViscoBondBased(Yeoh(0.5 * r.mu_alone("its energy knows no volume")), prony=r.prony),
     "visco series": lambda r: replace(LAWS["visco bonds"](r), update="series"),
 }
 
@@ -1436,6 +1436,9 @@ def main(arguments: Sequence[str] | None = None) -> Table:
             cells = load(given.out.with_suffix(".json"), device)
     except InputError as error:
         parser.error(str(error))
+    for law in laws:
+        # A law that cannot be made at all is an error of this tool, not a case that does not apply.
+        LAWS[law](RUBBER)
     made = f"{stamp(device, given.stand)}, long runs of up to {given.seconds:g} s{', short' if given.fast else ''}"
     tasks = [
         (case.name, Trial(law, 32, given.device, given.steps, given.seconds, given.fast))

@@ -64,6 +64,11 @@ class Launch:
     begin: int = 0
     module: str = ""
 
+    @property
+    def parts(self) -> list[str]:
+        """Names of what it does in turn."""
+        return self.name.split(", ")
+
     @functools.cached_property
     def kernel(self) -> Any:
         """The Warp kernel; that of a point function is declared when it is asked for, once it is joined with others."""
@@ -104,6 +109,11 @@ class Call:
     owner: str
     threads: int
     function: Callable[[], None]
+
+    @property
+    def parts(self) -> list[str]:
+        """Its name."""
+        return [self.name]
 
 
 @dataclass(eq=False)
