@@ -78,22 +78,23 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64)
 
     @wp.func(module=module)
-    def project(i: int, a: Project):
-        free = bool(True)
-        if wp.static(held):
-            free = a.held_mask[i] == wp.uint8(0)
-        X = a.reference[i]
-        c = a.centre[a.schedule]
-        # Reference minus centre first: both are small where contact can be.
-        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
-        distance = wp.length(arm)
-        if free and distance < a.radius and distance > real(0.0):
-            shift = ((a.radius - distance) / distance) * arm
-            a.displacement[i] = a.displacement[i] + shift
-            start = (a.velocity[i] - half_kick(i, a.mass, a.step, a.force, a.external)) / (
-                real(1.0) - half_loss(a.step, a.damping)
-            )
-            strike(i, shift / a.step[0], start, a.mass, a.velocity, a.impulse, a.work)
+    def project(begin: int, end: int, a: Project):
+        for i in range(begin, end):
+            free = bool(True)
+            if wp.static(held):
+                free = a.held_mask[i] == wp.uint8(0)
+            X = a.reference[i]
+            c = a.centre[a.schedule]
+            # Reference minus centre first: both are small where contact can be.
+            arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
+            distance = wp.length(arm)
+            if free and distance < a.radius and distance > real(0.0):
+                shift = ((a.radius - distance) / distance) * arm
+                a.displacement[i] = a.displacement[i] + shift
+                start = (a.velocity[i] - half_kick(i, a.mass, a.step, a.force, a.external)) / (
+                    real(1.0) - half_loss(a.step, a.damping)
+                )
+                strike(i, shift / a.step[0], start, a.mass, a.velocity, a.impulse, a.work)
 
     @functools.partial(wp.struct, module=module)
     class Separate:
@@ -114,22 +115,23 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64)
 
     @wp.func(module=module)
-    def separate(i: int, a: Separate):
-        free = bool(True)
-        if wp.static(held):
-            free = a.held_mask[i] == wp.uint8(0)
-        X = a.reference[i]
-        c = a.centre[a.schedule]
-        arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
-        distance = wp.length(arm)
-        touching = real(1.0) + real(wp.static(1e-5 if bits == 32 else 1e-10))
-        if free and distance < a.radius * touching and distance > real(0.0):
-            normal = arm / distance
-            approach = wp.dot(a.velocity[i] - a.ball_velocity, normal)
-            if approach < real(0.0):
-                start = (real(1.0) + half_loss(a.step, a.damping)) * a.velocity[i] - half_kick(
-                    i, a.mass, a.step, a.force, a.external
-                )
-                strike(i, -approach * normal, start, a.mass, a.velocity, a.impulse, a.work)
+    def separate(begin: int, end: int, a: Separate):
+        for i in range(begin, end):
+            free = bool(True)
+            if wp.static(held):
+                free = a.held_mask[i] == wp.uint8(0)
+            X = a.reference[i]
+            c = a.centre[a.schedule]
+            arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
+            distance = wp.length(arm)
+            touching = real(1.0) + real(wp.static(1e-5 if bits == 32 else 1e-10))
+            if free and distance < a.radius * touching and distance > real(0.0):
+                normal = arm / distance
+                approach = wp.dot(a.velocity[i] - a.ball_velocity, normal)
+                if approach < real(0.0):
+                    start = (real(1.0) + half_loss(a.step, a.damping)) * a.velocity[i] - half_kick(
+                        i, a.mass, a.step, a.force, a.external
+                    )
+                    strike(i, -approach * normal, start, a.mass, a.velocity, a.impulse, a.work)
 
     return PointFunction(project, Project, "project"), PointFunction(separate, Separate, "separate")

@@ -205,23 +205,24 @@ def gather_mates(layout, bits, members, listed, module):
         force: wp.array(dtype=vec3)
 
     @wp.func(module=module)
-    def gather_from_mates(i: int, a: GatherFromMates):
-        if wp.static(listed):
-            # The list is used up; the next launches begin another.
-            if i == a.first_point:
-                a.other_count[0] = 0
-        ring = a.bond_force.shape[1]
-        slot = i % ring
-        push = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(wp.static(n)):
-            members_here = f.whole(a.family, i, wp.static(k // word_size))
-            if (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0):
-                column = slot + f.neighbour(a.family, i, wp.static(k)) - i
-                if column < 0:
-                    column += ring
-                if column >= ring:
-                    column -= ring
-                push += a.bond_force[f.mate(a.family, i, wp.static(k)), column]
-        a.force[i] = a.force[i] - push
+    def gather_from_mates(begin: int, end: int, a: GatherFromMates):
+        for i in range(begin, end):
+            if wp.static(listed):
+                # The list is used up; the next launches begin another.
+                if i == a.first_point:
+                    a.other_count[0] = 0
+            ring = a.bond_force.shape[1]
+            slot = i % ring
+            push = vec3(real(0.0), real(0.0), real(0.0))
+            for k in range(wp.static(n)):
+                members_here = f.whole(a.family, i, wp.static(k // word_size))
+                if (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0):
+                    column = slot + f.neighbour(a.family, i, wp.static(k)) - i
+                    if column < 0:
+                        column += ring
+                    if column >= ring:
+                        column -= ring
+                    push += a.bond_force[f.mate(a.family, i, wp.static(k)), column]
+            a.force[i] = a.force[i] - push
 
     return PointFunction(gather_from_mates, GatherFromMates, "gather_from_mates")

@@ -79,29 +79,30 @@ def integration(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64)
 
     @wp.func(module=module)
-    def drift(i: int, a: Drift):
-        dt = a.step[0]
-        v = a.velocity[i]
-        total = a.force[i]
-        if wp.static(loaded):
-            total += a.external[i]
-        keep = real(1.0)
-        if wp.static(damped):
-            keep = real(1.0) - real(0.5) * dt * a.damping[0]
-        half = keep * v + (real(0.5) * dt / a.mass[i]) * total
-        if wp.static(held):
-            bits_here = a.held_mask[i]
-            for c in range(3):
-                if (wp.int32(bits_here) & ((1 << c) | rigid)) != 0:
-                    half[c] = v[c]
-            if wp.static(tracked):
-                load = total - a.force[i]
-                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt) * power(bits_here, a.force[i], load, half)
-        else:
-            if wp.static(tracked and loaded):
-                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
-        a.displacement[i] = a.displacement[i] + dt * half
-        a.velocity[i] = half
+    def drift(begin: int, end: int, a: Drift):
+        for i in range(begin, end):
+            dt = a.step[0]
+            v = a.velocity[i]
+            total = a.force[i]
+            if wp.static(loaded):
+                total += a.external[i]
+            keep = real(1.0)
+            if wp.static(damped):
+                keep = real(1.0) - real(0.5) * dt * a.damping[0]
+            half = keep * v + (real(0.5) * dt / a.mass[i]) * total
+            if wp.static(held):
+                bits_here = a.held_mask[i]
+                for c in range(3):
+                    if (wp.int32(bits_here) & ((1 << c) | rigid)) != 0:
+                        half[c] = v[c]
+                if wp.static(tracked):
+                    load = total - a.force[i]
+                    a.work[i] = a.work[i] + wp.float64(real(0.5) * dt) * power(bits_here, a.force[i], load, half)
+            else:
+                if wp.static(tracked and loaded):
+                    a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
+            a.displacement[i] = a.displacement[i] + dt * half
+            a.velocity[i] = half
 
     @functools.partial(wp.struct, module=module)
     class Kick:
@@ -116,33 +117,34 @@ def integration(bits, held, loaded, damped, tracked, module):
         dissipated: wp.array(dtype=wp.float64)
 
     @wp.func(module=module)
-    def kick(i: int, a: Kick):
-        dt = a.step[0]
-        half = a.velocity[i]
-        total = a.force[i]
-        if wp.static(loaded):
-            total += a.external[i]
-        v = half + (real(0.5) * dt / a.mass[i]) * total
-        if wp.static(damped):
-            v = v / (real(1.0) + real(0.5) * dt * a.damping[0])
-        moving = v
-        if wp.static(held):
-            bits_here = a.held_mask[i]
-            for c in range(3):
-                if (wp.int32(bits_here) & ((1 << c) | rigid)) != 0:
-                    v[c] = half[c]
-                if (wp.int32(bits_here) & (1 << c)) != 0:
-                    moving[c] = real(0.0)
-            if wp.static(tracked):
-                load = total - a.force[i]
-                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt) * power(bits_here, a.force[i], load, half)
-        else:
-            if wp.static(tracked and loaded):
-                a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
-        if wp.static(tracked and damped):
-            loss = dt * a.damping[0] * a.mass[i] * wp.dot(moving, moving)
-            a.dissipated[i] = a.dissipated[i] + wp.float64(loss)
-        a.velocity[i] = v
+    def kick(begin: int, end: int, a: Kick):
+        for i in range(begin, end):
+            dt = a.step[0]
+            half = a.velocity[i]
+            total = a.force[i]
+            if wp.static(loaded):
+                total += a.external[i]
+            v = half + (real(0.5) * dt / a.mass[i]) * total
+            if wp.static(damped):
+                v = v / (real(1.0) + real(0.5) * dt * a.damping[0])
+            moving = v
+            if wp.static(held):
+                bits_here = a.held_mask[i]
+                for c in range(3):
+                    if (wp.int32(bits_here) & ((1 << c) | rigid)) != 0:
+                        v[c] = half[c]
+                    if (wp.int32(bits_here) & (1 << c)) != 0:
+                        moving[c] = real(0.0)
+                if wp.static(tracked):
+                    load = total - a.force[i]
+                    a.work[i] = a.work[i] + wp.float64(real(0.5) * dt) * power(bits_here, a.force[i], load, half)
+            else:
+                if wp.static(tracked and loaded):
+                    a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
+            if wp.static(tracked and damped):
+                loss = dt * a.damping[0] * a.mass[i] * wp.dot(moving, moving)
+                a.dissipated[i] = a.dissipated[i] + wp.float64(loss)
+            a.velocity[i] = v
 
     @wp.kernel(module=module, enable_backward=False)
     def kinetic_energy(

@@ -22,11 +22,12 @@ def constant_loads(bits, present, module):
         external: wp.array(dtype=vec3)
 
     @wp.func(module=module)
-    def begin_loads(i: int, a: BeginLoads):
-        if wp.static(present):
-            a.external[i] = a.constant[i]
-        else:
-            a.external[i] = vec3(real(0.0), real(0.0), real(0.0))
+    def begin_loads(begin: int, end: int, a: BeginLoads):
+        for i in range(begin, end):
+            if wp.static(present):
+                a.external[i] = a.constant[i]
+            else:
+                a.external[i] = vec3(real(0.0), real(0.0), real(0.0))
 
     return PointFunction(begin_loads, BeginLoads, "begin_loads")
 
@@ -131,10 +132,11 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
         external: wp.array(dtype=vec3)
 
     @wp.func(module=module)
-    def add_follower_pressure(i: int, a: FollowerPressure):
-        p = a.unit_pressure * f.area(a.family, i)
-        if wp.static(scheduled):
-            p = p * a.factors[a.schedule][0]
-        a.external[i] = a.external[i] + p * surface(a.family, a.alive, a.displacement, a.inverse_horizon, i)
+    def add_follower_pressure(begin: int, end: int, a: FollowerPressure):
+        for i in range(begin, end):
+            p = a.unit_pressure * f.area(a.family, i)
+            if wp.static(scheduled):
+                p = p * a.factors[a.schedule][0]
+            a.external[i] = a.external[i] + p * surface(a.family, a.alive, a.displacement, a.inverse_horizon, i)
 
     return PointFunction(add_follower_pressure, FollowerPressure, "add_follower_pressure")

@@ -1,7 +1,8 @@
-"""Point functions: parts of a step of which thread i touches nothing that another thread of the part writes.
+"""Point functions: parts of a step that touch of what they write nothing but their own point.
 
 Parts that follow each other on the same points share a launch, so that a step of a small sheet waits for fewer of
-them and a large one passes its arrays through the processors less often.
+them and a large one passes its arrays through the processors less often. A part works through a run of points: one
+on a GPU; many on a CPU, where a call copies its arguments.
 """
 
 import functools
@@ -16,7 +17,7 @@ class PointFunction:
     """A part of a step.
 
     Attributes:
-        function: Warp function (i, arguments).
+        function: Warp function (begin, end, arguments) of the points begin to end - 1.
         arguments: Its Warp struct.
         name: What it is called in the plan.
     """
@@ -30,7 +31,7 @@ class PointFunction:
 def in_turn(first, second, module):
     """Point function of one after the other; its struct holds theirs as `a` and `b`."""
     First, Second = first.arguments, second.arguments
-    begin, end = first.function, second.function
+    do_first, do_second = first.function, second.function
 
     @functools.partial(wp.struct, module=module)
     class Both:
@@ -38,20 +39,24 @@ def in_turn(first, second, module):
         b: Second
 
     @wp.func(module=module)
-    def both(i: int, arguments: Both):
-        begin(i, arguments.a)
-        end(i, arguments.b)
+    def both(begin: int, end: int, arguments: Both):
+        do_first(begin, end, arguments.a)
+        do_second(begin, end, arguments.b)
 
     return PointFunction(both, Both, f"{first.name}, {second.name}")
 
 
 @functools.cache
-def every_point(part, module):
-    """Kernel of a point function."""
+def every_point(part, run, module):
+    """Kernel of a point function for the points first to stop - 1; a thread takes `run` of them."""
     Arguments, function = part.arguments, part.function
 
     @wp.kernel(module=module, enable_backward=False)
-    def every_point(arguments: Arguments, first: int):
-        function(wp.tid() + first, arguments)
+    def every_point(arguments: Arguments, first: int, stop: int):
+        begin = first + wp.tid() * wp.static(run)
+        if wp.static(run == 1):
+            function(begin, begin + 1, arguments)
+        else:
+            function(begin, wp.min(begin + wp.static(run), stop), arguments)
 
     return every_point

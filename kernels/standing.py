@@ -76,13 +76,14 @@ def gather_pairs(layout, bits, breakable, module):
         force: wp.array(dtype=vec3)
 
     @wp.func(module=module)
-    def gather(i: int, a: Gather):
-        pull = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(a.family.members):
-            if has(a.family, a.alive, i, k):
-                m = f.neighbour(a.family, i, k)
-                pull += a.bond_force[k, i] - a.bond_force[f.mate(a.family, i, k), m]
-        a.force[i] = pull
+    def gather(begin: int, end: int, a: Gather):
+        for i in range(begin, end):
+            pull = vec3(real(0.0), real(0.0), real(0.0))
+            for k in range(a.family.members):
+                if has(a.family, a.alive, i, k):
+                    m = f.neighbour(a.family, i, k)
+                    pull += a.bond_force[k, i] - a.bond_force[f.mate(a.family, i, k), m]
+            a.force[i] = pull
 
     return PointFunction(gather, Gather, "gather")
 

@@ -16,6 +16,8 @@ import warp as wp
 
 # Below this many threads a launch is not worth splitting over the cores of a CPU.
 SPLIT_FROM = 4096
+# Points that a thread of a CPU works through in a row, of what touches its own point alone.
+POINT_RUN = 256
 # Below this many points small blocks let a launch reach all processors of a GPU.
 SMALL, SMALL_BLOCK = 2**17, 64
 
@@ -48,11 +50,12 @@ class Launch:
         name: The kernel's name, or those of the point functions that it joins.
         owner: The part that asked for it.
         source: The Warp kernel; one of its arguments is called `first`. Or a PointFunction.
-        threads: Number of threads.
-        arguments: Value of every argument but `first`, by name.
+        threads: Number of threads, of a point function that of points.
+        arguments: Value of every argument but `first` and `stop`, by name.
         block_dim: Threads of a block on CUDA.
         begin: What the first thread gets for `first`.
         module: Name of the Warp module of a point function's kernel.
+        run: Points of a thread of a point function, or 0.
     """
 
     name: str
@@ -63,6 +66,7 @@ class Launch:
     block_dim: int
     begin: int = 0
     module: str = ""
+    run: int = 0
 
     @property
     def parts(self) -> list[str]:
@@ -74,11 +78,15 @@ class Launch:
         """The Warp kernel; that of a point function is declared when it is asked for, once it is joined with others."""
         from .kernels.points import PointFunction, every_point
 
-        return every_point(self.source, self.module) if isinstance(self.source, PointFunction) else self.source
+        return (
+            every_point(self.source, self.run, self.module) if isinstance(self.source, PointFunction) else self.source
+        )
 
-    def values(self, first: int) -> list[Any]:
-        """Arguments in the kernel's order, for threads that begin with `first`."""
-        return [first if a.label == "first" else self.arguments[a.label] for a in self.kernel.adj.args]
+    def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
+        """Number of threads, and arguments in the kernel's order, for begin to end - 1 of its threads or points."""
+        places = {"first": begin, "stop": end} if self.run else {"first": begin}
+        values = {**self.arguments, **places}
+        return -(-(end - begin) // (self.run or 1)), [values[a.label] for a in self.kernel.adj.args]
 
     def check(self) -> None:
         """Compare the argument names with the kernel's.
@@ -171,6 +179,7 @@ class Workspace:
         for name, value in arguments.items():
             if value is not None:
                 setattr(values, name, value)
+        run = 1 if self.device.is_cuda else POINT_RUN
         launches = self.stages.setdefault(stage, [])
         last = launches[-1] if launches else None
         if isinstance(last, Launch) and isinstance(last.source, PointFunction) and (last.threads, last.begin) == (
@@ -183,7 +192,7 @@ class Workspace:
             values = both
             owner = owner if owner == last.owner else f"{last.owner}, {owner}"
         launches.append(
-            Launch(part.name, owner, part, threads, {"arguments": values}, self.block_dim, begin, self.module)
+            Launch(part.name, owner, part, threads, {"arguments": values}, self.block_dim, begin, self.module, run)
         )
 
     def call(self, stage: str, owner: str, name: str, threads: int, function: Callable[[], None]) -> None:
@@ -304,13 +313,9 @@ def _record(launch: Launch | Call, device: Any) -> list[Callable[[], None]]:
     bounds = launch.begin + np.linspace(0, launch.threads, parts + 1).astype(int)
     commands = []
     for begin, end in itertools.pairwise(bounds):
+        threads, values = launch.slice(int(begin), int(end))
         command = wp.launch(
-            launch.kernel,
-            dim=int(end - begin),
-            inputs=launch.values(int(begin)),
-            device=device,
-            record_cmd=True,
-            block_dim=launch.block_dim,
+            launch.kernel, dim=threads, inputs=values, device=device, record_cmd=True, block_dim=launch.block_dim
         )
         commands.append(command.launch)
     return commands
@@ -322,10 +327,5 @@ def run_once(device: Any, launches: Iterable[Launch | Call]) -> None:
         if isinstance(launch, Call):
             launch.function()
             continue
-        wp.launch(
-            launch.kernel,
-            dim=launch.threads,
-            inputs=launch.values(launch.begin),
-            device=device,
-            block_dim=launch.block_dim,
-        )
+        threads, values = launch.slice(launch.begin, launch.begin + launch.threads)
+        wp.launch(launch.kernel, dim=threads, inputs=values, device=device, block_dim=launch.block_dim)
