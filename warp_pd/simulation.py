@@ -11,6 +11,8 @@ One step, in the order of its launches (those that no part asks for do not exist
     add_release                       energy that each bond has released
     begin_loads, add_...              external force
     kick, kick_bodies, separate       second half kick, contact again
+
+Drift, project, gather, loads, kick and separate share a launch with the one before where nothing stands between.
 """
 
 from __future__ import annotations
