@@ -20,84 +20,8 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
-    def strike(
-        i: int,
-        change: vec3,
-        start: vec3,
-        mass: wp.array(dtype=real),
-        velocity: wp.array(dtype=vec3),
-        impulse: wp.array(dtype=vec3),
-        work: wp.array(dtype=wp.float64),
-    ):
-        before = velocity[i]
-        momentum = mass[i] * change
-        velocity[i] = before + change
-        impulse[i] = impulse[i] + momentum
-        if wp.static(tracked):
-            # The half kick belongs to the same instant: the velocity before it counts, and the one after both.
-            work[i] = work[i] + wp.float64(real(0.5) * wp.dot(momentum, start + before + change))
-
-    @wp.func(module=module)
-    def half_kick(
-        i: int,
-        mass: wp.array(dtype=real),
-        step: wp.array(dtype=real),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-    ):
-        """Change of velocity by half a step of the forces."""
-        total = force[i]
-        if wp.static(loaded):
-            total += external[i]
-        return (real(0.5) * step[0] / mass[i]) * total
-
-    @wp.func(module=module)
-    def half_loss(step: wp.array(dtype=real), damping: wp.array(dtype=real)):
-        """C dt / 2."""
-        loss = real(0.0)
-        if wp.static(damped):
-            loss = real(0.5) * step[0] * damping[0]
-        return loss
-
     @functools.partial(wp.struct, module=module)
-    class Project:
-        reference: wp.array(dtype=types.vec2)
-        mass: wp.array(dtype=real)
-        held_mask: wp.array(dtype=wp.uint8)
-        centre: wp.array(dtype=vec3)
-        schedule: int
-        radius: real
-        step: wp.array(dtype=real)
-        damping: wp.array(dtype=real)
-        force: wp.array(dtype=vec3)
-        external: wp.array(dtype=vec3)
-        displacement: wp.array(dtype=vec3)
-        velocity: wp.array(dtype=vec3)
-        impulse: wp.array(dtype=vec3)
-        work: wp.array(dtype=wp.float64)
-
-    @wp.func(module=module)
-    def project(begin: int, end: int, a: Project):
-        for i in range(begin, end):
-            free = bool(True)
-            if wp.static(held):
-                free = a.held_mask[i] == wp.uint8(0)
-            X = a.reference[i]
-            c = a.centre[a.schedule]
-            # Reference minus centre first: both are small where contact can be.
-            arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
-            distance = wp.length(arm)
-            if free and distance < a.radius and distance > real(0.0):
-                shift = ((a.radius - distance) / distance) * arm
-                a.displacement[i] = a.displacement[i] + shift
-                start = (a.velocity[i] - half_kick(i, a.mass, a.step, a.force, a.external)) / (
-                    real(1.0) - half_loss(a.step, a.damping)
-                )
-                strike(i, shift / a.step[0], start, a.mass, a.velocity, a.impulse, a.work)
-
-    @functools.partial(wp.struct, module=module)
-    class Separate:
+    class Contact:
         reference: wp.array(dtype=types.vec2)
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
@@ -115,23 +39,67 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         work: wp.array(dtype=wp.float64)
 
     @wp.func(module=module)
-    def separate(begin: int, end: int, a: Separate):
+    def strike(i: int, change: vec3, start: vec3, a: Contact):
+        before = a.velocity[i]
+        momentum = a.mass[i] * change
+        a.velocity[i] = before + change
+        a.impulse[i] = a.impulse[i] + momentum
+        if wp.static(tracked):
+            # The half kick belongs to the same instant: the velocity before it counts, and the one after both.
+            a.work[i] = a.work[i] + wp.float64(real(0.5) * wp.dot(momentum, start + before + change))
+
+    @wp.func(module=module)
+    def half_kick(i: int, a: Contact):
+        """Change of velocity by half a step of the forces."""
+        total = a.force[i]
+        if wp.static(loaded):
+            total += a.external[i]
+        return (real(0.5) * a.step[0] / a.mass[i]) * total
+
+    @wp.func(module=module)
+    def half_loss(a: Contact):
+        """C dt / 2."""
+        loss = real(0.0)
+        if wp.static(damped):
+            loss = real(0.5) * a.step[0] * a.damping[0]
+        return loss
+
+    @wp.func(module=module)
+    def arm(i: int, a: Contact):
+        """From the centre of the ball to the point; reference minus centre first, as both are small near contact."""
+        X = a.reference[i]
+        c = a.centre[a.schedule]
+        return vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
+
+    @wp.func(module=module)
+    def free(i: int, a: Contact):
+        if wp.static(held):
+            return a.held_mask[i] == wp.uint8(0)
+        else:
+            return bool(True)
+
+    @wp.func(module=module)
+    def project(begin: int, end: int, a: Contact):
         for i in range(begin, end):
-            free = bool(True)
-            if wp.static(held):
-                free = a.held_mask[i] == wp.uint8(0)
-            X = a.reference[i]
-            c = a.centre[a.schedule]
-            arm = vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
-            distance = wp.length(arm)
-            touching = real(1.0) + real(wp.static(1e-5 if bits == 32 else 1e-10))
-            if free and distance < a.radius * touching and distance > real(0.0):
-                normal = arm / distance
+            away = arm(i, a)
+            distance = wp.length(away)
+            if free(i, a) and distance < a.radius and distance > real(0.0):
+                shift = ((a.radius - distance) / distance) * away
+                a.displacement[i] = a.displacement[i] + shift
+                start = (a.velocity[i] - half_kick(i, a)) / (real(1.0) - half_loss(a))
+                strike(i, shift / a.step[0], start, a)
+
+    @wp.func(module=module)
+    def separate(begin: int, end: int, a: Contact):
+        touching = real(1.0) + real(wp.static(1e-5 if bits == 32 else 1e-10))
+        for i in range(begin, end):
+            away = arm(i, a)
+            distance = wp.length(away)
+            if free(i, a) and distance < a.radius * touching and distance > real(0.0):
+                normal = away / distance
                 approach = wp.dot(a.velocity[i] - a.ball_velocity, normal)
                 if approach < real(0.0):
-                    start = (real(1.0) + half_loss(a.step, a.damping)) * a.velocity[i] - half_kick(
-                        i, a.mass, a.step, a.force, a.external
-                    )
-                    strike(i, -approach * normal, start, a.mass, a.velocity, a.impulse, a.work)
+                    start = (real(1.0) + half_loss(a)) * a.velocity[i] - half_kick(i, a)
+                    strike(i, -approach * normal, start, a)
 
-    return PointFunction(project, Project, "project"), PointFunction(separate, Separate, "separate")
+    return PointFunction(project, Contact, "project"), PointFunction(separate, Contact, "separate")

@@ -67,7 +67,7 @@ def integration(bits, held, loaded, damped, tracked, module):
         return rate
 
     @functools.partial(wp.struct, module=module)
-    class Drift:
+    class Motion:
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
         step: wp.array(dtype=real)
@@ -77,9 +77,10 @@ def integration(bits, held, loaded, damped, tracked, module):
         displacement: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
         work: wp.array(dtype=wp.float64)
+        dissipated: wp.array(dtype=wp.float64)
 
     @wp.func(module=module)
-    def drift(begin: int, end: int, a: Drift):
+    def drift(begin: int, end: int, a: Motion):
         for i in range(begin, end):
             dt = a.step[0]
             v = a.velocity[i]
@@ -104,20 +105,8 @@ def integration(bits, held, loaded, damped, tracked, module):
             a.displacement[i] = a.displacement[i] + dt * half
             a.velocity[i] = half
 
-    @functools.partial(wp.struct, module=module)
-    class Kick:
-        mass: wp.array(dtype=real)
-        held_mask: wp.array(dtype=wp.uint8)
-        step: wp.array(dtype=real)
-        damping: wp.array(dtype=real)
-        force: wp.array(dtype=vec3)
-        external: wp.array(dtype=vec3)
-        velocity: wp.array(dtype=vec3)
-        work: wp.array(dtype=wp.float64)
-        dissipated: wp.array(dtype=wp.float64)
-
     @wp.func(module=module)
-    def kick(begin: int, end: int, a: Kick):
+    def kick(begin: int, end: int, a: Motion):
         for i in range(begin, end):
             dt = a.step[0]
             half = a.velocity[i]
@@ -188,7 +177,7 @@ def integration(bits, held, loaded, damped, tracked, module):
         reaction[i] = wp.float64(wp.dot(support, support) + wp.dot(load, load))
 
     return IntegrationKernels(
-        PointFunction(drift, Drift, "drift"), PointFunction(kick, Kick, "kick"), kinetic_energy, residual
+        PointFunction(drift, Motion, "drift"), PointFunction(kick, Motion, "kick"), kinetic_energy, residual
     )
 
 

@@ -419,14 +419,15 @@ class Built:
             self._add_prescribe()
         if s.sheet.inclusions:
             self._add_move_bodies()
-        w.point(
-            "step", "solver", self.integration.drift, n,
-            mass=self.inertia, held_mask=self.held_mask, step=self.step, damping=self.damping,
-            force=state.force, external=state.external, displacement=state.displacement,
-            velocity=state.velocity, work=state.work,
-        )  # fmt: skip
+        motion = {
+            "mass": self.inertia, "held_mask": self.held_mask, "step": self.step, "damping": self.damping,
+            "force": state.force, "external": state.external, "displacement": state.displacement,
+            "velocity": state.velocity, "work": state.work,
+        }  # fmt: skip
+        w.point("step", "solver", self.integration.drift, n, **motion, dissipated=state.dissipated)
+        ball = {} if s.contact is None else {**motion, **self._ball(s.contact)}
         if s.contact is not None:
-            self._add_project(s.contact)
+            w.point("step", "RigidBall", self._project, n, **ball)
         if s.damage is not None:
             self._add_break("step" if s.solver.in_time else "rupture", s.damage)
         self.force.add_update("step", state.displacement, self.step)
@@ -435,15 +436,11 @@ class Built:
             self._add_release()
         self.add_loads("step")
         s.solver.add_before_kick(self)
-        w.point(
-            "step", "solver", self.integration.kick, n,
-            mass=self.inertia, held_mask=self.held_mask, step=self.step, damping=self.damping, force=state.force,
-            external=state.external, velocity=state.velocity, work=state.work, dissipated=state.dissipated,
-        )  # fmt: skip
+        w.point("step", "solver", self.integration.kick, n, **motion, dissipated=state.dissipated)
         if s.sheet.inclusions:
             self._add_kick_bodies()
         if s.contact is not None:
-            self._add_separate(s.contact)
+            w.point("step", "RigidBall", self._separate, n, **ball)
 
     def _add_clock(self) -> None:
         from .kernels.integrate import clock
@@ -499,31 +496,18 @@ class Built:
             rotation=rotation, linear=linear, angular=angular, velocity=state.velocity,
         )  # fmt: skip
 
-    def _add_project(self, ball: RigidBall) -> None:
+    def _ball(self, ball: RigidBall) -> dict[str, Any]:
+        """What contact needs besides the motion; declares its point functions."""
         from .kernels.contact import ball_contact
 
-        state = self.state
         self._project, self._separate = ball_contact(
             self.types.bits, self.has_held, self.has_loads, self.damped, self.tracked, self.workspace.module
         )
-        self.workspace.point(
-            "step", "RigidBall", self._project, self.simulation.sheet.size,
-            reference=self.reference, mass=self.inertia, held_mask=self.held_mask, centre=self.scheduled,
-            schedule=self._schedule_ids[id(ball)], radius=0.5 * ball.diameter, step=self.step,
-            damping=self.damping, force=state.force, external=state.external, displacement=state.displacement,
-            velocity=state.velocity, impulse=state.impulse, work=state.work,
-        )  # fmt: skip
-
-    def _add_separate(self, ball: RigidBall) -> None:
-        state = self.state
-        self.workspace.point(
-            "step", "RigidBall", self._separate, self.simulation.sheet.size,
-            reference=self.reference, mass=self.inertia, held_mask=self.held_mask, centre=self.scheduled,
-            ball_velocity=self.types.vec3(*ball.velocity), schedule=self._schedule_ids[id(ball)],
-            radius=0.5 * ball.diameter, step=self.step, damping=self.damping, force=state.force,
-            external=state.external, displacement=state.displacement, velocity=state.velocity,
-            impulse=state.impulse, work=state.work,
-        )  # fmt: skip
+        return {
+            "reference": self.reference, "centre": self.scheduled, "schedule": self._schedule_ids[id(ball)],
+            "ball_velocity": self.types.vec3(*ball.velocity), "radius": 0.5 * ball.diameter,
+            "impulse": self.state.impulse,
+        }  # fmt: skip
 
     def _add_break(self, stage: str, damage: Rupture) -> None:
         """Add the launch that breaks bonds."""
