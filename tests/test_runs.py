@@ -18,18 +18,22 @@ from helpers import NEO, square
 from warp_pd import (
     BodyForce,
     BondAssociated,
+    CriticalEnergy,
     CriticalStretch,
     Explicit,
     Fixed,
     InputError,
+    Measure,
     Motion,
     Newton,
+    Nodal,
     Pressure,
     Relaxation,
     RigidBall,
     Sheet,
     Simulation,
 )
+from warp_pd.checks import point_indices
 from warp_pd.cli import build_scene, main
 
 SMALL = ["--points", "21", "--horizon", "2.015", "--device", "cpu", "--quiet"]
@@ -377,6 +381,21 @@ WRONG_PARTS = [
     (lambda: Explicit(1.0, safety=2.0), "safety = 2.0"),
     (lambda: Relaxation(tolerance=0.0), "tolerance = 0.0"),
     (lambda: BodyForce((1.0, NAN, 0.0)), "BodyForce.value"),
+    (lambda: point_indices("points", [0.5, 3.9], 9), "points = .* point numbers"),
+    (lambda: point_indices("points", np.ones(8, bool), 9), "mask of 9"),
+    (lambda: built_with(solver="explicit"), "solver = 'explicit'"),
+    (lambda: built_with(loads=Fixed([0])), "loads = "),
+    (lambda: built_with(damage=1.3), "damage = 1.3"),
+    (lambda: built_with(measures=[Measure("time", "s", lambda built, frame: 0.0)]), "'time'"),
+    (lambda: built_with(loads=[Motion([3], [0.0], x=1.0), Fixed([3])]), "Fixed.points holds point 3 at .* component x"),
+    (
+        lambda: built_with(loads=[Fixed([3]), Motion([3], [0.0], z=1.0)]),
+        "Motion.points holds point 3 at .* component z",
+    ),
+    (
+        lambda: built_with(force=Nodal(NEO), damage=CriticalEnergy(1.0)),
+        "CriticalEnergy with Nodal",
+    ),
     (lambda: Motion([0], [0.0, 1.0]).mask(), "at least one prescribed"),
     (lambda: Motion([0], [1.0, 0.0], x=1.0).schedule(), "rising"),
     (lambda: Motion([0], [0.0, 1.0], x=[1.0, 2.0, 3.0]).schedule(), "3 values"),
@@ -405,6 +424,15 @@ def test_a_point_cannot_be_held_twice():
     loads = [Fixed([3]), Motion([3], [0.0], x=1.0)]
     with pytest.raises(InputError, match="point 3"):
         Simulation(sheet, BondAssociated(NEO), Explicit(1.0), loads=loads).build("cpu")
+
+
+def built_with(**parts):
+    values = {"force": BondAssociated(NEO), "solver": Explicit(1.0), **parts}
+    return Simulation(square(5), **values).build("cpu")
+
+
+def test_a_mask_of_all_points_is_their_numbers():
+    assert (point_indices("points", np.arange(9) > 6, 9) == [7, 8]).all()
 
 
 def names_of(plan):

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import stamp
+from stamp import device_name, stamp
 
 from warp_pd import BondAssociated, Explicit, Fixed, Frame, NeoHookean, Neural, Nodal, Sheet, Simulation
 from warp_pd.forces import ForceLaw
@@ -85,7 +85,7 @@ def main() -> None:
     import matplotlib.pyplot as plt
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--points", type=int, default=21)
     parser.add_argument("--duration", type=float, default=20.0, help="[s]; a period is about 2 s.")
     parser.add_argument("--stretch", type=float, default=0.1)

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from stamp import stamp
+from stamp import device_name, stamp
 from tqdm import tqdm
 
 from warp_pd import BondAssociated, Explicit, Fixed, NeoHookean, Neural, Nodal, Pressure, Relaxation, Sheet, Simulation
@@ -170,7 +170,7 @@ def plot(path: Path, runs: list[dict[str, Any]]) -> None:
 def main() -> None:
     """Measure, then make table and plot of all devices."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--points", type=int, default=51, help="Points a side of the sheet that is solved.")
     parser.add_argument(
         "--timed-points", type=int, help="Points a side of the sheet that is timed; the same by default."

@@ -13,7 +13,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from stamp import stamp
+from stamp import device_name, stamp
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, Sheet, Simulation
 from warp_pd.simulation import find_device
@@ -51,7 +51,7 @@ def march(case: Simulation, device: str, out: str | None) -> tuple[int, float]:
 def main() -> None:
     """Print one line a run, and what is left of the rate."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device")
+    parser.add_argument("--device", type=device_name)
     parser.add_argument("--points", type=int, default=200, help="along a side")
     parser.add_argument("--horizon", type=float, default=3.15)
     parser.add_argument("--frames", type=int, default=100)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stamp import stamp
+from stamp import device_name, stamp
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ def read_summary(folder: Path) -> dict[str, Any] | None:
 def main() -> None:
     """Run what is missing, then write page and contact sheet."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
     parser.add_argument("--work", type=Path, default=Path("runs/scenes"), help="folder of the runs")
     parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of scenes.md and scenes.png")

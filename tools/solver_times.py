@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from stamp import stamp
+from stamp import device_name, stamp
 
 from warp_pd.cli import build_scene
 
@@ -37,7 +37,7 @@ def row(scene: str, points: int, solver: str, device: str, tolerance: float) -> 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--points", type=int, nargs="+", default=[51, 101])
     parser.add_argument("--scenes", nargs="+", default=["pressure", "tension"])
     parser.add_argument("--solvers", nargs="+", default=["relaxation", "newton"])

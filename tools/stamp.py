@@ -1,8 +1,12 @@
 """Where a committed result comes from: device, date and commit."""
 
+import argparse
 import datetime
 import subprocess
 from pathlib import Path
+
+from warp_pd.checks import InputError
+from warp_pd.simulation import find_device
 
 
 def commit() -> str:
@@ -17,3 +21,12 @@ def commit() -> str:
 def stamp(device: str, stand: str | None = None) -> str:
     """Text like "on DEVICE, DATE, commit HASH"; `stand` names the commit where there is no repository."""
     return f"on {device}, {datetime.date.today()}, commit {stand or commit()}"
+
+
+def device_name(value: str) -> str:
+    """Type of the option --device: the name itself, refused in one line where there is no such device."""
+    try:
+        find_device(value)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return value

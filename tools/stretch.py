@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import stamp
+from stamp import device_name, stamp
 
 from warp_pd.bond_neo_hookean import MODES, BondNeoHookean, exact_traction, traction
 from warp_pd.cli import load_scene
@@ -370,7 +370,7 @@ def width_lines(everything: list[Case], work: Path) -> list[str]:
 def main() -> None:
     """Run what is missing, then write the page and its pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--points", type=int, default=100, help="along a side; half as many uniaxial, 30 at least")
     parser.add_argument("--defects", nargs="*", default=list(DEFECTS), choices=DEFECTS)
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time")

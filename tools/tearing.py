@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stamp import stamp
+from stamp import device_name, stamp
 
 GRIDS: dict[str, dict[str, float]] = {
     "0°": {},
@@ -278,7 +278,7 @@ def draw_paths(study: Study, runs: dict[tuple[float, str], Run], path: Path) -> 
 def main() -> None:
     """Run what is missing, then write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
     parser.add_argument("--scenes", nargs="*", default=[s.scene for s in STUDIES])
     parser.add_argument("--share", type=float, default=1.0, help="share of the points along a side")

@@ -12,7 +12,7 @@ import dataclasses
 import json
 from pathlib import Path
 
-from stamp import stamp
+from stamp import device_name, stamp
 
 from warp_pd import bench
 from warp_pd.simulation import find_device
@@ -21,7 +21,7 @@ from warp_pd.simulation import find_device
 def main() -> None:
     """Measure and print; write page and numbers if asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device")
+    parser.add_argument("--device", type=device_name)
     parser.add_argument("--points", type=int, nargs="*", default=[32, 100, 316, 1000, 3163], help="along a side")
     parser.add_argument("--horizon", type=float, nargs="*", default=[1.5, 2.015, 3.15])
     parser.add_argument("--precision", type=int, nargs="*", default=[32, 64])

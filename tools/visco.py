@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import identify_material
-from stamp import stamp
+from stamp import device_name, stamp
 
 from scenes import Case, contact_sheet, execute, read_summary, sections
 
@@ -96,7 +96,7 @@ def page(chosen: list[Case], work: Path, stand: str | None) -> str:
 def main() -> None:
     """Run what is missing, then write page and picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--points", type=int, help="points along a side, by default the paper's")
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
     parser.add_argument("--work", type=Path, default=Path("runs/visco"), help="folder of the runs")

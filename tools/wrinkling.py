@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import stamp
+from stamp import device_name, stamp
 
 from warp_pd.cli import build_scene
 from warp_pd.measures import row_at
@@ -360,7 +360,7 @@ SECTIONS: dict[str, Callable[[Page], list[str]]] = {
 def main() -> None:
     """Run the sections asked for, then put the page together."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--device", type=device_name, default="cpu")
     parser.add_argument("--share", type=float, default=1.0, help="of the scenes' points along x")
     parser.add_argument("--fine", type=float, default=FINE, help="relative residual of the beam's comparison")
     parser.add_argument("--only", nargs="+", choices=SECTIONS, default=list(SECTIONS))

@@ -106,12 +106,17 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
 
 
 def point_indices(name: str, value: Any, points: int) -> np.ndarray:
-    """`value` as sorted unique point indices, int32.
+    """`value`, indices or a mask of all points, as sorted unique point indices, int32.
 
     Raises:
-        InputError: if it is empty or an index does not exist.
+        InputError: if it is empty, an index does not exist, or it is neither whole numbers nor a mask.
     """
-    indices = np.unique(np.asarray(value, dtype=np.int64))
+    given = np.asarray(value)
+    if given.dtype == bool and given.shape == (points,):
+        given = np.flatnonzero(given)
+    if given.size and given.dtype.kind not in "iu":
+        raise InputError(f"{name} = {value!r}: allowed are point numbers, or a mask of {points} truth values")
+    indices = np.unique(given.astype(np.int64))
     if indices.size == 0:
         raise InputError(f"{name} = {value!r}: allowed is at least one point")
     if indices[0] < 0 or indices[-1] >= points:

@@ -29,7 +29,7 @@ import warp as wp
 from .checks import InputError, one_of, point_indices
 from .contact import RigidBall
 from .damage import CriticalEnergy, Rupture, crossing_bonds
-from .forces import ForceLaw
+from .forces import BondAssociated, ForceLaw, Visco, ViscoBondBased
 from .forces.bond_based import BondBasedForce
 from .forces.neural import NeuralForce
 from .frame import Frame, Surface
@@ -44,6 +44,11 @@ if TYPE_CHECKING:
     from .solvers.stable_step import StableStep
 
 RIGID = 8
+# Columns of the history that are not measures.
+HISTORY = (
+    "time", "step", "kinetic", "strain", "external", "damping", "rupture", "viscous", "balance_error",
+    "bonds_outside_training", "ball_force_x", "ball_force_y", "ball_force_z", "largest_damage", "mean_damage",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -137,9 +142,32 @@ class Simulation:
         Raises:
             InputError: for parts that do not fit together, or a device that is not there.
         """
+        self._check_parts()
+        return Built(self, find_device(device), one_of("precision", precision or self.solver.precision, (32, 64)))
+
+    def _check_parts(self) -> None:
+        """Raise InputError for a part that is none, or a measure whose name is taken."""
+        from .solvers import Solver
+
         if not hasattr(self.force, "signature"):
             raise InputError(f"force = {self.force!r}: allowed is a force law, such as BondAssociated(material)")
-        return Built(self, find_device(device), one_of("precision", precision or self.solver.precision, (32, 64)))
+        kinds = (
+            ("sheet", self.sheet, Sheet, "a Sheet"),
+            ("solver", self.solver, Solver, "Explicit, Relaxation or Newton"),
+            ("contact", self.contact, RigidBall | None, "a RigidBall or None"),
+            ("damage", self.damage, Rupture | None, "CriticalStretch, CriticalEnergy or None"),
+        )
+        for name, part, kind, allowed in kinds:
+            if not isinstance(part, kind):
+                raise InputError(f"{name} = {part!r}: allowed is {allowed}")
+        lists = (("loads", self.loads, Load, "loads"), ("measures", self.measures, Measure, "measures"))
+        for name, parts, kind, allowed in lists:
+            if not isinstance(parts, Sequence) or not all(isinstance(part, kind) for part in parts):
+                raise InputError(f"{name} = {parts!r}: allowed is a list of {allowed}")
+        names = [measure.name for measure in self.measures]
+        for name in names:
+            if names.count(name) > 1 or name in HISTORY:
+                raise InputError(f"measures: two columns of the history would be called {name!r}: allowed is one")
 
     def plan(self, device: str | None = None, precision: int | None = None) -> str:
         """Table of the arrays and launches of this simulation."""
@@ -548,10 +576,12 @@ class Built:
         force = self.force
         if not self.simulation.solver.in_time:
             raise InputError("damage = CriticalEnergy: allowed with the solver Explicit alone")
-        if not hasattr(force, "bond_force") or getattr(self.simulation.force, "fast", False):
+        law = self.simulation.force
+        plain = isinstance(law, BondAssociated) and not law.fast and law.weights != "published"
+        if not plain and not isinstance(law, Visco | ViscoBondBased):
             raise InputError(
                 f"damage = CriticalEnergy with {type(self.simulation.force).__name__}: allowed are Visco, "
-                f"ViscoBondBased, and BondAssociated with fast = False"
+                f"ViscoBondBased, and BondAssociated with fast = False and weights that conserve energy"
             )
         shape = (force.families.members, self.simulation.sheet.size)
         return self.workspace.array("energy_release", "CriticalEnergy", self.types.real, shape=shape)
@@ -784,6 +814,21 @@ class Built:
         return values.astype(np.float64, copy=False) if values.dtype.kind == "f" else values
 
 
+def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
+    """Say which point two parts would move or hold.
+
+    Raises:
+        InputError: always.
+    """
+    x, y = sheet.points[point]
+    other = "a rigid inclusion" if clash & RIGID else "another support or motion"
+    what = "" if clash & RIGID else f" its component {'xyz'[[clash & bit > 0 for bit in (1, 2, 4)].index(True)]} of"
+    raise InputError(
+        f"{name}.points holds point {point} at ({x:.4g}, {y:.4g}) m, where {other} has{what} it already: "
+        f"allowed is one; leave shared points, such as corners, out with numpy.setdiff1d"
+    )
+
+
 def _constraints(simulation: Simulation) -> tuple[np.ndarray, list[tuple[Motion, np.ndarray]]]:
     """Bits of held components of every point, and the motions with their checked points.
 
@@ -797,17 +842,19 @@ def _constraints(simulation: Simulation) -> tuple[np.ndarray, list[tuple[Motion,
         if held[members].any():
             raise InputError("two rigid inclusions share a point: allowed are inclusions apart from each other")
         held[members] |= RIGID
+    moved = held.copy()
     for load in simulation.loads:
         if not isinstance(load, Fixed | Motion):
             continue
         name = type(load).__name__
         points = point_indices(f"{name}.points", load.points, sheet.size)
-        clash = held[points] & (load.mask() | RIGID)
-        if isinstance(load, Fixed):
-            clash &= RIGID
+        # Supports may share points; what moves must be alone.
+        others = held if isinstance(load, Motion) else moved
+        clash = others[points] & (load.mask() | RIGID)
         if clash.any():
-            bad = int(points[np.flatnonzero(clash)[0]])
-            raise InputError(f"{name}.points holds point {bad}, which another support or inclusion moves already")
+            _refuse_clash(name, sheet, int(points[np.flatnonzero(clash)[0]]), int(clash[clash > 0][0]))
+        if isinstance(load, Motion):
+            moved[points] |= load.mask()
         held[points] |= load.mask()
         if isinstance(load, Motion):
             motions.append((load, points))
