@@ -150,7 +150,7 @@ def introduction(measured: str) -> Sequence[str]:
         "steps of a sheet that hardly moves, for scenes at rest too. Where a law is cheap (bond-based) the features",
         "would double the step; where it finds 28 stresses a point they",
         "nearly vanish in it on a CPU, not on a GPU ([performance](performance.md), 1.4 to 1.8 times). Best of four",
-        "measurements in turn; factors from 0.93 to 1.07 are one.",
+        "measurements in turn; factors from 0.9 to 1.1 are one.",
         "",
         "| scene | points | arrays | parts of a step | bytes a point | step (us) | times | forced on |",
         "|---|---|---|---|---|---|---|---|",
