@@ -5,13 +5,16 @@ import pytest
 from helpers import GENT, NEO, array, build, square, uniform
 
 from warp_pd import (
+    Bimodular,
     BodyForce,
     BondAssociated,
+    BondBased,
     CriticalStretch,
     Explicit,
     Fixed,
     InputError,
     Motion,
+    Nodal,
     Ogden,
     PointForce,
     Pressure,
@@ -238,6 +241,9 @@ def test_a_slack_sheet_is_at_rest_at_once():
         (lambda: Ogden(mu=1.0, exponents=(2.0,)), "mu = 1.0"),
         (lambda: Ogden(mu=(1.0,), exponents=2.0), "exponents = 2.0"),
         (lambda: BondAssociated("rubber"), "material = 'rubber'"),
+        (lambda: BondAssociated(Bimodular(1e3)), "material = Bimodular.* such as NeoHookean"),
+        (lambda: BondBased(NEO), "material = NeoHookean.* such as Bimodular"),
+        (lambda: Nodal(type(NEO)), "material = <class"),
         (lambda: Simulation(square(5), None, Explicit(1.0)).build("cpu"), "force = None"),
         (lambda: Simulation(square(5), NEO, Explicit(1.0)).build("cpu"), "force = NeoHookean"),
     ],

@@ -178,6 +178,15 @@ def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
         assert {p.name for p in tmp_path.iterdir()} == {".mine.usdc"} | results
 
 
+def test_a_run_whose_frames_are_gone_is_not_resumed(ball, tmp_path):
+    folder = tmp_path / "gone"
+    shutil.copytree(ball, folder)
+    (folder / "frames.vtkhdf").unlink()
+    done = cli("run", "ball_penetration", *SMALL, "--frames", "24", "--no-pictures", "--resume", "--out", str(folder))
+    assert done.exit_code == 2
+    assert "still has its frames.vtkhdf" in done.output
+
+
 def test_ctrl_c_ends_at_a_frame_and_can_be_resumed(tmp_path):
     command = [sys.executable, "-m", "warp_pd.cli", "run", "ball_penetration", *SMALL, "--frames", "200", "--no-pictures",  # noqa: E501
                "--no-usd", "--out", str(tmp_path)]  # fmt: skip

@@ -447,8 +447,10 @@ def _clear_unfinished(folder: Path) -> None:
 def _file_writers(built: Built, folder: Path, usd: bool, append_from: int | None) -> list[Writer]:
     from .output.vtkhdf import VtkHdfSeries
 
-    surface = built.surface()
-    writers: list[Writer] = [VtkHdfSeries(folder / "frames.vtkhdf", surface, append_from=append_from)]
+    surface, frames = built.surface(), folder / "frames.vtkhdf"
+    if append_from is not None and not frames.is_file():
+        raise InputError(f"resume from {str(folder)!r}: allowed is a folder that still has its {frames.name}")
+    writers: list[Writer] = [VtkHdfSeries(frames, surface, append_from=append_from)]
     if usd:
         from .output.usd import UsdAnimation
 
