@@ -125,8 +125,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=PAGE)
     parser.add_argument("--stand", help="name of the commit, where there is no repository")
     options = parser.parse_args(arguments)
+    device = find_device(options.device)
     try:
-        device = find_device(options.device)
         positive("seconds", options.seconds)
     except InputError as error:
         parser.error(str(error))

@@ -76,11 +76,9 @@ class Launch:
     @functools.cached_property
     def kernel(self) -> Any:
         """The Warp kernel; that of a point function is declared when it is asked for, once it is joined with others."""
-        from .kernels.points import PointFunction, every_point
+        from .kernels.points import every_point
 
-        return (
-            every_point(self.source, self.run, self.module) if isinstance(self.source, PointFunction) else self.source
-        )
+        return every_point(self.source, self.run, self.module) if self.run else self.source
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
         """Number of threads, and arguments in the kernel's order, for begin to end - 1 of its threads or points."""
@@ -94,12 +92,17 @@ class Launch:
         Raises:
             TypeError: if one is missing or unknown.
         """
-        wanted = {a.label for a in self.kernel.adj.args} - {"first"}
-        if wanted != set(self.arguments):
-            raise TypeError(
-                f"launch of {self.name}: missing {sorted(wanted - set(self.arguments))}, "
-                f"unknown {sorted(set(self.arguments) - wanted)}"
-            )
+        _check_names(f"launch of {self.name}", {a.label for a in self.kernel.adj.args} - {"first"}, set(self.arguments))
+
+
+def _check_names(what: str, wanted: set[str], given: set[str]) -> None:
+    """Compare the names of arguments.
+
+    Raises:
+        TypeError: if one is missing or unknown.
+    """
+    if wanted != given:
+        raise TypeError(f"{what}: missing {sorted(wanted - given)}, unknown {sorted(given - wanted)}")
 
 
 @dataclass(eq=False)
@@ -167,14 +170,9 @@ class Workspace:
         Raises:
             TypeError: if an argument is missing or unknown.
         """
-        from .kernels.points import PointFunction, in_turn
+        from .kernels.points import in_turn
 
-        wanted = set(part.arguments.vars)
-        if wanted != set(arguments):
-            raise TypeError(
-                f"point function {part.name}: missing {sorted(wanted - set(arguments))}, "
-                f"unknown {sorted(set(arguments) - wanted)}"
-            )
+        _check_names(f"point function {part.name}", set(part.arguments.vars), set(arguments))
         values = part.arguments()
         for name, value in arguments.items():
             if value is not None:
@@ -182,9 +180,7 @@ class Workspace:
         run = 1 if self.device.is_cuda else POINT_RUN
         launches = self.stages.setdefault(stage, [])
         last = launches[-1] if launches else None
-        if isinstance(last, Launch) and isinstance(last.source, PointFunction) and (last.threads, last.begin) == (
-            threads, begin,
-        ):  # fmt: skip
+        if isinstance(last, Launch) and last.run and (last.threads, last.begin) == (threads, begin):
             launches.pop()
             part = in_turn(last.source, part, self.module)
             both = part.arguments()

@@ -449,15 +449,16 @@ class Prony:
         return (self.c10, self.c20, self.time * self.rate**-self.exponent, 0.0)
 
 
-def require_kind(material: Any, kind: str) -> None:
-    """Check that a material is one of continua ("functions") or of pairs of points ("pairwise").
+def check_material(material: Any, kind: str) -> None:
+    """Check that a material is one of continua ("functions") or of pairs of points ("pairwise"), and its constants.
 
     Raises:
-        InputError: if it is not.
+        InputError: if it is not, or as of `padded_constants`.
     """
     example = {"functions": "NeoHookean(mu, bulk)", "pairwise": "Bimodular(modulus)"}[kind]
     if isinstance(material, type) or not hasattr(material, kind):
         raise InputError(f"material = {material!r}: allowed with this law is a material such as {example}")
+    padded_constants(material)
 
 
 def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, float, float, float]:

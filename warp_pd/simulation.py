@@ -580,7 +580,7 @@ class Built:
         plain = isinstance(law, BondAssociated) and not law.fast and law.weights != "published"
         if not plain and not isinstance(law, Visco | ViscoBondBased):
             raise InputError(
-                f"damage = CriticalEnergy with {type(self.simulation.force).__name__}: allowed are Visco, "
+                f"damage = CriticalEnergy with {type(law).__name__}: allowed are Visco, "
                 f"ViscoBondBased, and BondAssociated with fast = False and weights that conserve energy"
             )
         shape = (force.families.members, self.simulation.sheet.size)
@@ -822,7 +822,7 @@ def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
     """
     x, y = sheet.points[point]
     other = "a rigid inclusion" if clash & RIGID else "another support or motion"
-    what = "" if clash & RIGID else f" its component {'xyz'[[clash & bit > 0 for bit in (1, 2, 4)].index(True)]} of"
+    what = "" if clash & RIGID else f" its component {next(c for k, c in enumerate('xyz') if clash & 1 << k)} of"
     raise InputError(
         f"{name}.points holds point {point} at ({x:.4g}, {y:.4g}) m, where {other} has{what} it already: "
         f"allowed is one; leave shared points, such as corners, out with numpy.setdiff1d"
@@ -853,9 +853,8 @@ def _constraints(simulation: Simulation) -> tuple[np.ndarray, list[tuple[Motion,
         clash = others[points] & (load.mask() | RIGID)
         if clash.any():
             _refuse_clash(name, sheet, int(points[np.flatnonzero(clash)[0]]), int(clash[clash > 0][0]))
-        if isinstance(load, Motion):
-            moved[points] |= load.mask()
         held[points] |= load.mask()
         if isinstance(load, Motion):
+            moved[points] |= load.mask()
             motions.append((load, points))
     return held, motions

@@ -11,7 +11,7 @@ import numpy as np
 from ..bonds import Families, InfluenceFunction, build_families, influence_function, unpack
 from ..checks import InputError, one_of, positive
 from ..launches import Workspace
-from ..materials import Material, padded_constants, require_kind
+from ..materials import Material, check_material
 from ..sheet import Sheet
 from .family_force import FamilyForce, require_one_material
 from .fast_path import fast_path
@@ -66,8 +66,7 @@ class BondAssociated:
         one_of("weights", self.weights, WEIGHTS)
         one_of("broken", self.broken, BROKEN)
         influence_function(self.influence)
-        require_kind(self.material, "functions")
-        padded_constants(self.material)
+        check_material(self.material, "functions")
 
     def resolved_weights(self, breakable: bool) -> str:
         """The weights that "auto" stands for."""

@@ -11,7 +11,7 @@ import numpy as np
 from ..bonds import Families, build_families
 from ..checks import InputError, one_of, positive
 from ..launches import Workspace
-from ..materials import PairwiseMaterial, padded_constants, require_kind
+from ..materials import PairwiseMaterial, check_material
 from ..sheet import Sheet
 from .family_force import FamilyForce
 
@@ -50,8 +50,7 @@ class BondBased:
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         one_of("state", self.state, STIFFNESS)
-        require_kind(self.material, "pairwise")
-        padded_constants(self.material)
+        check_material(self.material, "pairwise")
 
     def signature(self, layout: str, breakable: bool) -> tuple[Any, ...]:
         """What decides which kernels are compiled."""

@@ -14,7 +14,7 @@ import numpy as np
 from ..bonds import InfluenceFunction, influence_function
 from ..checks import InputError, one_of, positive
 from ..launches import Workspace
-from ..materials import Material, padded_constants, require_kind
+from ..materials import Material, check_material
 from ..sheet import Sheet
 from . import network as networks
 from .network import Network
@@ -70,8 +70,7 @@ class Neural:
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         influence_function(self.influence)
-        require_kind(self.material, "functions")
-        padded_constants(self.material)
+        check_material(self.material, "functions")
         one_of("evaluation", self.evaluation, EVALUATIONS)
         if not hasattr(self.material, "membrane"):
             raise InputError(

@@ -10,7 +10,7 @@ import numpy as np
 from ..bonds import Families, InfluenceFunction, build_families, influence_function, inverse_shape, require_diagonals
 from ..checks import positive
 from ..launches import Workspace
-from ..materials import Material, padded_constants, require_kind
+from ..materials import Material, check_material
 from ..sheet import Sheet
 from .family_force import FamilyForce, require_one_material
 
@@ -42,8 +42,7 @@ class Nodal:
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         influence_function(self.influence)
-        require_kind(self.material, "functions")
-        padded_constants(self.material)
+        check_material(self.material, "functions")
 
     def signature(self, layout: str, breakable: bool) -> tuple[Any, ...]:
         """What decides which kernels are compiled."""
