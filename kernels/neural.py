@@ -181,23 +181,48 @@ def closed_form(bits, membrane):
     return bond_law
 
 
-@dataclass(frozen=True)
-class Layers:
-    """Shape of a network that is evaluated inside a kernel.
+@functools.cache
+def network_function(bits, layers, module):
+    """Warp function from the inputs to the outputs of a network, whose weights are numbers in its code.
 
-    Attributes:
-        width: Width of the hidden layers; narrower ones are filled up with zeros.
-        inner: Number of layers from hidden to hidden.
-        block: Threads of a block that share one product of tiles; 0 for one bond after the other, as on a CPU.
+    Args:
+        bits: 32 or 64.
+        layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
+            every other one 1 / (1 + exp y) of what the one before gives (`warp_pd.forces.network.Network.sigmoids`).
+        module: Name of the Warp module.
     """
+    types = numeric(bits)
+    real, vec4 = types.real, types.parameters
 
-    width: int
-    inner: int
-    block: int
+    def declare(below, columns, bias):
+        vector = wp.types.vector(length=len(bias), dtype=real)
+        start, columns = vector(*bias), [vector(*column) for column in columns]
+
+        @wp.func(module=module)
+        def first_layer(inputs: vec4):
+            y = wp.static(start)
+            for a in range(wp.static(len(columns))):
+                y += inputs[wp.static(a)] * wp.static(columns[a])
+            return y
+
+        @wp.func(module=module)
+        def layer(inputs: vec4):
+            x = below(inputs)
+            y = wp.static(start)
+            for a in range(wp.static(len(columns))):
+                y += (real(1.0) / (real(1.0) + wp.exp(x[wp.static(a)]))) * wp.static(columns[a])
+            return y
+
+        return layer if below else first_layer
+
+    found = None
+    for *columns, bias in layers:
+        found = declare(found, columns, bias)
+    return found
 
 
 @functools.cache
-def neural(layout, bits, membrane, breakable, evaluation, layers, counted, module):
+def neural(layout, bits, membrane, breakable, evaluation, layers, counted, module, fused_module):
     """Kernels of the law.
 
     Args:
@@ -206,9 +231,10 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         breakable: Whether bonds can break.
         evaluation: "torch", "fused" or "closed_form".
-        layers: Layers, for "fused", else None.
+        layers: Numbers of the network, see `network_function`, for "fused", else None.
         counted: Whether there is a range that bonds can leave.
         module: Name of the Warp module.
+        fused_module: Name of the Warp module of the kernel that evaluates a network.
     """
     types = numeric(bits)
     real, vec2, vec3, vec4, mat32, mat22, parameters = (
@@ -378,7 +404,7 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
         direct = None
     elif evaluation == "fused":
         parts = (f, point, family_frame, bond_seen, family_scale, logarithms, pull)
-        direct = (fused_tiles if layers.block else fused_loops)(bits, layers, *parts, module)
+        direct = fused(bits, layers, *parts, module, fused_module)
     return NeuralKernels(
         direct=direct,
         features=features if torch else None,
@@ -388,24 +414,14 @@ def neural(layout, bits, membrane, breakable, evaluation, layers, counted, modul
     )
 
 
-def fused_loops(bits, layers, f, point, family_frame, bond_seen, family_scale, logarithms, pull, module):
-    """Kernel of the law with the network evaluated one bond after the other, for a CPU."""
+def fused(bits, layers, f, point, family_frame, bond_seen, family_scale, logarithms, pull, module, fused_module):
+    """Kernel of the law with the network evaluated one bond after the other."""
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    width, inner = layers.width, layers.inner
-    hidden = wp.types.vector(length=width, dtype=real)
-    first_matrix = wp.types.matrix(shape=(width, 4), dtype=real)
-    inner_matrix = wp.types.matrix(shape=(width, width), dtype=real)
-    last_matrix = wp.types.matrix(shape=(2, width), dtype=real)
+    evaluate = network_function(bits, layers, module)
     Family = f.struct
 
-    @wp.func(module=module)
-    def bent(x: hidden):
-        for r in range(width):
-            x[r] = wp.tanh(x[r])
-        return x
-
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=fused_module, enable_backward=False)
     def fused_force(
         family: Family,
         alive: wp.array2d(dtype=wp.uint32),
@@ -413,12 +429,6 @@ def fused_loops(bits, layers, f, point, family_frame, bond_seen, family_scale, l
         constants: parameters,
         inverse_horizon: real,
         unit_force: real,
-        points: int,
-        first_weights: wp.array(dtype=first_matrix),
-        inner_weights: wp.array(dtype=inner_matrix),
-        last_weights: wp.array(dtype=last_matrix),
-        biases: wp.array(dtype=hidden),
-        last_bias: wp.array(dtype=vec2),
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
@@ -429,81 +439,9 @@ def fused_loops(bits, layers, f, point, family_frame, bond_seen, family_scale, l
             force = vec3(real(0.0), real(0.0), real(0.0))
             if point.has(family, alive, i, k) and scale > real(0.0):
                 x, u, share, direction, row = bond_seen(family, displacement, inverse_horizon, H, D, V, area, z, i, k)
-                h = bent(first_weights[0] * logarithms(row) + biases[0])
-                for layer in range(inner):
-                    h = bent(inner_weights[layer] * h + biases[layer + 1])
-                o = last_weights[0] * h + last_bias[0]
+                o = evaluate(logarithms(row))
                 force = scale * share * pull(x, u, direction, R, vec2(o[0], row[1] * o[1]))
             bond_force[k, i] = force
-
-    return fused_force
-
-
-def fused_tiles(bits, layers, f, point, family_frame, bond_seen, family_scale, logarithms, pull, module):
-    """Kernel of the law with the network evaluated on tiles, one column a thread, for a GPU.
-
-    A thread owns a point; the k-th bonds of a block's points form the columns of one matrix product. Threads
-    beyond the last point take part in the products and write nothing.
-    """
-    types = numeric(bits)
-    real, vec2, vec3, vec4, parameters = types.real, types.vec2, types.vec3, types.parameters, types.parameters
-    width, inner, block = layers.width, layers.inner, layers.block
-    inner_rows = max(1, inner) * width
-    bias_rows = (inner + 1) * width
-    Family = f.struct
-
-    # The block is part of the tiles' shapes, so this kernel cannot share a module with launches of other blocks.
-    @wp.kernel(module=f"{module}_tiles", enable_backward=False)
-    def fused_force(
-        family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_force: real,
-        points: int,
-        first_weights: wp.array2d(dtype=real),
-        inner_weights: wp.array2d(dtype=real),
-        last_weights: wp.array2d(dtype=real),
-        biases: wp.array2d(dtype=real),
-        last_bias: wp.array2d(dtype=real),
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        thread = wp.tid() + first
-        i = wp.min(thread, points - 1)
-        H, R, D, V, area, z = family_frame(family, alive, displacement, constants, inverse_horizon, i)
-        scale = family_scale(family, V, unit_force, i)
-        w_first = wp.tile_load(first_weights, shape=(width, 4), storage="shared")
-        w_inner = wp.tile_load(inner_weights, shape=(inner_rows, width), storage="shared")
-        w_last = wp.tile_load(last_weights, shape=(2, width), storage="shared")
-        b = wp.tile_load(biases, shape=(bias_rows, 1), storage="shared")
-        b_last = wp.tile_load(last_bias, shape=(2, 1), storage="shared")
-        for k in range(family.members):
-            row = vec4(real(1.0), real(0.0), real(1.0), real(1.0))
-            x = vec2(real(1.0), real(0.0))
-            u = vec3(real(0.0), real(0.0), real(0.0))
-            direction = x
-            share = real(0.0)
-            if point.has(family, alive, i, k) and scale > real(0.0):
-                x, u, share, direction, row = bond_seen(family, displacement, inverse_horizon, H, D, V, area, z, i, k)
-            q = logarithms(row)
-            h = wp.tile_map(
-                wp.tanh,
-                wp.tile_matmul(w_first, wp.tile(q))
-                + wp.tile_broadcast(wp.tile_view(b, offset=(0, 0), shape=(width, 1)), shape=(width, block)),
-            )
-            for layer in range(wp.static(inner)):
-                h = wp.tile_map(
-                    wp.tanh,
-                    wp.tile_matmul(wp.tile_view(w_inner, offset=(layer * width, 0), shape=(width, width)), h)
-                    + wp.tile_broadcast(
-                        wp.tile_view(b, offset=((layer + 1) * width, 0), shape=(width, 1)), shape=(width, block)
-                    ),
-                )
-            o = wp.untile(wp.tile_matmul(w_last, h) + wp.tile_broadcast(b_last, shape=(2, block)))
-            if thread < points:
-                bond_force[k, i] = scale * share * pull(x, u, direction, R, vec2(o[0], row[1] * o[1]))
 
     return fused_force
 

@@ -154,18 +154,12 @@ def test_fused_and_torch_agree(sheet, precision, breakable):
 
 
 @pytest.mark.parametrize("precision", [32, 64])
-@pytest.mark.parametrize("hidden", [(5, 7), (6,), (4, 4, 3)], ids=str)
-def test_the_tiles_of_a_gpu_give_what_the_loops_of_a_cpu_do(hidden, precision, monkeypatch):
-    """Tiles run on a CPU too, one thread a block."""
+@pytest.mark.parametrize("hidden", [(5, 7), (6,), (4, 4, 3), (32, 32)], ids=str)
+def test_networks_of_any_shape_run_fused(hidden, precision):
     sheet = square(9)
     forces = []
-    for block in (0, 1):
-        monkeypatch.setattr("warp_pd.forces.neural.block_of", lambda device, block=block: block)
-        # Tiles and loops are two modules; on one device a run has only one of them.
-        law = Neural(NEO, horizon=3.15 + 1e-3 * block, evaluation="fused", network=tiny(hidden=hidden))
-        simulation = Simulation(sheet, force=law, solver=Explicit(1.0), track_energy=block == 0)
-        built = simulation.build("cpu", precision)
-        built.workspace.compile()
+    for evaluation in ("torch", "fused"):
+        built = build(sheet, Neural(NEO, evaluation=evaluation, network=tiny(hidden=hidden)), precision)
         forces.append(internal_force(built, rough(sheet)))
     assert np.abs(forces[0]).max() > 0.0
     difference = np.abs(forces[0] - forces[1]).max()
@@ -427,6 +421,7 @@ def test_missing_and_foreign_files_and_materials_are_refused(tmp_path):
         (lambda: Neural(NEO, network=tiny(ratios={"bulk/mu": 50.0})), "bulk/mu = 50"),
         (lambda: Neural(NEO, network=3), "network = 3"),
         (lambda: Neural(NEO, evaluation="exact"), "'exact'"),
+        (lambda: Neural(NEO, evaluation="fused", network=tiny(hidden=(100, 100))), "at most"),
         (lambda: Neural(NEO, evaluation="fused", network=lambda x: x), "fused"),
         (lambda: Neural(NEO, evaluation="closed_form", network=tiny()), "closed_form"),
         (lambda: Neural(NEO, horizon=-1.0), "horizon = -1.0"),

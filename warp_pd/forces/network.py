@@ -58,6 +58,11 @@ class Network:
         """Outputs of each layer."""
         return tuple(len(b) for b in self.biases)
 
+    @property
+    def size(self) -> int:
+        """Number of weights and biases."""
+        return sum(w.size + b.size for w, b in zip(self.weights, self.biases, strict=True))
+
     def folded(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Layers (weights, biases) with the scaling of inputs and outputs worked in."""
         layers = [(w.copy(), b.copy()) for w, b in zip(self.weights, self.biases, strict=True)]
@@ -66,6 +71,16 @@ class Network:
         w, b = layers[-1]
         layers[-1] = (w * self.output_scale[:, None], b * self.output_scale)
         return layers
+
+    def sigmoids(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
+        """The layers of `folded` for 1 / (1 + exp y) in place of tanh between them: columns of the weights, biases.
+
+        tanh y = 1 - 2 / (1 + exp 2y), so each hidden layer is doubled, and each but the first takes ones in place of
+        its inputs, less twice them. A neuron then takes an exponential, a sum and a reciprocal.
+        """
+        layers = [(2.0 * w, 2.0 * b) for w, b in self.folded()[:-1]] + self.folded()[-1:]
+        layers = layers[:1] + [(-2.0 * w, b + w.sum(axis=1)) for w, b in layers[1:]]
+        return tuple(tuple(map(tuple, [*w.T.tolist(), b.tolist()])) for w, b in layers)
 
     def evaluate(self, features: np.ndarray) -> np.ndarray:
         """T along and across the bond, shape (B, 2), of (lambda, theta, C33, det F), shape (B, 4)."""

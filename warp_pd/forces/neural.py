@@ -23,11 +23,11 @@ from .nodal import WholeFamilyForce
 if TYPE_CHECKING:
     from ..kernels.neural import NeuralKernels
 
-# Threads of a block that evaluate a network together on a GPU.
-BLOCK = 64
 # Bonds that Torch takes at once on a CPU.
 CACHED_ROWS = 8192
 EVALUATIONS = ("torch", "fused", "closed_form")
+# Weights of a network that become numbers in a kernel; more compile slowly.
+MOST_WEIGHTS = 10_000
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Neural:
         horizon: Horizon over the spacing of the sheet [-].
         evaluation: How the map from bond to force is evaluated:
             "torch": by `network` in Torch, on all bonds at once.
-            "fused": by the same network inside one Warp kernel, without tensors of bonds.
+            "fused": by the same network inside one Warp kernel, its weights numbers in the code.
             "closed_form": exactly (kernels/neural.py), without a network.
         network: A Network, the file of one, or None for the one that comes with the package. For "torch" also
             any callable, a torch.nn.Module for instance, from a tensor (bonds, 4) of (lambda, theta, C33, det F) to
@@ -53,7 +53,7 @@ class Neural:
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
 
     Raises:
-        InputError: for a network that is missing, damaged, or made for another material.
+        InputError: for a network that is missing, damaged, made for another material, or too large for "fused".
     """
 
     material: Material
@@ -96,13 +96,18 @@ class Neural:
         else:
             found = networks.default() if self.network is None else networks.load(name)
         found.require_material(self.material, name)
+        if self.evaluation == "fused" and found.size > MOST_WEIGHTS:
+            raise InputError(
+                f"network = {name!r} has {found.size} weights: allowed with evaluation 'fused' are at most "
+                f"{MOST_WEIGHTS}; take 'torch'"
+            )
         return found
 
     def signature(self, layout: str, breakable: bool) -> tuple[Any, ...]:
         """What decides which kernels are compiled."""
-        widths = self.loaded.widths if self.loaded is not None and self.evaluation == "fused" else None
+        numbers = self.loaded.sigmoids() if self.loaded is not None and self.evaluation == "fused" else None
         counted = self.loaded is not None
-        return (layout, "neural", self.material.membrane, breakable, self.evaluation, widths, counted)  # type: ignore[attr-defined]
+        return (layout, "neural", self.material.membrane, breakable, self.evaluation, numbers, counted)  # type: ignore[attr-defined]
 
     def build(self, workspace: Workspace, sheet: Sheet, breakable: bool) -> NeuralForce:
         """Families and tables on the device.
@@ -126,14 +131,16 @@ class NeuralForce(WholeFamilyForce):
     def __init__(self, law: Neural, workspace: Workspace, sheet: Sheet, breakable: bool) -> None:
         import warp as wp
 
-        from ..kernels.neural import Layers, neural
+        from ..kernels.neural import neural
 
         super().__init__("Neural", law, workspace, sheet, breakable)
         layout, bits, module = self.families.layout, workspace.bits, workspace.module
-        layers = None
+        layers, fused_module = None, f"{module}_fused"
         if law.evaluation == "fused":
             assert law.loaded is not None
-            layers = Layers(max(law.loaded.widths[:-1]), len(law.loaded.widths) - 2, block_of(workspace.device))
+            layers = law.loaded.sigmoids()
+            # Exponentials and reciprocals of the hardware, in float32 on a GPU.
+            wp.get_module(fused_module).options["fast_math"] = bits == 32
         self.kernels: NeuralKernels = neural(
             layout,
             bits,
@@ -143,6 +150,7 @@ class NeuralForce(WholeFamilyForce):
             layers,
             law.loaded is not None,
             module,
+            fused_module,
         )
         self.outside = None
         if law.loaded is not None:
@@ -153,10 +161,6 @@ class NeuralForce(WholeFamilyForce):
             self._pairs = workspace.array("bond_pairs", self.owner, self.types.vec2, shape=slots)
             self._frame = workspace.array("frame", self.owner, self.types.mat32, shape=sheet.size)
             self._infer = TorchStep(law, self._features, self._pairs)
-        elif layers is not None:
-            self._layers = layers
-            assert law.loaded is not None
-            self._weights = layer_arrays(law.loaded, layers, self.types, workspace, self.owner)
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launches that turn a displacement [m] into the internal force [N], both (N,) vec3."""
@@ -175,15 +179,11 @@ class NeuralForce(WholeFamilyForce):
                 points=self.points, bond_force=self.bond_force,
             )  # fmt: skip
         elif self.law.evaluation == "fused":
-            block = self._layers.block
-            threads = -(-self.points // block) * block if block else self.points
-            launch = w.launch(
-                stage, self.owner, kernels.direct, threads,
-                **shared, constants=self.constants, points=self.points, **self._weights,
+            w.launch(
+                stage, self.owner, kernels.direct, self.points,
+                **shared, constants=self.constants,
                 unit_force=self.law.material.mu * unit_force, bond_force=self.bond_force,
             )  # fmt: skip
-            if block:
-                launch.block_dim = block
         else:
             w.launch(
                 stage, self.owner, kernels.direct, self.points,
@@ -200,45 +200,6 @@ class NeuralForce(WholeFamilyForce):
             stage, self.owner, self.kernels.outside, self.points,
             **self.family_arguments(displacement), constants=self.constants, least=least, most=most, out=self.outside,
         )  # fmt: skip
-
-
-def block_of(device: Any) -> int:
-    """Threads that evaluate a network together; 0 for each on its own."""
-    return BLOCK if device.is_cuda else 0
-
-
-def layer_arrays(network: Network, layers: Any, types: Any, workspace: Workspace, owner: str) -> dict[str, Any]:
-    """Weights and biases of the folded network as the fused kernels take them, filled up to one width."""
-    import warp as wp
-
-    folded, width = network.folded(), layers.width
-
-    def filled(values: np.ndarray, *shape: int) -> np.ndarray:
-        out = np.zeros(shape)
-        out[tuple(slice(0, n) for n in values.shape)] = values
-        return out
-
-    hidden = folded[:-1]
-    values = {
-        "first_weights": filled(hidden[0][0], width, 4)[None],
-        "inner_weights": np.array([filled(w, width, width) for w, _ in hidden[1:]] or [np.zeros((width, width))]),
-        "last_weights": filled(folded[-1][0], 2, width)[None],
-        "biases": np.array([filled(b, width) for _, b in hidden]),
-        "last_bias": folded[-1][1][None],
-    }
-    if layers.block:
-        shapes = {"biases": (-1, 1), "last_bias": (-1, 1)}
-        flat = {name: v.reshape(shapes.get(name, (-1, v.shape[-1]))) for name, v in values.items()}
-        return {name: workspace.array(name, owner, types.real, v) for name, v in flat.items()}
-    matrix, vector = wp.types.matrix, wp.types.vector
-    kinds = {
-        "first_weights": matrix(shape=(width, 4), dtype=types.real),
-        "inner_weights": matrix(shape=(width, width), dtype=types.real),
-        "last_weights": matrix(shape=(2, width), dtype=types.real),
-        "biases": vector(length=width, dtype=types.real),
-        "last_bias": types.vec2,
-    }
-    return {name: workspace.array(name, owner, kinds[name], v) for name, v in values.items()}
 
 
 class TorchStep:
