@@ -17,7 +17,7 @@ from .numeric import numeric
 
 
 @functools.cache
-def boundary_force(layout, bits, breakable, form, module):
+def boundary_force(layout, bits, members, breakable, form, module):
     """Kernels `edge_normals` and `add_boundary_force`.
 
     Where nothing can break, a thread is an entry of `points`: the rest of the sheet has no part in it. Where
@@ -26,6 +26,7 @@ def boundary_force(layout, bits, breakable, form, module):
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
+        members: Most members of a family.
         breakable: Whether bonds can break; points that lost one carry the force too.
         form: "normal" or "printed".
         module: Name of the Warp module.
@@ -34,7 +35,7 @@ def boundary_force(layout, bits, breakable, form, module):
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
-    surface = surface_vector(layout, bits, breakable, module)
+    surface = surface_vector(layout, bits, members, breakable, module)
     printed = form == "printed"
     word_size = WORD
 

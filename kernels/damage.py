@@ -16,12 +16,13 @@ from .numeric import numeric
 
 
 @functools.cache
-def breaking(layout, bits, by_energy, tracked, spared, earlier_energy, module):
+def breaking(layout, bits, members, by_energy, tracked, spared, earlier_energy, module):
     """Kernel `break_bonds`.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
+        members: Most members of a family.
         by_energy: Whether `critical` is an energy release rate, instead of a squared stretch.
         tracked: Whether the energy that breaking releases is summed up, per point.
         spared: Whether the bonds of some points never break.
@@ -32,7 +33,9 @@ def breaking(layout, bits, by_energy, tracked, spared, earlier_energy, module):
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    word_size = WORD
+    n, word_size = members, WORD
+    words = -(-n // WORD)
+    Words = wp.types.vector(length=words, dtype=wp.uint32)
 
     @wp.func(module=module)
     def spent(
@@ -43,12 +46,13 @@ def breaking(layout, bits, by_energy, tracked, spared, earlier_energy, module):
         critical: real,
         i: int,
         k: int,
+        m: int,
     ):
         if wp.static(by_energy):
             return energy_release[k, i] > critical
         else:
             X = horizon * f.bond(family, i, k)
-            U = displacement[f.neighbour(family, i, k)] - displacement[i]
+            U = displacement[m] - displacement[i]
             Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
             return wp.dot(Y, Y) > critical * wp.dot(X, X)
 
@@ -61,25 +65,22 @@ def breaking(layout, bits, by_energy, tracked, spared, earlier_energy, module):
         critical: real,
         spared_mask: wp.array(dtype=wp.uint8),
         i: int,
-        word: int,
-        standing: wp.uint32,
+        standing: Words,
     ):
-        """The bits of `standing` whose bonds are not spent."""
+        """The bits of `standing` whose bonds are not spent.
+
+        Spelled out and without branches: a thread has the loads of all members under way at once.
+        """
         survivors = standing
-        members = standing
-        k = word * word_size
-        bit = wp.uint32(1)
-        while members != wp.uint32(0):
-            if (members & wp.uint32(1)) != wp.uint32(0):
-                over = spent(family, displacement, energy_release, horizon, critical, i, k)
-                if wp.static(spared):
-                    m = f.neighbour(family, i, k)
-                    over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
-                if over:
-                    survivors = survivors & ~bit
-            members = members >> wp.uint32(1)
-            bit = bit << wp.uint32(1)
-            k += 1
+        for k in range(wp.static(n)):
+            bit = wp.uint32(wp.static(1 << (k % word_size)))
+            there = (standing[wp.static(k // word_size)] & bit) != wp.uint32(0)
+            m = wp.where(there, f.neighbour(family, i, wp.static(k)), i)
+            over = spent(family, displacement, energy_release, horizon, critical, i, wp.static(k), m)
+            if wp.static(spared):
+                over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
+            lost = wp.where(there and over, bit, wp.uint32(0))
+            survivors[wp.static(k // word_size)] = survivors[wp.static(k // word_size)] & ~lost
         return survivors
 
     @wp.kernel(module=module, enable_backward=False)
@@ -100,23 +101,22 @@ def breaking(layout, bits, by_energy, tracked, spared, earlier_energy, module):
         released: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
+        standing = Words()
+        for word in range(wp.static(words)):
+            standing[wp.static(word)] = alive[wp.static(word), i]
+        left = surviving(family, displacement, energy_release, horizon, critical, spared_mask, i, standing)
         breaks = bool(False)
-        back = real(0.0)
-        if wp.static(tracked):
-            back = real(0.5) * step[0]
-        for word in range(family.words):
-            standing = alive[word, i]
-            left = surviving(family, displacement, energy_release, horizon, critical, spared_mask, i, word, standing)
-            if left != standing:
+        for word in range(wp.static(words)):
+            if left[wp.static(word)] != standing[wp.static(word)]:
                 breaks = True
         if breaks:
+            back = real(0.0)
             before = real(0.0)
             if wp.static(tracked):
+                back = real(0.5) * step[0]
                 before = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
-            for word in range(family.words):
-                alive[word, i] = surviving(
-                    family, displacement, energy_release, horizon, critical, spared_mask, i, word, alive[word, i]
-                )
+            for word in range(wp.static(words)):
+                alive[wp.static(word), i] = left[wp.static(word)]
             if wp.static(tracked):
                 after = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))

@@ -3,7 +3,7 @@
 The same sums as `plain_force` in kernels/bond_associated.py, for any family. The threads of a block share what each
 finds, between barriers, in the block's own memory:
 
-    every thread (i, k)     c_k X_k and U_k of its member
+    every thread (i, k)     c_k U_ik (x) X_ik of its member, two columns
     every thread (i, j)     A_ij = W_ij P_ij K_ij^-1 of its bond, two columns, from those of the members of D_ij
     every thread (i, k)     t_ik = c_k [ sum over j with k in D_ij of A_ij ] X_ik
 
@@ -75,6 +75,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
         other_count: wp.array(dtype=wp.int32),
         start: int,
         stop: int,
+        moments: wp.array2d(dtype=vec2),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -99,37 +100,45 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
                 i = others[wp.min(place, count - 1)]
             whole = is_whole(family, alive, i)
             stands = place < count and has(family, alive, i, k)
-            stretch = vec3(real(0.0), real(0.0), real(0.0))
             moment = vec2(real(0.0), real(0.0))
-            inverse_weight = real(0.0)
+            xi = vec2(real(0.0), real(0.0))
+            P1 = vec3(real(0.0), real(0.0), real(0.0))
+            P2 = vec3(real(0.0), real(0.0), real(0.0))
             common = Words()
             if stands:
-                m = f.neighbour(family, i, k)
-                c = f.influence(family, i, k) * f.area(family, m)
-                moment = c * f.bond(family, i, k)
-                if c > real(0.0):
-                    inverse_weight = real(1.0) / c
-                stretch = inverse_horizon * (displacement[m] - displacement[i])
+                if wp.static(layout == "lattice"):
+                    moment = moments[k, family.kind[i]]
+                else:
+                    moment = moments[k, i]
+                stretch = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                P1 = moment[0] * stretch
+                P2 = moment[1] * stretch
+                if wp.static(breakable is not None):
+                    xi = f.bond(family, i, k)
                 for word in range(wp.static(words)):
                     common[word] = f.common(family, i, k, wp.static(word)) & present(family, alive, i, wp.static(word))
-            stretches = wp.tile(vec4(stretch[0], stretch[1], stretch[2], moment[0]), preserve_type=True)
-            moments = wp.tile(vec2(moment[1], inverse_weight), preserve_type=True)
+            first_products = wp.tile(vec4(P1[0], P1[1], P1[2], P2[0]), preserve_type=True)
+            second_products = wp.tile(vec2(P2[1], P2[2]), preserve_type=True)
+            if wp.static(breakable is not None):
+                arms = wp.tile(vec4(moment[0], moment[1], xi[0], xi[1]), preserve_type=True)
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
             for other in range(wp.static(n)):
                 bit = common[wp.static(other // word_size)] & wp.uint32(wp.static(1 << (other % word_size)))
-                u = stretches[wp.static(other * together) + slot]
-                c1 = wp.where(bit != wp.uint32(0), u[3], real(0.0))
-                c2 = wp.where(bit != wp.uint32(0), moments[wp.static(other * together) + slot][0], real(0.0))
-                G1 += c1 * vec3(u[0], u[1], u[2])
-                G2 += c2 * vec3(u[0], u[1], u[2])
+                on = wp.where(bit != wp.uint32(0), real(1.0), real(0.0))
+                a = first_products[wp.static(other * together) + slot]
+                b = second_products[wp.static(other * together) + slot]
+                G1 += on * vec3(a[0], a[1], a[2])
+                G2 += on * vec3(a[3], b[0], b[1])
             A1 = vec3(real(0.0), real(0.0), real(0.0))
             A2 = vec3(real(0.0), real(0.0), real(0.0))
             weight = real(0.0)
             if stands:
                 size = real(0.0)
                 inverse = vec3(real(0.0), real(0.0), real(0.0))
-                if whole:
+                if wp.static(breakable is None):
+                    inverse = f.shape(family, i, k)
+                elif whole:
                     inverse = f.shape(family, i, k)
                 else:
                     shape = vec3(real(0.0), real(0.0), real(0.0))
@@ -139,9 +148,8 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
                         for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
                             if ((members_here >> wp.uint32(at)) & wp.uint32(1)) != wp.uint32(0):
                                 other = wp.static(word * word_size) + at
-                                x = stretches[other * together + slot][3]
-                                y = moments[other * together + slot]
-                                shape += y[1] * vec3(x * x, x * y[0], y[0] * y[0])
+                                arm = arms[other * together + slot]
+                                shape += vec3(arm[0] * arm[2], arm[0] * arm[3], arm[1] * arm[3])
                                 if wp.static(redistribute):
                                     size += f.area(family, f.neighbour(family, i, other))
                     inverse = inverse_shape(shape)
@@ -184,21 +192,33 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
 
 
 @functools.cache
-def gather_mates(layout, bits, members, listed, module):
+def gather_mates(layout, bits, members, steps, turns_over, listed, module):
     """Point function that takes from each point's own half of the force [points] what the families around it do to it.
 
-    Broken bonds carry zero, so the bonds of the undamaged sheet will do. `listed`: whether a list of other points
-    was used, which the first point empties.
+    Broken bonds carry zero, so the bonds of the undamaged sheet will do. The loop over members is spelled out and has
+    no branches: a thread has the loads of all of them under way at once.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        members: Most members of a family.
+        steps: Lattice steps to each member, which are numbers in the code, or None on a cloud.
+        turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
+        listed: Whether a list of other points was used, which the first point empties.
+        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
     n, word_size = members, WORD
+    right, up = zip(*steps, strict=True) if steps else ((), ())
+    mates = [steps.index((-x, -y)) for x, y in steps] if steps else []
 
     @functools.partial(wp.struct, module=module)
     class GatherFromMates:
         family: Family
+        columns: int
         bond_force: wp.array2d(dtype=vec3)
         other_count: wp.array(dtype=wp.int32)
         first_point: int
@@ -211,18 +231,23 @@ def gather_mates(layout, bits, members, listed, module):
                 # The list is used up; the next launches begin another.
                 if i == a.first_point:
                     a.other_count[0] = 0
-            ring = a.bond_force.shape[1]
-            slot = i % ring
+            place = i
+            if wp.static(turns_over):
+                place = i % a.bond_force.shape[1]
             push = vec3(real(0.0), real(0.0), real(0.0))
             for k in range(wp.static(n)):
                 members_here = f.whole(a.family, i, wp.static(k // word_size))
-                if (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0):
-                    column = slot + f.neighbour(a.family, i, wp.static(k)) - i
-                    if column < 0:
-                        column += ring
-                    if column >= ring:
-                        column -= ring
-                    push += a.bond_force[f.mate(a.family, i, wp.static(k)), column]
+                there = (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0)
+                if wp.static(steps is None):
+                    row = wp.where(there, f.mate(a.family, i, wp.static(k)), 0)
+                    column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
+                else:
+                    row = wp.static(mates[k])
+                    column = place + wp.where(there, wp.static(up[k]) * a.columns + wp.static(right[k]), 0)
+                if wp.static(turns_over):
+                    ring = a.bond_force.shape[1]
+                    column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
+                push += wp.where(there, real(1.0), real(0.0)) * a.bond_force[row, column]
             a.force[i] = a.force[i] - push
 
     return PointFunction(gather_from_mates, GatherFromMates, "gather_from_mates")

@@ -55,16 +55,17 @@ def dead_load(bits, module):
 
 
 @functools.cache
-def surface_vector(layout, bits, breakable, module):
+def surface_vector(layout, bits, members, breakable, module):
     """Warp function of F e1 x F e2, with F of the whole family of a point: normal times area ratio (Nanson).
 
-    It is zero where the remaining family determines no F.
+    It is zero where the remaining family determines no F. The loop over members is spelled out and has no branches: a
+    thread has the loads of all of them under way at once.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
-    word_size = WORD
+    n, word_size = members, WORD
     degenerate = DEGENERATE
 
     @wp.func(module=module)
@@ -79,22 +80,18 @@ def surface_vector(layout, bits, breakable, module):
         G1 = vec3(real(0.0), real(0.0), real(0.0))
         G2 = vec3(real(0.0), real(0.0), real(0.0))
         shape = vec3(real(0.0), real(0.0), real(0.0))
-        for word in range(family.words):
-            members = f.whole(family, i, word)
+        for k in range(wp.static(n)):
+            standing = f.whole(family, i, wp.static(k // word_size))
             if wp.static(breakable):
-                members = alive[word, i]
-            k = word * word_size
-            while members != wp.uint32(0):
-                if (members & wp.uint32(1)) != wp.uint32(0):
-                    m = f.neighbour(family, i, k)
-                    xi = f.bond(family, i, k)
-                    cxi = f.influence(family, i, k) * f.area(family, m) * xi
-                    stretch = displacement[m] - ui
-                    G1 += cxi[0] * stretch
-                    G2 += cxi[1] * stretch
-                    shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
-                members = members >> wp.uint32(1)
-                k += 1
+                standing = alive[wp.static(k // word_size), i]
+            there = (standing & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0)
+            m = wp.where(there, f.neighbour(family, i, wp.static(k)), i)
+            xi = f.bond(family, i, wp.static(k))
+            c = wp.where(there, f.influence(family, i, wp.static(k)) * f.area(family, m), real(0.0))
+            stretch = displacement[m] - ui
+            G1 += (c * xi[0]) * stretch
+            G2 += (c * xi[1]) * stretch
+            shape += c * vec3(xi[0] * xi[0], xi[0] * xi[1], xi[1] * xi[1])
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         half_trace = real(0.5) * (shape[0] + shape[2])
         answer = vec3(real(0.0), real(0.0), real(0.0))
@@ -109,7 +106,7 @@ def surface_vector(layout, bits, breakable, module):
 
 
 @functools.cache
-def follower_pressure(layout, bits, breakable, scheduled, module):
+def follower_pressure(layout, bits, members, breakable, scheduled, module):
     """Point function that adds p a_i (F e1 x F e2), with F of the whole family of the point.
 
     A point whose remaining family determines no F takes no pressure.
@@ -118,7 +115,7 @@ def follower_pressure(layout, bits, breakable, scheduled, module):
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
-    surface = surface_vector(layout, bits, breakable, module)
+    surface = surface_vector(layout, bits, members, breakable, module)
 
     @functools.partial(wp.struct, module=module)
     class FollowerPressure:

@@ -549,7 +549,7 @@ class Built:
             spared = self.workspace.array("spared", owner, wp.uint8, mask)
         by_energy = isinstance(damage, CriticalEnergy)
         kernel = breaking(
-            force.families.layout, self.types.bits, by_energy, tracked, spared is not None,
+            force.families.layout, self.types.bits, force.families.members, by_energy, tracked, spared is not None,
             force.kernels.earlier_energy if tracked else None, self.workspace.module,
         )  # fmt: skip
         if isinstance(damage, CriticalEnergy):
@@ -644,8 +644,9 @@ class Built:
 
         force, scheduled = self.force, id(load) in self._schedule_ids
         kernel = follower_pressure(
-            force.families.layout, self.types.bits, self.breakable, scheduled, self.workspace.module
-        )
+            force.families.layout, self.types.bits, force.families.members, self.breakable, scheduled,
+            self.workspace.module,
+        )  # fmt: skip
         self.workspace.point(
             stage, "Pressure", kernel, self.simulation.sheet.size,
             family=force.struct, alive=force.alive, displacement=self.state.displacement,
@@ -661,7 +662,10 @@ class Built:
         if not hasattr(self, "_edges"):
             self._edges = self._edge_arrays(load)
         normals, points, reach, mask = self._edges
-        find, push = boundary_force(force.families.layout, self.types.bits, self.breakable, load.form, w.module)
+        families = force.families
+        find, push = boundary_force(
+            families.layout, self.types.bits, families.members, self.breakable, load.form, w.module
+        )
         w.launch(
             stage, "BoundaryForce", find, n if self.breakable else points.size,
             family=force.struct, alive=force.alive, displacement=displacement, points=points, marked=mask,

@@ -83,11 +83,19 @@ class FastPath:
         self.others = w.array("other_points", force.owner, wp.int32, shape=force.points) if self.listed else None
         self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None
         self.strips = self._strips() if self.listed else []
+        self.moments = self._moments() if shared else None
         members = force.families.members
         if len(self.strips) > 1:
             self.bond_force = w.array("bond_force_ring", force.owner, force.types.vec3, shape=(members, RING))
         else:
             self.bond_force = force.bond_force
+
+    def _moments(self) -> Any:
+        """Array of c_k X_ik / horizon, shape (n, R)."""
+        families = self.force.families
+        share = families.influence * families.member_areas * families.exists
+        moments = (share[..., None] * families.bonds).transpose(1, 0, 2)
+        return self.force.workspace.array("moments", self.force.owner, self.force.types.vec2, moments)
 
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete with it."""
@@ -145,15 +153,19 @@ class FastPath:
         launch = w.launch(
             stage, law.owner, kernel, blocks * together * members, family=law.struct, alive=law.alive,
             others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
-            displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            moments=self.moments, displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
         launch.block_dim = together * members
+        steps = law.families.steps
+        gather = gather_mates(
+            layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
+            self.bond_force.shape[1] < law.points, self.listed, w.module,
+        )  # fmt: skip
         w.point(
-            stage, law.owner, gather_mates(layout, bits, members, self.listed, w.module),
-            strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
-            family=law.struct, bond_force=self.bond_force, other_count=self.other_count,
+            stage, law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
+            family=law.struct, columns=law.columns, bond_force=self.bond_force, other_count=self.other_count,
             first_point=strip.gather_begin, force=force,
         )  # fmt: skip
 
