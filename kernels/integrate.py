@@ -183,10 +183,12 @@ def integration(bits, held, loaded, damped, tracked, module):
 
 @functools.cache
 def clock(bits, module):
-    """Kernels of time: `tick` evaluates every schedule, `prescribe` turns motions into velocities, every point once.
+    """Kernel of time `tick`, and point function `prescribe`, which turns motions into velocities.
 
     A schedule is a piecewise linear function of time, three values a knot; schedule s owns the knots
-    begins[s] to begins[s+1] - 1. Outside its knots it keeps its first or last value.
+    begins[s] to begins[s+1] - 1. Outside its knots it keeps its first or last value. `tick` moves the time by so many
+    steps and evaluates every schedule s of S twice: scheduled[s] is now, scheduled[S + s] a step later, for what
+    moves before the next tick.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -217,35 +219,43 @@ def clock(bits, module):
         begins: wp.array(dtype=wp.int32),
         knots: wp.array(dtype=wp.float64),
         values: wp.array(dtype=wp.vec3d),
+        steps: int,
         first: int,
         time: wp.array(dtype=wp.float64),
         scheduled: wp.array(dtype=vec3),
     ):
-        now = wp.min(time[0] + advance[0], advance[1])
+        now = wp.min(time[0] + wp.float64(steps) * advance[0], advance[1])
+        soon = wp.min(now + advance[0], advance[1])
         time[0] = now
-        for s in range(begins.shape[0] - 1):
+        count = begins.shape[0] - 1
+        for s in range(count):
             value = evaluate(now, begins, knots, values, s)
             scheduled[s] = vec3(real(value[0]), real(value[1]), real(value[2]))
+            value = evaluate(soon, begins, knots, values, s)
+            scheduled[count + s] = vec3(real(value[0]), real(value[1]), real(value[2]))
 
-    @wp.kernel(module=module, enable_backward=False)
-    def prescribe(
-        points: wp.array(dtype=wp.int32),
-        schedules: wp.array(dtype=wp.vec3i),
-        scheduled: wp.array(dtype=vec3),
-        step: wp.array(dtype=real),
-        displacement: wp.array(dtype=vec3),
-        first: int,
-        velocity: wp.array(dtype=vec3),
-    ):
-        p = wp.tid() + first
-        i = points[p]
-        v = velocity[i]
-        for c in range(3):
-            if schedules[p][c] >= 0:
-                v[c] = (scheduled[schedules[p][c]][c] - displacement[i][c]) / step[0]
-        velocity[i] = v
+    @functools.partial(wp.struct, module=module)
+    class Prescribed:
+        rows: wp.array(dtype=wp.int32)
+        schedules: wp.array(dtype=wp.vec3i)
+        scheduled: wp.array(dtype=vec3)
+        step: wp.array(dtype=real)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
 
-    return tick, prescribe
+    @wp.func(module=module)
+    def prescribe(begin: int, end: int, a: Prescribed):
+        for i in range(begin, end):
+            row = a.rows[i]
+            if row >= 0:
+                v = a.velocity[i]
+                for c in range(3):
+                    s = a.schedules[row][c]
+                    if s >= 0:
+                        v[c] = (a.scheduled[s][c] - a.displacement[i][c]) / a.step[0]
+                a.velocity[i] = v
+
+    return tick, PointFunction(prescribe, Prescribed, "prescribe")
 
 
 @functools.cache

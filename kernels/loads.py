@@ -136,4 +136,4 @@ def follower_pressure(layout, bits, members, breakable, scheduled, module):
                 p = p * a.factors[a.schedule][0]
             a.external[i] = a.external[i] + p * surface(a.family, a.alive, a.displacement, a.inverse_horizon, i)
 
-    return PointFunction(add_follower_pressure, FollowerPressure, "add_follower_pressure")
+    return PointFunction(add_follower_pressure, FollowerPressure, "add_follower_pressure", looks_around=True)

@@ -20,11 +20,13 @@ class PointFunction:
         function: Warp function (begin, end, arguments) of the points begin to end - 1.
         arguments: Its Warp struct.
         name: What it is called in the plan.
+        looks_around: Whether it reads the displacement of other points, so that none may move in the same launch.
     """
 
     function: Any
     arguments: Any
     name: str
+    looks_around: bool = False
 
 
 @functools.cache
@@ -43,7 +45,7 @@ def in_turn(first, second, module):
         do_first(begin, end, arguments.a)
         do_second(begin, end, arguments.b)
 
-    return PointFunction(both, Both, f"{first.name}, {second.name}")
+    return PointFunction(both, Both, f"{first.name}, {second.name}", first.looks_around or second.looks_around)
 
 
 @functools.cache

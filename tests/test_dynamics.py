@@ -17,6 +17,7 @@ from warp_pd import (
     Motion,
     Neural,
     Nodal,
+    Pressure,
     Relaxation,
     RigidBall,
     Sheet,
@@ -50,6 +51,46 @@ def test_a_free_sheet_keeps_its_momentum_over_ten_thousand_steps():
     speed = np.abs(built.to_numpy(built.state.velocity)).max()
     assert np.abs(linear_after - linear).max() < 1e-10 * mass.sum() * speed
     assert np.abs(angular_after - angular).max() < 1e-10 * mass.sum() * speed * 0.1
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_steps_that_share_launches_are_the_steps_one_by_one(precision):
+    """The end of a step and the beginning of the next are one launch, with the time ticked before both."""
+    sheet = square(9)
+    loads = [
+        Fixed(sheet.edges("left")),
+        Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, 0.3]),
+        Pressure(5.0, follower=False, ramp=[(0.0, 0.0), (1e-3, 1.0)]),
+    ]
+    ball = RigidBall(0.03, (0.05, 0.05, 0.016), velocity=(0.0, 0.0, -3.0))
+    states = []
+    for repeat in (1, 10, 30):
+        built = build(
+            sheet, horizon=2.015, precision=precision, loads=loads, contact=ball, damage=CriticalStretch(1.02),
+            solver=Explicit(1.0, damping=1.0),
+        )  # fmt: skip
+        built.workspace.compile()
+        assert built.workspace.turns["step"].parts == ["kick", "separate", "prescribe", "drift", "project"]
+        built.step.fill_(2e-5)
+        built.advance.assign(np.array([2e-5, 1.0]))
+        run_once(built.workspace.device, built.workspace.stages["setup"])
+        steps = built.workspace.sequence("step", repeat)
+        for _ in range(60 // repeat):
+            steps.run()
+        state = built.state
+        states.append([a.numpy() for a in (state.displacement, state.velocity, state.work, state.impulse, state.time)])
+    assert states[0][-1][0] == pytest.approx(60 * 2e-5)
+    assert np.abs(states[0][3]).max() > 0.0
+    for other in states[1:]:
+        for one, many in zip(states[0], other, strict=True):
+            assert (one == many).all()
+
+
+def test_pressure_that_follows_does_not_share_a_launch_with_motion():
+    """It reads where the neighbours are."""
+    sheet = square(9)
+    assert "step" in build(sheet, loads=[Pressure(1.0, follower=False)]).workspace.turns
+    assert "step" not in build(sheet, loads=[Pressure(1.0)]).workspace.turns
 
 
 def oscillation(weights, precision=64, duration=2.0, horizon=3.15):

@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -137,8 +137,9 @@ class Workspace:
         module: Name of the Warp module that holds every kernel of this configuration.
         block_dim: Threads of a block on CUDA; one number for all launches, as kernels are compiled for it.
         arrays: All arrays, in the order they were asked for.
-        stages: Launches by stage, in order: "start" and "setup" once, "step" every step, "frame" at frames, "estimate"
-            for one iteration of the stable step.
+        stages: Launches by stage, in order: "start" and "setup" once, "clock" where the host moved the time, "step"
+            every step, "frame" at frames, "estimate" for one iteration of the stable step.
+        turns: By stage that follows itself, one launch in place of its last and then its first.
     """
 
     device: Any
@@ -147,6 +148,7 @@ class Workspace:
     block_dim: int = 256
     arrays: list[ArrayUse] = field(default_factory=list)
     stages: dict[str, list[Launch | Call]] = field(default_factory=dict)
+    turns: dict[str, Launch] = field(default_factory=dict)
 
     def array(self, name: str, owner: str, dtype: Any, values: np.ndarray | None = None, shape: Any = None) -> Any:
         """Allocate an array, filled with `values` or zero, and put it on the list."""
@@ -170,8 +172,6 @@ class Workspace:
         Raises:
             TypeError: if an argument is missing or unknown.
         """
-        from .kernels.points import in_turn
-
         _check_names(f"point function {part.name}", set(part.arguments.vars), set(arguments))
         values = part.arguments()
         for name, value in arguments.items():
@@ -179,17 +179,16 @@ class Workspace:
                 setattr(values, name, value)
         run = 1 if self.device.is_cuda else POINT_RUN
         launches = self.stages.setdefault(stage, [])
-        last = launches[-1] if launches else None
-        if isinstance(last, Launch) and last.run and (last.threads, last.begin) == (threads, begin):
-            launches.pop()
-            part = in_turn(last.source, part, self.module)
-            both = part.arguments()
-            both.a, both.b = last.arguments["arguments"], values
-            values = both
-            owner = owner if owner == last.owner else f"{last.owner}, {owner}"
-        launches.append(
-            Launch(part.name, owner, part, threads, {"arguments": values}, self.block_dim, begin, self.module, run)
-        )
+        launch = Launch(part.name, owner, part, threads, {"arguments": values}, self.block_dim, begin, self.module, run)
+        joined = _joined(launches[-1], launch) if launches else None
+        launches[-1 if joined else len(launches) :] = [joined or launch]
+
+    def close(self, stage: str) -> None:
+        """Let the last launch of a stage share one with its first, where the stage follows itself and they may."""
+        first, last = self.stages[stage][0], self.stages[stage][-1]
+        turn = _joined(last, first)
+        if turn is not None and first is not last and not turn.source.looks_around:
+            self.turns[stage] = turn
 
     def call(self, stage: str, owner: str, name: str, threads: int, function: Callable[[], None]) -> None:
         """Add a step that is no kernel to a stage."""
@@ -203,6 +202,7 @@ class Workspace:
         """Build or load every kernel now; returns the seconds it took."""
         begin = time.perf_counter()
         launches = [x for stage in self.stages.values() for x in stage if isinstance(x, Launch)]
+        launches += self.turns.values()
         for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
             # A launch on a CPU has blocks of one thread; a module built for other blocks would be built again there.
             module.load(self.device, block_dim if self.device.is_cuda else 1)
@@ -210,7 +210,22 @@ class Workspace:
 
     def sequence(self, stage: str, repeat: int = 1) -> LaunchSequence:
         """The launches of a stage, ready to run."""
-        return LaunchSequence(self.device, self.stages.get(stage, []), repeat)
+        return LaunchSequence(self.device, self.stages.get(stage, []), repeat, self.turns.get(stage))
+
+
+def _joined(first: Launch | Call, second: Launch | Call) -> Launch | None:
+    """One launch of two of point functions on the same points, or None."""
+    from .kernels.points import in_turn
+
+    if not (isinstance(first, Launch) and isinstance(second, Launch) and first.run and second.run):
+        return None
+    if (first.threads, first.begin) != (second.threads, second.begin):
+        return None
+    part = in_turn(first.source, second.source, first.module)
+    both = part.arguments()
+    both.a, both.b = first.arguments["arguments"], second.arguments["arguments"]
+    owner = first.owner if first.owner == second.owner else f"{first.owner}, {second.owner}"
+    return replace(first, name=part.name, owner=owner, source=part, arguments={"arguments": both})
 
 
 class LaunchSequence:
@@ -218,17 +233,24 @@ class LaunchSequence:
 
     On CUDA the list, repeated, is one captured graph; Torch captures it where a step is Torch's. On a CPU every
     launch is recorded once; a large one is cut into slices that run on all cores (a launch releases the interpreter
-    lock), and Torch runs in between.
+    lock), and Torch runs in between. `turn` is a launch that takes the place of the last one and the first one of
+    the next repetition.
     """
 
-    def __init__(self, device: Any, launches: Iterable[Launch | Call], repeat: int = 1) -> None:
+    def __init__(
+        self, device: Any, launches: Iterable[Launch | Call], repeat: int = 1, turn: Launch | None = None
+    ) -> None:
         self.device = device
-        self.launches = list(launches)
         self.repeat = repeat
+        once = list(launches)
+        self.launches = once * repeat
+        if turn is not None:
+            self.launches = [*once[:-1], *[turn, *once[1:-1]] * (repeat - 1), once[-1]]
         self._graph: Any = None
         self._commands: list[list[Callable[[], None]]] = []
         if not device.is_cuda:
-            self._commands = [_record(launch, device) for launch in self.launches]
+            recorded = {launch: _record(launch, device) for launch in dict.fromkeys(self.launches)}
+            self._commands = [recorded[launch] for launch in self.launches]
 
     def run(self) -> None:
         """Run the list `repeat` times, in order."""
@@ -237,12 +259,11 @@ class LaunchSequence:
         if self.device.is_cuda:
             self._run_graph()
             return
-        for _ in range(self.repeat):
-            for commands in self._commands:
-                if len(commands) == 1:
-                    commands[0]()
-                else:
-                    list(cores().map(_call, commands))
+        for commands in self._commands:
+            if len(commands) == 1:
+                commands[0]()
+            else:
+                list(cores().map(_call, commands))
 
     def _run_graph(self) -> None:
         if any(isinstance(launch, Call) for launch in self.launches):
@@ -250,7 +271,7 @@ class LaunchSequence:
             return
         if self._graph is None:
             with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
-                self._run_each()
+                run_once(self.device, self.launches)
             self._graph = capture.graph
         wp.capture_launch(self._graph)
 
@@ -259,7 +280,7 @@ class LaunchSequence:
 
         if self._graph is None:
             # Torch allocates and chooses its algorithms on the first call, which no capture allows.
-            for launch in self.launches:
+            for launch in dict.fromkeys(self.launches):
                 if isinstance(launch, Call):
                     launch.function()
             wp.synchronize_device(self.device)
@@ -268,17 +289,13 @@ class LaunchSequence:
             with wp.ScopedStream(wp.stream_from_torch(stream)), torch.cuda.graph(graph, stream=stream):
                 wp.capture_begin(device=self.device, force_module_load=False, external=True)
                 try:
-                    self._run_each()
+                    run_once(self.device, self.launches)
                 finally:
                     wp.capture_end(device=self.device)
             self._graph = graph
         # Replayed on Warp's stream, in order with everything else.
         with torch.cuda.stream(wp.stream_to_torch(self.device.stream)):
             self._graph.replay()
-
-    def _run_each(self) -> None:
-        for _ in range(self.repeat):
-            run_once(self.device, self.launches)
 
 
 def available_cores() -> int:

@@ -12,7 +12,8 @@ One step, in the order of its launches (those that no part asks for do not exist
     begin_loads, add_...              external force
     kick, kick_bodies, separate       second half kick, contact again
 
-Drift, project, gather, loads, kick and separate share a launch with the one before where nothing stands between.
+Drift, project, gather, loads, kick and separate share a launch with the one before where nothing stands between; so do
+the end of a step and the beginning of the next, where steps follow each other.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from .forces import BondAssociated, ForceLaw, Visco, ViscoBondBased
 from .forces.bond_based import BondBasedForce
 from .forces.neural import NeuralForce
 from .frame import Frame, Surface
-from .launches import SMALL, SMALL_BLOCK, Workspace
+from .launches import SMALL, SMALL_BLOCK, LaunchSequence, Workspace
 from .loads import BodyForce, BoundaryForce, Fixed, Load, Motion, PointForce, Pressure, ScheduleTable
 from .sheet import Sheet
 
@@ -379,7 +380,7 @@ class Built:
             self._begins = w.array("schedule_begins", "schedules", wp.int32, begins)
             self._knots = w.array("schedule_knots", "schedules", wp.float64, knots)
             self._values = w.array("schedule_values", "schedules", wp.vec3d, values)
-            self.scheduled = w.array("scheduled", "schedules", t.vec3, self.schedules.at(0.0))
+            self.scheduled = w.array("scheduled", "schedules", t.vec3, shape=2 * len(self.schedules.schedules))
             self.state.time = w.array("time", "schedules", wp.float64, shape=1)
             self.advance = w.array("advance", "schedules", wp.float64, np.array([0.0, s.solver.duration]))
         self.reference = None
@@ -442,8 +443,7 @@ class Built:
     def _add_step(self) -> None:
         s, w, state = self.simulation, self.workspace, self.state
         n = s.sheet.size
-        if self.schedules.schedules:
-            self._add_tick("step")
+        if self._motions:
             self._add_prescribe()
         if s.sheet.inclusions:
             self._add_move_bodies()
@@ -455,13 +455,17 @@ class Built:
         w.point("step", "solver", self.integration.drift, n, **motion, dissipated=state.dissipated)
         ball = {} if s.contact is None else {**motion, **self._ball(s.contact)}
         if s.contact is not None:
-            w.point("step", "RigidBall", self._project, n, **ball)
+            w.point("step", "RigidBall", self._project, n, **{**ball, "schedule": self._soon(s.contact)})
         if s.damage is not None:
             self._add_break("step" if s.solver.in_time else "rupture", s.damage)
         self.force.add_update("step", state.displacement, self.step)
         self.force.add_force("step", state.displacement, state.force)
         if isinstance(s.damage, CriticalEnergy):
             self._add_release()
+        if self.schedules.schedules:
+            # Between what moves and what is loaded: so the end of a step and the beginning of the next share a launch.
+            self._add_tick("step", 1)
+            self._add_tick("clock", 0)
         self.add_loads("step")
         s.solver.add_before_kick(self)
         w.point("step", "solver", self.integration.kick, n, **motion, dissipated=state.dissipated)
@@ -469,36 +473,41 @@ class Built:
             self._add_kick_bodies()
         if s.contact is not None:
             w.point("step", "RigidBall", self._separate, n, **ball)
+        w.close("step")
 
     def _add_clock(self) -> None:
         from .kernels.integrate import clock
 
         self._tick, self._prescribe = clock(self.types.bits, self.workspace.module)
 
-    def _add_tick(self, stage: str) -> None:
+    def _add_tick(self, stage: str, steps: int) -> None:
         self.workspace.launch(
             stage, "schedules", self._tick, 1,
-            advance=self.advance, begins=self._begins, knots=self._knots, values=self._values,
+            advance=self.advance, begins=self._begins, knots=self._knots, values=self._values, steps=steps,
             time=self.state.time, scheduled=self.scheduled,
         )  # fmt: skip
 
     def _add_prescribe(self) -> None:
         w = self.workspace
-        if not self._motions:
-            return
         # One row a point, as edges that move in different directions share their corners.
         points = np.unique(np.concatenate([indices for _, indices in self._motions]))
         schedules = np.full((len(points), 3), -1, np.int32)
         for motion, indices in self._motions:
             moved = [c for c in range(3) if motion.mask() & (1 << c)]
-            schedules[np.searchsorted(points, indices)[:, None], moved] = self._schedule_ids[id(motion)]
-        w.launch(
-            "step", "Motion", self._prescribe, len(points),
-            points=w.array("moved_points", "Motion", wp.int32, points),
+            schedules[np.searchsorted(points, indices)[:, None], moved] = self._soon(motion)
+        rows = np.full(self.simulation.sheet.size, -1, np.int32)
+        rows[points] = np.arange(len(points))
+        w.point(
+            "step", "Motion", self._prescribe, len(rows),
+            rows=w.array("moved_rows", "Motion", wp.int32, rows),
             schedules=w.array("moved_schedules", "Motion", wp.vec3i, schedules),
             scheduled=self.scheduled, step=self.step, displacement=self.state.displacement,
             velocity=self.state.velocity,
         )  # fmt: skip
+
+    def _soon(self, part: Any) -> int:
+        """Index of what the schedule of a part gives a step later."""
+        return len(self.schedules.schedules) + self._schedule_ids[id(part)]
 
     def _add_move_bodies(self) -> None:
         from .kernels.rigid import rigid_inclusions
@@ -704,7 +713,7 @@ class Built:
         if self.simulation.initial_displacement is not None:
             self.force.add_start("start", self.state.displacement)
         if self.schedules.schedules:
-            self._add_tick("setup")
+            self._add_tick("setup", 0)
         self.force.add_force("setup", self.state.displacement, self.state.force)
         self.add_loads("setup")
 
@@ -779,6 +788,11 @@ class Built:
         if not isinstance(force, BondBasedForce):
             raise InputError(f"fields = {list(names)!r}: allowed is none with the law BondAssociated")
         return force.add_fields("frame", self.state.displacement, names)
+
+    @functools.cached_property
+    def clock(self) -> LaunchSequence:
+        """Launches that evaluate every schedule anew, where the host moved the time or its advance."""
+        return self.workspace.sequence("clock")
 
     # For the host --------------------------------------------------------------------------------------
 

@@ -147,6 +147,7 @@ class Explicit:
         if built.advance is not None:
             built.advance.assign(np.array([dt, self.duration]))
             built.state.time.assign(np.array([begin]))
+            built.clock.run()
 
 
 def _ball_step(built: Built) -> float:

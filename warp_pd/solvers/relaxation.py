@@ -237,6 +237,7 @@ class Relaxing:
             duration, load_steps = self.solver.duration, self.solver.load_steps
             per_step = duration / (load_steps * self.solver.ramp_steps)
             self.built.advance.assign(np.array([per_step, duration * index / load_steps]))
+            self.built.clock.run()
 
     def _residual(self) -> float:
         unbalanced, reaction = float(self.built.unbalanced.numpy().sum()), float(self.built.reaction.numpy().sum())
