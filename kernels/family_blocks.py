@@ -1,14 +1,16 @@
-"""The variational bond-associated force with a thread a bond and a few whole families a block of threads.
+"""The variational bond-associated force with two bonds a thread and a few whole families a block of threads.
 
 The same sums as `plain_force` in kernels/bond_associated.py, for any family. The threads of a block share what each
 finds, between barriers, in the block's own memory:
 
-    every thread (i, k)     c_k U_ik (x) X_ik of its member, two columns
-    every thread (i, j)     A_ij = W_ij P_ij K_ij^-1 of its bond, two columns, from those of the members of D_ij
+    every thread (i, k)     c_k X_k and U_k of its members
+    every thread (i, j)     A_ij = W_ij P_ij K_ij^-1 of its bonds, two columns, from those of the members of D_ij
     every thread (i, k)     t_ik = c_k [ sum over j with k in D_ij of A_ij ] X_ik
 
 k belongs to D_ij where j belongs to D_ik, so both sums run over the members of one intersection. Loops over members
-are spelled out; threads side by side have the same bond of neighbouring points, and on a lattice they do the same.
+are spelled out. What a thread reads of a member serves both of its bonds, as reading takes as long as summing up: k, of
+the near half of the family, and half a family further the far one. Threads side by side have the same bonds of
+neighbouring points, and on a lattice they do the same.
 """
 
 import functools
@@ -22,21 +24,27 @@ from .numeric import numeric
 from .points import PointFunction
 
 # Most threads of a block, and how many of its blocks are to fit the registers of a processor, by precision.
-MOST_THREADS = 256
-RESIDENT = {32: 4, 64: 2}
+MOST_THREADS = 128
+RESIDENT = {32: 6, 64: 3}
+
+
+def threads_of_family(members):
+    """Number of threads that share a family."""
+    return -(-members // 2)
 
 
 def families_together(members):
     """Number of families that share a block, a power of two."""
-    return 1 << ((MOST_THREADS // members).bit_length() - 1)
+    return 1 << ((MOST_THREADS // threads_of_family(members)).bit_length() - 1)
 
 
 @functools.cache
 def block_force(layout, bits, material, near, breakable, members, listed, module, fast_module):
     """Kernel that fills bond_force [members, ring] and force [points], its own half; variational form.
 
-    It takes `blocks` blocks of members x families_together(members) threads, each of which works until all families
-    are done. Point i has column i % ring of `bond_force`.
+    It takes `blocks` blocks of threads_of_family(members) x families_together(members) threads, each of which works
+    until all families are done. Point i has column i % ring of `bond_force`. `moments` [members, rows] holds
+    (c_k X_k, 1 / c_k) of each row of the families, lengths over the horizon.
 
     Args:
         layout: "lattice" or "cloud".
@@ -58,14 +66,72 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
     green, inverse_shape = law.green, law.inverse_shape
     area_weight, family_scale = law.area_weight, law.family_scale
     stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
-    redistribute = breakable == "redistribute"
-    n, word_size = members, WORD
+    damaged, redistribute = breakable is not None, breakable == "redistribute"
+    n, half, word_size = members, threads_of_family(members), WORD
     together = families_together(n)
-    threads = n * together
+    threads = half * together
     resident = RESIDENT[bits]
     words = -(-n // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
+
+    @wp.func(module=fast_module)
+    def arrive(
+        family: Family,
+        alive: wp.array2d(dtype=wp.uint32),
+        moments: wp.array2d(dtype=vec3),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        i: int,
+        k: int,
+        here: bool,
+    ):
+        """Whether the bond stands; its (U_k, c_k X_k) in parts as threads share them, and the bits of D_ik."""
+        stands = bool(False)
+        stretch = vec3(real(0.0), real(0.0), real(0.0))
+        moment = vec3(real(0.0), real(0.0), real(0.0))
+        common = Words()
+        if here and k < wp.static(n):
+            if has(family, alive, i, k):
+                stands = True
+                row = i
+                if wp.static(layout == "lattice"):
+                    row = family.kind[i]
+                moment = moments[k, row]
+                stretch = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                for word in range(wp.static(words)):
+                    common[word] = f.common(family, i, k, wp.static(word)) & present(family, alive, i, wp.static(word))
+        return stands, vec4(stretch[0], stretch[1], stretch[2], moment[0]), vec2(moment[1], moment[2]), common
+
+    @wp.func(module=fast_module)
+    def answer(
+        family: Family,
+        constants: parameters,
+        i: int,
+        k: int,
+        stands: bool,
+        whole: bool,
+        shape: vec3,
+        size: real,
+        G1: vec3,
+        G2: vec3,
+    ):
+        """A_ik of a bond and its weight, from the sums over D_ik; `shape` and `size` are those of a torn family."""
+        A1 = vec3(real(0.0), real(0.0), real(0.0))
+        A2 = vec3(real(0.0), real(0.0), real(0.0))
+        weight = real(0.0)
+        if stands:
+            inverse = f.shape(family, i, k)
+            if wp.static(damaged):
+                if not whole:
+                    inverse = inverse_shape(shape)
+            if inverse[0] > real(0.0):
+                H1 = G1 * inverse[0] + G2 * inverse[1]
+                H2 = G1 * inverse[1] + G2 * inverse[2]
+                S, _guess = stress_near(green(H1, H2), constants, real(0.0))
+                weight = area_weight(family, i, k, whole, size)
+                A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
+        return A1, A2, weight
 
     @wp.kernel(module=fast_module, enable_backward=False, launch_bounds=(threads, resident))
     def family_block_force(
@@ -75,7 +141,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
         other_count: wp.array(dtype=wp.int32),
         start: int,
         stop: int,
-        moments: wp.array2d(dtype=vec2),
+        moments: wp.array2d(dtype=vec3),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -89,101 +155,121 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
         block = thread // threads
         lane = thread - block * threads
         k = lane // together
+        far_k = k + half
         slot = lane & (together - 1)
         count = stop - start
         if wp.static(listed):
             count = other_count[0]
         while block * together < count:
             place = block * together + slot
+            here = place < count
             i = start + wp.min(place, count - 1)
             if wp.static(listed):
                 i = others[wp.min(place, count - 1)]
             whole = is_whole(family, alive, i)
-            stands = place < count and has(family, alive, i, k)
-            moment = vec2(real(0.0), real(0.0))
-            xi = vec2(real(0.0), real(0.0))
-            P1 = vec3(real(0.0), real(0.0), real(0.0))
-            P2 = vec3(real(0.0), real(0.0), real(0.0))
-            common = Words()
-            if stands:
-                if wp.static(layout == "lattice"):
-                    moment = moments[k, family.kind[i]]
-                else:
-                    moment = moments[k, i]
-                stretch = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
-                P1 = moment[0] * stretch
-                P2 = moment[1] * stretch
-                if wp.static(breakable is not None):
-                    xi = f.bond(family, i, k)
-                for word in range(wp.static(words)):
-                    common[word] = f.common(family, i, k, wp.static(word)) & present(family, alive, i, wp.static(word))
-            first_products = wp.tile(vec4(P1[0], P1[1], P1[2], P2[0]), preserve_type=True)
-            second_products = wp.tile(vec2(P2[1], P2[2]), preserve_type=True)
-            if wp.static(breakable is not None):
-                arms = wp.tile(vec4(moment[0], moment[1], xi[0], xi[1]), preserve_type=True)
+            stands, u, m, common = arrive(family, alive, moments, displacement, inverse_horizon, i, k, here)
+            far_stands, far_u, far_m, far_common = arrive(
+                family, alive, moments, displacement, inverse_horizon, i, far_k, here
+            )
+            stretches = wp.tile(u, preserve_type=True)
+            far_stretches = wp.tile(far_u, preserve_type=True)
+            arms = wp.tile(m, preserve_type=True)
+            far_arms = wp.tile(far_m, preserve_type=True)
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
+            far_G1 = vec3(real(0.0), real(0.0), real(0.0))
+            far_G2 = vec3(real(0.0), real(0.0), real(0.0))
             for other in range(wp.static(n)):
-                bit = common[wp.static(other // word_size)] & wp.uint32(wp.static(1 << (other % word_size)))
-                on = wp.where(bit != wp.uint32(0), real(1.0), real(0.0))
-                a = first_products[wp.static(other * together) + slot]
-                b = second_products[wp.static(other * together) + slot]
-                G1 += on * vec3(a[0], a[1], a[2])
-                G2 += on * vec3(a[3], b[0], b[1])
-            A1 = vec3(real(0.0), real(0.0), real(0.0))
-            A2 = vec3(real(0.0), real(0.0), real(0.0))
-            weight = real(0.0)
-            if stands:
-                size = real(0.0)
-                inverse = vec3(real(0.0), real(0.0), real(0.0))
-                if wp.static(breakable is None):
-                    inverse = f.shape(family, i, k)
-                elif whole:
-                    inverse = f.shape(family, i, k)
+                bit = wp.uint32(wp.static(1 << (other % word_size)))
+                if wp.static(other < half):
+                    w = stretches[wp.static(other * together) + slot]
+                    y = arms[wp.static(other * together) + slot][0]
                 else:
-                    shape = vec3(real(0.0), real(0.0), real(0.0))
+                    w = far_stretches[wp.static((other - half) * together) + slot]
+                    y = far_arms[wp.static((other - half) * together) + slot][0]
+                on = (common[wp.static(other // word_size)] & bit) != wp.uint32(0)
+                G1 += wp.where(on, w[3], real(0.0)) * vec3(w[0], w[1], w[2])
+                G2 += wp.where(on, y, real(0.0)) * vec3(w[0], w[1], w[2])
+                on = (far_common[wp.static(other // word_size)] & bit) != wp.uint32(0)
+                far_G1 += wp.where(on, w[3], real(0.0)) * vec3(w[0], w[1], w[2])
+                far_G2 += wp.where(on, y, real(0.0)) * vec3(w[0], w[1], w[2])
+            shape = vec3(real(0.0), real(0.0), real(0.0))
+            far_shape = vec3(real(0.0), real(0.0), real(0.0))
+            size = real(0.0)
+            far_size = real(0.0)
+            if wp.static(damaged):
+                if not whole:
                     # Not spelled out: few families are damaged, and registers are for the others.
                     for word in range(wp.static(words)):
-                        members_here = common[wp.static(word)]
                         for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
-                            if ((members_here >> wp.uint32(at)) & wp.uint32(1)) != wp.uint32(0):
-                                other = wp.static(word * word_size) + at
+                            other = wp.static(word * word_size) + at
+                            x = real(0.0)
+                            arm = vec2(real(0.0), real(0.0))
+                            if other < half:
+                                x = stretches[other * together + slot][3]
                                 arm = arms[other * together + slot]
-                                shape += vec3(arm[0] * arm[2], arm[0] * arm[3], arm[1] * arm[3])
-                                if wp.static(redistribute):
-                                    size += f.area(family, f.neighbour(family, i, other))
-                    inverse = inverse_shape(shape)
-                if inverse[0] > real(0.0):
-                    H1 = G1 * inverse[0] + G2 * inverse[1]
-                    H2 = G1 * inverse[1] + G2 * inverse[2]
-                    S, _guess = stress_near(green(H1, H2), constants, real(0.0))
-                    weight = area_weight(family, i, k, whole, size)
-                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
-            first_columns = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
-            second_columns = wp.tile(vec2(A2[1], A2[2]), preserve_type=True)
+                            else:
+                                x = far_stretches[(other - half) * together + slot][3]
+                                arm = far_arms[(other - half) * together + slot]
+                            part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
+                            area = real(0.0)
+                            near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                            far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                            if wp.static(redistribute):
+                                if (near_bit | far_bit) != wp.uint32(0):
+                                    area = f.area(family, f.neighbour(family, i, other))
+                            if near_bit != wp.uint32(0):
+                                shape += part
+                                size += area
+                            if far_bit != wp.uint32(0):
+                                far_shape += part
+                                far_size += area
+            A1, A2, weight = answer(family, constants, i, k, stands, whole, shape, size, G1, G2)
+            far_A1, far_A2, far_weight = answer(
+                family, constants, i, far_k, far_stands, whole, far_shape, far_size, far_G1, far_G2
+            )
+            firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
+            far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
+            seconds = wp.tile(vec2(A2[1], A2[2]), preserve_type=True)
+            far_seconds = wp.tile(vec2(far_A2[1], far_A2[2]), preserve_type=True)
             scale = unit_force
             if wp.static(redistribute):
-                weights = wp.tile(weight)
+                weights = wp.tile(weight + far_weight)
                 total = real(0.0)
-                for other in range(family.members):
+                for other in range(half):
                     total += weights[other * together + slot]
                 scale = unit_force * family_scale(family, i, whole, total)
             T1 = vec3(real(0.0), real(0.0), real(0.0))
             T2 = vec3(real(0.0), real(0.0), real(0.0))
+            far_T1 = vec3(real(0.0), real(0.0), real(0.0))
+            far_T2 = vec3(real(0.0), real(0.0), real(0.0))
             for other in range(wp.static(n)):
-                bit = common[wp.static(other // word_size)] & wp.uint32(wp.static(1 << (other % word_size)))
-                on = wp.where(bit != wp.uint32(0), real(1.0), real(0.0))
-                a = first_columns[wp.static(other * together) + slot]
-                b = second_columns[wp.static(other * together) + slot]
-                T1 += on * vec3(a[0], a[1], a[2])
-                T2 += on * vec3(a[3], b[0], b[1])
-            pull = scale * (moment[0] * T1 + moment[1] * T2)
-            pulls = wp.tile(pull, preserve_type=True)
-            if place < count:
-                bond_force[k, i % bond_force.shape[1]] = pull
+                bit = wp.uint32(wp.static(1 << (other % word_size)))
+                if wp.static(other < half):
+                    a = firsts[wp.static(other * together) + slot]
+                    b = seconds[wp.static(other * together) + slot]
+                else:
+                    a = far_firsts[wp.static((other - half) * together) + slot]
+                    b = far_seconds[wp.static((other - half) * together) + slot]
+                share = wp.where((common[wp.static(other // word_size)] & bit) != wp.uint32(0), real(1.0), real(0.0))
+                T1 += share * vec3(a[0], a[1], a[2])
+                T2 += share * vec3(a[3], b[0], b[1])
+                share = wp.where(
+                    (far_common[wp.static(other // word_size)] & bit) != wp.uint32(0), real(1.0), real(0.0)
+                )
+                far_T1 += share * vec3(a[0], a[1], a[2])
+                far_T2 += share * vec3(a[3], b[0], b[1])
+            pull = scale * (u[3] * T1 + m[0] * T2)
+            far_pull = scale * (far_u[3] * far_T1 + far_m[0] * far_T2)
+            pulls = wp.tile(pull + far_pull, preserve_type=True)
+            if here:
+                column = i % bond_force.shape[1]
+                bond_force[k, column] = pull
+                if far_k < wp.static(n):
+                    bond_force[far_k, column] = far_pull
                 if k == 0:
                     total_pull = vec3(real(0.0), real(0.0), real(0.0))
-                    for other in range(family.members):
+                    for other in range(half):
                         total_pull += pulls[other * together + slot]
                     force[i] = total_pull
             block += blocks

@@ -20,6 +20,7 @@ SPLIT_FROM = 4096
 POINT_RUN = 256
 # Below this many points small blocks let a launch reach all processors of a GPU.
 SMALL, SMALL_BLOCK = 2**17, 64
+BESIDE = True
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Launch:
         begin: What the first thread gets for `first`.
         module: Name of the Warp module of a point function's kernel.
         run: Points of a thread of a point function, or 0.
+        beside: Whether it may run beside the launches after it, up to the next one of point functions.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Launch:
     begin: int = 0
     module: str = ""
     run: int = 0
+    beside: bool = False
 
     @property
     def parts(self) -> list[str]:
@@ -336,9 +339,21 @@ def _record(launch: Launch | Call, device: Any) -> list[Callable[[], None]]:
 
 def run_once(device: Any, launches: Iterable[Launch | Call]) -> None:
     """Run launches now, one by one."""
+    aside = None
     for launch in launches:
         if isinstance(launch, Call):
             launch.function()
             continue
         threads, values = launch.slice(launch.begin, launch.begin + launch.threads)
-        wp.launch(launch.kernel, dim=threads, inputs=values, device=device, block_dim=launch.block_dim)
+        stream = None
+        if launch.beside and device.is_cuda and BESIDE:
+            stream = aside = wp.Stream(device)
+            aside.wait_stream(device.stream)
+        elif aside is not None and launch.run:
+            device.stream.wait_stream(aside)
+            aside = None
+        wp.launch(
+            launch.kernel, dim=threads, inputs=values, device=device, block_dim=launch.block_dim, stream=stream
+        )
+    if aside is not None:
+        device.stream.wait_stream(aside)

@@ -456,16 +456,16 @@ class Built:
         ball = {} if s.contact is None else {**motion, **self._ball(s.contact)}
         if s.contact is not None:
             w.point("step", "RigidBall", self._project, n, **{**ball, "schedule": self._soon(s.contact)})
+        if self.schedules.schedules:
+            # Between what moves and what is loaded: so the end of a step and the beginning of the next share a launch.
+            self._add_tick("step", 1)
+            self._add_tick("clock", 0)
         if s.damage is not None:
             self._add_break("step" if s.solver.in_time else "rupture", s.damage)
         self.force.add_update("step", state.displacement, self.step)
         self.force.add_force("step", state.displacement, state.force)
         if isinstance(s.damage, CriticalEnergy):
             self._add_release()
-        if self.schedules.schedules:
-            # Between what moves and what is loaded: so the end of a step and the beginning of the next share a launch.
-            self._add_tick("step", 1)
-            self._add_tick("clock", 0)
         self.add_loads("step")
         s.solver.add_before_kick(self)
         w.point("step", "solver", self.integration.kick, n, **motion, dissipated=state.dissipated)
@@ -485,7 +485,7 @@ class Built:
             stage, "schedules", self._tick, 1,
             advance=self.advance, begins=self._begins, knots=self._knots, values=self._values, steps=steps,
             time=self.state.time, scheduled=self.scheduled,
-        )  # fmt: skip
+        ).beside = True  # fmt: skip
 
     def _add_prescribe(self) -> None:
         w = self.workspace

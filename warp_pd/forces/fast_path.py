@@ -91,11 +91,13 @@ class FastPath:
             self.bond_force = force.bond_force
 
     def _moments(self) -> Any:
-        """Array of c_k X_ik / horizon, shape (n, R)."""
+        """Array of (c_k X_k / horizon, 1 / c_k) of each row, shape (n, R); zero where there is no member."""
         families = self.force.families
         share = families.influence * families.member_areas * families.exists
-        moments = (share[..., None] * families.bonds).transpose(1, 0, 2)
-        return self.force.workspace.array("moments", self.force.owner, self.force.types.vec2, moments)
+        moments = np.zeros((families.members, len(share), 3))
+        moments[..., :2] = (share[..., None] * families.bonds).transpose(1, 0, 2)
+        np.divide(1.0, share.T, out=moments[..., 2], where=share.T > 0.0)
+        return self.force.workspace.array("moments", self.force.owner, self.force.types.vec3, moments)
 
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete with it."""
@@ -140,24 +142,24 @@ class FastPath:
         launch.block_dim = WHOLE_BLOCK
 
     def _add_shared(self, stage: str, strip: Strip, displacement: Any, force: Any) -> None:
-        from ..kernels.family_blocks import block_force, families_together, gather_mates
+        from ..kernels.family_blocks import block_force, families_together, gather_mates, threads_of_family
 
         law, w = self.force, self.force.workspace
         layout, bits, material, breakable, _ = law.signature
         members = law.families.members
-        together = families_together(members)
+        together, sharing = families_together(members), threads_of_family(members)
         blocks = min(-(-(strip.end - strip.begin) // together), MOST_BLOCKS)
         kernel = block_force(
             layout, bits, material, self.near, breakable, members, self.listed, w.module, self.shared_module
         )
         launch = w.launch(
-            stage, law.owner, kernel, blocks * together * members, family=law.struct, alive=law.alive,
+            stage, law.owner, kernel, blocks * together * sharing, family=law.struct, alive=law.alive,
             others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
             moments=self.moments, displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
-        launch.block_dim = together * members
+        launch.block_dim = together * sharing
         steps = law.families.steps
         gather = gather_mates(
             layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
