@@ -23,9 +23,9 @@ from .kinematics import kinematics
 from .numeric import numeric
 from .points import PointFunction
 
-# Most threads of a block, and how many of its blocks are to fit the registers of a processor, by precision.
+# Most threads of a block, and about how many threads are to fit the registers of a processor, by precision.
 MOST_THREADS = 128
-RESIDENT = {32: 6, 64: 3}
+RESIDENT_THREADS = {32: 896, 64: 448}
 
 
 def threads_of_family(members):
@@ -70,7 +70,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
     n, half, word_size = members, threads_of_family(members), WORD
     together = families_together(n)
     threads = half * together
-    resident = RESIDENT[bits]
+    resident = RESIDENT_THREADS[bits] // threads
     words = -(-n // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)

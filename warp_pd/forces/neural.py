@@ -144,6 +144,7 @@ class NeuralForce(WholeFamilyForce):
         self.kernels: NeuralKernels = neural(
             layout,
             bits,
+            self.families.members,
             law.material.membrane,  # type: ignore[attr-defined]
             breakable,
             law.evaluation,
