@@ -59,13 +59,12 @@ class NeuralKernels:
 
 
 @functools.cache
-def bond_kinematics(layout, bits, members, membrane, breakable, module):
+def bond_kinematics(layout, bits, membrane, breakable, module):
     """Warp functions `family_frame` and `bond_state`.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        members: Most members of a family.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         breakable: Whether bonds can break.
         module: Name of the Warp module.
@@ -76,7 +75,7 @@ def bond_kinematics(layout, bits, members, membrane, breakable, module):
     )  # fmt: skip
     f = family_functions(layout, bits, module)
     Family = f.struct
-    point = point_family(layout, bits, members, breakable, module)
+    point = point_family(layout, bits, breakable, module)
     volume_change, _ = membrane(bits)
 
     @wp.func(module=module)
@@ -223,13 +222,12 @@ def network_function(bits, layers, module):
 
 
 @functools.cache
-def neural(layout, bits, members, membrane, breakable, evaluation, layers, counted, module, fused_module):
+def neural(layout, bits, membrane, breakable, evaluation, layers, counted, module, fused_module):
     """Kernels of the law.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        members: Most members of a family.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         breakable: Whether bonds can break.
         evaluation: "torch", "fused" or "closed_form".
@@ -244,8 +242,8 @@ def neural(layout, bits, members, membrane, breakable, evaluation, layers, count
     )  # fmt: skip
     f = family_functions(layout, bits, module)
     Family = f.struct
-    point = point_family(layout, bits, members, breakable, module)
-    family_frame, bond_state = bond_kinematics(layout, bits, members, membrane, breakable, module)
+    point = point_family(layout, bits, breakable, module)
+    family_frame, bond_state = bond_kinematics(layout, bits, membrane, breakable, module)
     exact = closed_form(bits, membrane)
     no_length = NO_LENGTH
 

@@ -60,13 +60,13 @@ class NodalKernels:
 
 
 @functools.cache
-def point_family(layout, bits, members, breakable, module):
-    """Functions of the whole family of a point, of at most `members`; `breakable` says whether bonds can break."""
+def point_family(layout, bits, breakable, module):
+    """Functions of the whole family of a point; `breakable` says whether bonds can break."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
-    n, word_size = members, WORD
+    word_size = WORD
     bonds = standing_bonds(layout, bits, breakable, module)
     green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
 
@@ -79,30 +79,29 @@ def point_family(layout, bits, members, breakable, module):
         back: real,
         i: int,
     ):
-        """Displacement gradient times horizon, K^-1 (zero if degenerate), standing area over the reference area.
-
-        The loop is spelled out and has no branches: a thread has the loads of all members under way at once.
-        """
+        """Displacement gradient times horizon, K^-1 (zero if degenerate), standing area over the reference area."""
         ui = displacement[i]
         first = vec3(real(0.0), real(0.0), real(0.0))
         second = vec3(real(0.0), real(0.0), real(0.0))
         shape = vec3(real(0.0), real(0.0), real(0.0))
         size = real(0.0)
-        for k in range(wp.static(n)):
-            standing = bonds.present(family, alive, i, wp.static(k // word_size))
-            there = (standing & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0)
-            m = wp.where(there, f.neighbour(family, i, wp.static(k)), i)
-            a = wp.where(there, f.area(family, m), real(0.0))
-            xi = f.bond(family, i, wp.static(k))
-            cxi = f.influence(family, i, wp.static(k)) * a * xi
-            stretch = displacement[m] - ui
-            if back != real(0.0):
-                stretch -= back * (velocity[m] - velocity[i])
-            first += cxi[0] * stretch
-            second += cxi[1] * stretch
-            if wp.static(breakable):
-                shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
-                size += a
+        for word in range(family.words):
+            members = bonds.present(family, alive, i, word)
+            k = word * word_size
+            while members != wp.uint32(0):
+                if (members & wp.uint32(1)) != wp.uint32(0):
+                    m = f.neighbour(family, i, k)
+                    a = f.area(family, m)
+                    xi = f.bond(family, i, k)
+                    cxi = f.influence(family, i, k) * a * xi
+                    stretch = displacement[m] - ui - back * (velocity[m] - velocity[i])
+                    first += cxi[0] * stretch
+                    second += cxi[1] * stretch
+                    if wp.static(breakable):
+                        shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                        size += a
+                members = members >> wp.uint32(1)
+                k += 1
         inverse = f.shape(family, i, 0)
         if bonds.is_whole(family, alive, i):
             size = f.family_area(family, i)
@@ -114,13 +113,12 @@ def point_family(layout, bits, members, breakable, module):
 
 
 @functools.cache
-def nodal(layout, bits, members, material, breakable, module):
+def nodal(layout, bits, material, breakable, module):
     """Kernels of the nodal law.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        members: Most members of a family.
         material: Factory of (stress, energy), called with `bits`.
         breakable: Whether bonds can break.
         module: Name of the Warp module.
@@ -129,7 +127,7 @@ def nodal(layout, bits, members, material, breakable, module):
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    point = point_family(layout, bits, members, breakable, module)
+    point = point_family(layout, bits, breakable, module)
     stress_on_members = kinematics(bits).stress_on_members
     stress, energy = material(bits)
 

@@ -144,7 +144,6 @@ class NeuralForce(WholeFamilyForce):
         self.kernels: NeuralKernels = neural(
             layout,
             bits,
-            self.families.members,
             law.material.membrane,  # type: ignore[attr-defined]
             breakable,
             law.evaluation,

@@ -86,9 +86,8 @@ class NodalForce(WholeFamilyForce):
 
         super().__init__("Nodal", law, workspace, sheet, breakable)
         self.kernels: NodalKernels = nodal(
-            self.families.layout, workspace.bits, self.families.members, law.material.functions, breakable,
-            workspace.module,
-        )  # fmt: skip
+            self.families.layout, workspace.bits, law.material.functions, breakable, workspace.module
+        )
 
     def add_force(self, stage: str, displacement: Any, force: Any) -> None:
         """Add the launches that turn a displacement [m] into the internal force [N], both (N,) vec3."""
