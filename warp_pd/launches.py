@@ -20,7 +20,6 @@ SPLIT_FROM = 4096
 POINT_RUN = 256
 # Below this many points small blocks let a launch reach all processors of a GPU.
 SMALL, SMALL_BLOCK = 2**17, 64
-BESIDE = True
 
 
 @dataclass(frozen=True)
@@ -339,21 +338,25 @@ def _record(launch: Launch | Call, device: Any) -> list[Callable[[], None]]:
 
 def run_once(device: Any, launches: Iterable[Launch | Call]) -> None:
     """Run launches now, one by one."""
-    aside = None
+    beside = False
     for launch in launches:
         if isinstance(launch, Call):
             launch.function()
             continue
         threads, values = launch.slice(launch.begin, launch.begin + launch.threads)
         stream = None
-        if launch.beside and device.is_cuda and BESIDE:
-            stream = aside = wp.Stream(device)
-            aside.wait_stream(device.stream)
-        elif aside is not None and launch.run:
-            device.stream.wait_stream(aside)
-            aside = None
-        wp.launch(
-            launch.kernel, dim=threads, inputs=values, device=device, block_dim=launch.block_dim, stream=stream
-        )
-    if aside is not None:
-        device.stream.wait_stream(aside)
+        if device.is_cuda and launch.beside:
+            stream, beside = _side_stream(device), True
+            stream.wait_stream(device.stream)
+        elif beside and launch.run:
+            device.stream.wait_stream(_side_stream(device))
+            beside = False
+        wp.launch(launch.kernel, dim=threads, inputs=values, device=device, block_dim=launch.block_dim, stream=stream)
+    if beside:
+        device.stream.wait_stream(_side_stream(device))
+
+
+@functools.cache
+def _side_stream(device: Any) -> Any:
+    """Stream of a GPU for what runs beside the rest."""
+    return wp.Stream(device)

@@ -1,7 +1,7 @@
 """Fast kernels of the variational bond-associated law, and when they are taken.
 
 Whole families inside a square lattice have a kernel of their own, if the material is isotropic. On a GPU it puts all
-other points on a list, which a second kernel works off with a thread a bond; on clouds, and on sheets too small to
+other points on a list, which a second kernel works off with two bonds a thread; on clouds, and on sheets too small to
 fill a GPU with a thread a point, there is only the second. A CPU has no threads that share memory: there all others
 take the plain kernel.
 
@@ -155,8 +155,8 @@ class FastPath:
         launch = w.launch(
             stage, law.owner, kernel, blocks * together * sharing, family=law.struct, alive=law.alive,
             others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
-            moments=self.moments, displacement=displacement, constants=law.constants, inverse_horizon=law.inverse_horizon,
-            unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
+            moments=self.moments, displacement=displacement, constants=law.constants,
+            inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             bond_force=self.bond_force, force=force,
         )  # fmt: skip
         launch.block_dim = together * sharing
