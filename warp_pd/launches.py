@@ -346,17 +346,17 @@ def run_once(device: Any, launches: Iterable[Launch | Call]) -> None:
         threads, values = launch.slice(launch.begin, launch.begin + launch.threads)
         stream = None
         if device.is_cuda and launch.beside:
-            stream, beside = _side_stream(device), True
+            stream, beside = _side_stream(device.alias), True
             stream.wait_stream(device.stream)
         elif beside and launch.run:
-            device.stream.wait_stream(_side_stream(device))
+            device.stream.wait_stream(_side_stream(device.alias))
             beside = False
         wp.launch(launch.kernel, dim=threads, inputs=values, device=device, block_dim=launch.block_dim, stream=stream)
     if beside:
-        device.stream.wait_stream(_side_stream(device))
+        device.stream.wait_stream(_side_stream(device.alias))
 
 
 @functools.cache
-def _side_stream(device: Any) -> Any:
+def _side_stream(alias: str) -> Any:
     """Stream of a GPU for what runs beside the rest."""
-    return wp.Stream(device)
+    return wp.Stream(alias)
