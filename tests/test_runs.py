@@ -90,6 +90,8 @@ def test_broken_scene_files_end_with_one_line(tmp_path):
         ("def build(:\n", "line 1"),
         ("build = 3\n", "no function build"),
         ("def build(): return 3\n", "int"),
+        ("import numpyy\n", "line 1: ModuleNotFoundError"),
+        ("def build():\n    return sheet()\n\n\ndef sheet():\n    return Sheet(3)\n", "line 6: NameError"),
     ):
         (tmp_path / "mine.py").write_text(text)
         done = cli("run", str(tmp_path / "mine.py"))
@@ -408,6 +410,13 @@ WRONG_PARTS = [
     (lambda: Motion([0], [0.0, 1.0]).mask(), "at least one prescribed"),
     (lambda: Motion([0], [1.0, 0.0], x=1.0).schedule(), "rising"),
     (lambda: Motion([0], [0.0, 1.0], x=[1.0, 2.0, 3.0]).schedule(), "3 values"),
+    (lambda: Motion([0], [0.0, 1.0], x=[0.0, NAN]).schedule(), r"Motion.x\[1\] = nan"),
+    (lambda: Motion([0], [0.0, 1.0], y="fast").schedule(), "Motion.y = 'fast'"),
+    (lambda: Motion([0], ["soon", 1.0], x=1.0).schedule(), "Motion.times = "),
+    (lambda: built_with(initial_displacement=np.full((25, 3), NAN)), r"initial_displacement\[0, 0\] = nan"),
+    (lambda: built_with(initial_velocity="none"), "initial_velocity = 'none'"),
+    (lambda: Explicit("1"), "duration = '1'"),
+    (lambda: Explicit(1.0, frames=[0.5, "end"]), "frames = "),
     (lambda: Fixed([0], "xw").mask(), "'xw'"),
     (lambda: BondAssociated(NEO, influence="cubic"), "influence = 'cubic'"),
 ]

@@ -21,7 +21,10 @@ def finite(name: str, value: Any) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r}: allowed is a number") from None
+        number = None
+    # Text that reads like a number, too: the first sum that it stands in would end with a traceback.
+    if number is None or isinstance(value, str):
+        raise InputError(f"{name} = {value!r}: allowed is a number")
     if not math.isfinite(number):
         raise InputError(f"{name} = {value!r}: allowed is a finite number")
     return number
@@ -103,6 +106,23 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
     if len(numbers) != length or not all(math.isfinite(n) for n in numbers):
         raise InputError(f"{name} = {value!r}: allowed are {length} finite numbers")
     return numbers
+
+
+def numbers(name: str, value: Any) -> np.ndarray:
+    """`value`, one number or an array of them, as a float64 array.
+
+    Raises:
+        InputError: unless all are finite numbers; the message holds the first that is not.
+    """
+    try:
+        found = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r}: allowed are numbers") from None
+    bad = np.argwhere(~np.isfinite(found))
+    if len(bad):
+        place = "" if found.ndim == 0 else f"[{', '.join(map(str, bad[0]))}]"
+        raise InputError(f"{name}{place} = {found[tuple(bad[0])]}: allowed are finite numbers")
+    return found
 
 
 def point_indices(name: str, value: Any, points: int) -> np.ndarray:

@@ -9,6 +9,7 @@ import inspect
 import json
 import pkgutil
 import sys
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -65,9 +66,21 @@ def _load_file(path: Path) -> Any:
         spec.loader.exec_module(module)
     except SyntaxError as error:
         raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None
+    except InputError:
+        raise
+    except Exception as error:
+        raise _said_in(path, error) from error
     if not callable(getattr(module, "build", None)):
         raise InputError(f"scene = {str(path)!r}: the file has no function build(...) that returns a Simulation")
     return module
+
+
+def _said_in(path: Path, error: Exception) -> InputError:
+    """What went wrong in a scene's file, with the last of its lines that led there."""
+    steps = traceback.extract_tb(error.__traceback__)
+    lines = [step.lineno for step in steps if Path(step.filename).resolve() == path.resolve()]
+    where = f"line {lines[-1]}: " if lines else ""
+    return InputError(f"scene = {str(path)!r}: {where}{type(error).__name__}: {error}")
 
 
 def build_scene(name: str, settings: dict[str, Any]) -> Any:
@@ -79,7 +92,14 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     scene = load_scene(name)
     parameters = inspect.signature(scene.build).parameters
     values = {key: _convert(key, value, parameters) for key, value in settings.items()}
-    simulation = scene.build(**values)
+    try:
+        simulation = scene.build(**values)
+    except InputError:
+        raise
+    except Exception as error:
+        if not name.endswith(".py"):
+            raise
+        raise _said_in(Path(name), error) from error
     if not isinstance(simulation, Simulation):
         raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; allowed is a Simulation")
     simulation.scene = Path(name).stem
@@ -126,7 +146,7 @@ def _settings(
     settings = {key: value for key, value in named.items() if value is not None}
     for text in assignments:
         key, separator, value = text.partition("=")
-        if not separator:
+        if not separator or not key.strip():
             raise InputError(f"--set {text!r}: allowed is name=value")
         name = key.strip().replace("-", "_")
         if name in settings:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .checks import InputError, finite, not_negative, one_of, point_indices, vector
+from .checks import InputError, finite, not_negative, numbers, one_of, point_indices, vector
 from .sheet import Sheet
 
 
@@ -28,18 +28,15 @@ class Schedule:
     values: np.ndarray
 
 
-def schedule(name: str, times: Sequence[float], values: np.ndarray) -> Schedule:
-    """A checked schedule.
+def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
+    """A checked schedule of finite numbers: times, shape (K,), and values, shape (K, 3).
 
     Raises:
-        InputError: unless the times rise and are finite, and there is one finite row a time.
+        InputError: unless the times rise.
     """
-    knots = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    if knots.ndim != 1 or not np.isfinite(knots).all() or (np.diff(knots) <= 0.0).any():
-        raise InputError(f"{name} times = {np.asarray(times).tolist()}: allowed are rising finite times")
-    if values.shape != (len(knots), 3) or not np.isfinite(values).all():
-        raise InputError(f"{name} has {len(values)} values for {len(knots)} times: allowed is one finite value a time")
-    return Schedule(knots, values)
+    if times.ndim != 1 or (np.diff(times) <= 0.0).any():
+        raise InputError(f"{name} times = {times.tolist()}: allowed are rising times")
+    return Schedule(times, values)
 
 
 def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Schedule | None:
@@ -52,7 +49,7 @@ def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Sc
         raise InputError(f"{name} ramp = {ramp!r}: allowed are pairs (time, factor)") from None
     if len(pairs) == 0:
         raise InputError(f"{name} ramp = {ramp!r}: allowed is at least one pair (time, factor)")
-    return schedule(f"{name} ramp", pairs[:, 0].tolist(), np.repeat(pairs[:, 1:], 3, axis=1))
+    return schedule(f"{name} ramp", pairs[:, 0], np.repeat(pairs[:, 1:], 3, axis=1))
 
 
 def _components(name: str, value: str) -> int:
@@ -115,16 +112,17 @@ class Motion:
 
     def schedule(self) -> Schedule:
         """The motion as a schedule; free components are zero."""
-        knots = len(np.atleast_1d(np.asarray(self.times)))
+        times = np.atleast_1d(numbers("Motion.times", self.times))
+        knots = len(times)
         columns = []
         for name, value in (("x", self.x), ("y", self.y), ("z", self.z)):
-            column = np.atleast_1d(np.asarray(0.0 if value is None else value, dtype=np.float64))
+            column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if value is None else value))
             if column.shape == (1,):
                 column = np.repeat(column, knots)
             if column.shape != (knots,):
                 raise InputError(f"Motion.{name} has {len(column)} values: allowed are 1 or {knots}, one a time")
             columns.append(column)
-        return schedule("Motion", self.times, np.column_stack(columns))
+        return schedule("Motion", times, np.column_stack(columns))
 
 
 def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from .checks import InputError, one_of, point_indices
+from .checks import InputError, numbers, one_of, point_indices
 from .contact import RigidBall
 from .damage import CriticalEnergy, Rupture, crossing_bonds
 from .forces import BondAssociated, ForceLaw, Visco, ViscoBondBased
@@ -395,9 +395,9 @@ class Built:
         n = self.simulation.sheet.size
         if values is None:
             return np.zeros((n, 3))
-        values = np.asarray(values, dtype=np.float64)
-        if values.shape != (n, 3) or not np.isfinite(values).all():
-            raise InputError(f"{name} has shape {values.shape}: allowed are finite numbers of shape ({n}, 3)")
+        values = numbers(name, values)
+        if values.shape != (n, 3):
+            raise InputError(f"{name} has shape {values.shape}: allowed is ({n}, 3)")
         return values
 
     def _constant_loads(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import InputError, count, not_negative, positive
+from ..checks import InputError, count, not_negative, numbers, positive
 from .stable_step import StableStep
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Explicit:
     def __post_init__(self) -> None:
         positive("duration", self.duration)
         if isinstance(self.frames, Sequence):
-            times = np.asarray(self.frames, dtype=np.float64)
+            times = numbers("frames", self.frames)
             if times.size == 0 or not (np.diff(times, prepend=0.0) > 0.0).all() or times[-1] != self.duration:
                 raise InputError(
                     f"frames = {list(self.frames)!r}: allowed are rising times above 0, the last one the duration, "
