@@ -235,8 +235,9 @@ def test_a_restart_file_of_other_settings_is_refused(ball, tmp_path):
         "run", "ball_penetration", *SMALL, "--frames", "12", "--precision", "64", "--resume", "--out", str(tmp_path)
     )
     assert done.exit_code == 2 and "other settings (frames = 24, here 12; precision = 32, here 64)" in done.output
-    done = cli("run", "ball_penetration", *SMALL, "--resume", "--out", str(tmp_path / "empty"))
+    done = cli("run", "ball_penetration", *SMALL, "--resume", "--out", str(tmp_path / "new"))
     assert done.exit_code == 2 and "does not exist" in done.output
+    assert not (tmp_path / "new").exists()
 
 
 def test_what_differs_from_a_restart_file_is_named_without_a_scene(tmp_path):

@@ -8,7 +8,7 @@ Writes a table with device, date and commit. Minutes on a GPU, about an hour on 
 from pathlib import Path
 
 import click
-from stamp import stamp
+from stamp import one_line, stamp
 
 from warp_pd.cli import build_scene
 
@@ -60,4 +60,4 @@ def main(out: Path | None, points: int, safety: float, device: str | None, only:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

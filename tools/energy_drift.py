@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd import BondAssociated, Explicit, Fixed, Frame, NeoHookean, Neural, Nodal, Sheet, Simulation
 from warp_pd.forces import ForceLaw
@@ -119,4 +119,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

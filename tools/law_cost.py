@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 from tqdm import tqdm
 
 from warp_pd import BondAssociated, Explicit, Fixed, NeoHookean, Neural, Nodal, Pressure, Relaxation, Sheet, Simulation
@@ -196,4 +196,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -13,7 +13,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, Sheet, Simulation
 from warp_pd.simulation import find_device
@@ -75,4 +75,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd import CriticalStretch, Explicit, InputError, Pressure, RigidBall, Simulation
 from warp_pd.bench import time_step
@@ -158,4 +158,4 @@ def introduction(measured: str) -> Sequence[str]:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,4 +180,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd.cli import build_scene
 
@@ -55,4 +55,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -35,7 +35,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import bisect, brentq
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd import (
     Bimodular,
@@ -1463,4 +1463,4 @@ def main(arguments: Sequence[str] | None = None) -> Table:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -3,6 +3,8 @@
 import argparse
 import datetime
 import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from warp_pd.checks import InputError
@@ -30,3 +32,12 @@ def device_name(value: str) -> str:
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
     return value
+
+
+def one_line(main: Callable[[], None]) -> None:
+    """Run a tool; wrong input ends with one line and exit code 2."""
+    try:
+        main()
+    except InputError as error:
+        print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)
+        sys.exit(2)

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd.bond_neo_hookean import MODES, BondNeoHookean, exact_traction, traction
 from warp_pd.cli import load_scene
@@ -391,4 +391,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

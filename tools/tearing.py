@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 GRIDS: dict[str, dict[str, float]] = {
     "0°": {},
@@ -310,4 +310,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -12,7 +12,7 @@ import dataclasses
 import json
 from pathlib import Path
 
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd import bench
 from warp_pd.simulation import find_device
@@ -63,4 +63,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import stamp
+from stamp import one_line, stamp
 from tqdm import tqdm
 
 from warp_pd import Gent, NeoHookean
@@ -165,4 +165,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import identify_material
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from scenes import Case, contact_sheet, execute, read_summary, sections
 
@@ -115,4 +115,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

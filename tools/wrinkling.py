@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import device_name, stamp
+from stamp import device_name, one_line, stamp
 
 from warp_pd.cli import build_scene
 from warp_pd.measures import row_at
@@ -391,4 +391,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_line(main)

@@ -417,6 +417,8 @@ def _writable_folder(out: str | Path | None, resume: bool) -> Path | None:
     if not str(out):
         raise InputError("out = '': allowed is a folder that can be written")
     folder = Path(out)
+    if resume and not folder.is_dir():
+        raise InputError(f"resume from {str(folder)!r}: the folder does not exist; allowed is that of an earlier run")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".probe"
