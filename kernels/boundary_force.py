@@ -17,7 +17,7 @@ from .numeric import numeric
 
 
 @functools.cache
-def boundary_force(layout, bits, members, breakable, form, module):
+def boundary_force(layout, bits, breakable, form, module):
     """Kernels `edge_normals` and `add_boundary_force`.
 
     Where nothing can break, a thread is an entry of `points`: the rest of the sheet has no part in it. Where
@@ -26,7 +26,6 @@ def boundary_force(layout, bits, members, breakable, form, module):
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        members: Most members of a family.
         breakable: Whether bonds can break; points that lost one carry the force too.
         form: "normal" or "printed".
         module: Name of the Warp module.
@@ -35,7 +34,7 @@ def boundary_force(layout, bits, members, breakable, form, module):
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
-    surface = surface_vector(layout, bits, members, breakable, module)
+    surface = surface_vector(layout, bits, breakable, module)
     printed = form == "printed"
     word_size = WORD
 

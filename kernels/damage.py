@@ -16,13 +16,12 @@ from .numeric import numeric
 
 
 @functools.cache
-def breaking(layout, bits, members, by_energy, tracked, spared, earlier_energy, module):
+def breaking(layout, bits, by_energy, tracked, spared, earlier_energy, module):
     """Kernel `break_bonds`.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        members: Most members of a family.
         by_energy: Whether `critical` is an energy release rate, instead of a squared stretch.
         tracked: Whether the energy that breaking releases is summed up, per point.
         spared: Whether the bonds of some points never break.
@@ -33,9 +32,7 @@ def breaking(layout, bits, members, by_energy, tracked, spared, earlier_energy, 
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    n, word_size = members, WORD
-    words = -(-n // WORD)
-    Words = wp.types.vector(length=words, dtype=wp.uint32)
+    word_size = WORD
 
     @wp.func(module=module)
     def spent(
@@ -65,22 +62,24 @@ def breaking(layout, bits, members, by_energy, tracked, spared, earlier_energy, 
         critical: real,
         spared_mask: wp.array(dtype=wp.uint8),
         i: int,
-        standing: Words,
+        word: int,
+        standing: wp.uint32,
     ):
         """The bits of `standing` whose bonds are not spent.
 
-        Spelled out and without branches: a thread has the loads of all members under way at once.
+        Without branches: a thread of a GPU has the loads of several members under way at once.
         """
         survivors = standing
-        for k in range(wp.static(n)):
-            bit = wp.uint32(wp.static(1 << (k % word_size)))
-            there = (standing[wp.static(k // word_size)] & bit) != wp.uint32(0)
-            m = wp.where(there, f.neighbour(family, i, wp.static(k)), i)
-            over = spent(family, displacement, energy_release, horizon, critical, i, wp.static(k), m)
+        bit = wp.uint32(1)
+        first_member = word * word_size
+        for k in range(first_member, wp.min(first_member + word_size, family.members)):
+            there = (standing & bit) != wp.uint32(0)
+            m = wp.where(there, f.neighbour(family, i, k), i)
+            over = spent(family, displacement, energy_release, horizon, critical, i, k, m)
             if wp.static(spared):
                 over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
-            lost = wp.where(there and over, bit, wp.uint32(0))
-            survivors[wp.static(k // word_size)] = survivors[wp.static(k // word_size)] & ~lost
+            survivors = survivors & ~wp.where(over, bit, wp.uint32(0))
+            bit = bit << wp.uint32(1)
         return survivors
 
     @wp.kernel(module=module, enable_backward=False)
@@ -101,13 +100,11 @@ def breaking(layout, bits, members, by_energy, tracked, spared, earlier_energy, 
         released: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        standing = Words()
-        for word in range(wp.static(words)):
-            standing[wp.static(word)] = alive[wp.static(word), i]
-        left = surviving(family, displacement, energy_release, horizon, critical, spared_mask, i, standing)
         breaks = bool(False)
-        for word in range(wp.static(words)):
-            if left[wp.static(word)] != standing[wp.static(word)]:
+        for word in range(family.words):
+            standing = alive[word, i]
+            left = surviving(family, displacement, energy_release, horizon, critical, spared_mask, i, word, standing)
+            if left != standing:
                 breaks = True
         if breaks:
             back = real(0.0)
@@ -115,8 +112,10 @@ def breaking(layout, bits, members, by_energy, tracked, spared, earlier_energy, 
             if wp.static(tracked):
                 back = real(0.5) * step[0]
                 before = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
-            for word in range(wp.static(words)):
-                alive[wp.static(word), i] = left[wp.static(word)]
+            for word in range(family.words):
+                alive[word, i] = surviving(
+                    family, displacement, energy_release, horizon, critical, spared_mask, i, word, alive[word, i]
+                )
             if wp.static(tracked):
                 after = earlier_energy(family, alive, displacement, velocity, back, constants, inverse_horizon, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))

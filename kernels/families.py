@@ -24,8 +24,8 @@ class FamilyFunctions:
 
     Attributes:
         struct: The Warp struct that holds the tables.
-        neighbour: (family, i, k) -> index of the point; only for members that exist.
-        mate: (family, i, k) -> the member index under which that point sees i.
+        neighbour: (family, i, k) -> index of the point; of members that do not exist a number that is no index.
+        mate: (family, i, k) -> the member index under which that point sees i; likewise.
         bond: (family, i, k) -> xi_ik, vec2.
         influence: (family, i, k) -> w_ik.
         common: (family, i, k, word) -> bits of the members that lie within the horizon of k too.

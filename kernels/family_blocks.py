@@ -180,7 +180,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
             far_G1 = vec3(real(0.0), real(0.0), real(0.0))
             far_G2 = vec3(real(0.0), real(0.0), real(0.0))
             for other in range(wp.static(n)):
-                bit = wp.uint32(wp.static(1 << (other % word_size)))
+                bit = wp.static(wp.uint32(1 << (other % word_size)))
                 if wp.static(other < half):
                     w = stretches[wp.static(other * together) + slot]
                     y = arms[wp.static(other * together) + slot][0]
@@ -244,7 +244,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
             far_T1 = vec3(real(0.0), real(0.0), real(0.0))
             far_T2 = vec3(real(0.0), real(0.0), real(0.0))
             for other in range(wp.static(n)):
-                bit = wp.uint32(wp.static(1 << (other % word_size)))
+                bit = wp.static(wp.uint32(1 << (other % word_size)))
                 if wp.static(other < half):
                     a = firsts[wp.static(other * together) + slot]
                     b = seconds[wp.static(other * together) + slot]
@@ -323,7 +323,7 @@ def gather_mates(layout, bits, members, steps, turns_over, listed, module):
             push = vec3(real(0.0), real(0.0), real(0.0))
             for k in range(wp.static(n)):
                 members_here = f.whole(a.family, i, wp.static(k // word_size))
-                there = (members_here & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0)
+                there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
                 if wp.static(steps is None):
                     row = wp.where(there, f.mate(a.family, i, wp.static(k)), 0)
                     column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)

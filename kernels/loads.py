@@ -55,17 +55,17 @@ def dead_load(bits, module):
 
 
 @functools.cache
-def surface_vector(layout, bits, members, breakable, module):
+def surface_vector(layout, bits, breakable, module):
     """Warp function of F e1 x F e2, with F of the whole family of a point: normal times area ratio (Nanson).
 
-    It is zero where the remaining family determines no F. The loop over members is spelled out and has no branches: a
-    thread has the loads of all of them under way at once.
+    It is zero where the remaining family determines no F. The loop over members has no branches: a thread of a GPU
+    has the loads of several of them under way at once.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
-    n, word_size = members, WORD
+    word_size = WORD
     degenerate = DEGENERATE
 
     @wp.func(module=module)
@@ -80,18 +80,20 @@ def surface_vector(layout, bits, members, breakable, module):
         G1 = vec3(real(0.0), real(0.0), real(0.0))
         G2 = vec3(real(0.0), real(0.0), real(0.0))
         shape = vec3(real(0.0), real(0.0), real(0.0))
-        for k in range(wp.static(n)):
-            standing = f.whole(family, i, wp.static(k // word_size))
+        for word in range(family.words):
+            standing = f.whole(family, i, word)
             if wp.static(breakable):
-                standing = alive[wp.static(k // word_size), i]
-            there = (standing & wp.uint32(wp.static(1 << (k % word_size)))) != wp.uint32(0)
-            m = wp.where(there, f.neighbour(family, i, wp.static(k)), i)
-            xi = f.bond(family, i, wp.static(k))
-            c = wp.where(there, f.influence(family, i, wp.static(k)) * f.area(family, m), real(0.0))
-            stretch = displacement[m] - ui
-            G1 += (c * xi[0]) * stretch
-            G2 += (c * xi[1]) * stretch
-            shape += c * vec3(xi[0] * xi[0], xi[0] * xi[1], xi[1] * xi[1])
+                standing = alive[word, i]
+            first = word * word_size
+            for k in range(first, wp.min(first + word_size, family.members)):
+                there = ((standing >> wp.uint32(k - first)) & wp.uint32(1)) != wp.uint32(0)
+                m = wp.where(there, f.neighbour(family, i, k), i)
+                xi = f.bond(family, i, k)
+                c = wp.where(there, f.influence(family, i, k) * f.area(family, m), real(0.0))
+                stretch = displacement[m] - ui
+                G1 += (c * xi[0]) * stretch
+                G2 += (c * xi[1]) * stretch
+                shape += c * vec3(xi[0] * xi[0], xi[0] * xi[1], xi[1] * xi[1])
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         half_trace = real(0.5) * (shape[0] + shape[2])
         answer = vec3(real(0.0), real(0.0), real(0.0))
@@ -106,7 +108,7 @@ def surface_vector(layout, bits, members, breakable, module):
 
 
 @functools.cache
-def follower_pressure(layout, bits, members, breakable, scheduled, module):
+def follower_pressure(layout, bits, breakable, scheduled, module):
     """Point function that adds p a_i (F e1 x F e2), with F of the whole family of the point.
 
     A point whose remaining family determines no F takes no pressure.
@@ -115,7 +117,7 @@ def follower_pressure(layout, bits, members, breakable, scheduled, module):
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
-    surface = surface_vector(layout, bits, members, breakable, module)
+    surface = surface_vector(layout, bits, breakable, module)
 
     @functools.partial(wp.struct, module=module)
     class FollowerPressure:

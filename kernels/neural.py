@@ -188,7 +188,8 @@ def network_function(bits, layers, module):
     Args:
         bits: 32 or 64.
         layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
-            every other one 1 / (1 + exp y) of what the one before gives (`warp_pd.forces.network.Network.sigmoids`).
+            every other one 1 / (1 + exp y) of what the one before gives, in place of tanh
+            (`warp_pd.forces.network.Network.sigmoids`).
         module: Name of the Warp module.
     """
     types = numeric(bits)

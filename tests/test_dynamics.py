@@ -9,6 +9,8 @@ from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    BoundaryForce,
+    CriticalEnergy,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -18,11 +20,15 @@ from warp_pd import (
     Neural,
     Nodal,
     Pressure,
+    Prony,
     Relaxation,
     RigidBall,
     Sheet,
     Simulation,
+    Visco,
+    Yeoh,
 )
+from warp_pd.bonds import pack
 from warp_pd.launches import run_once
 from warp_pd.solvers.explicit import STEPS_BETWEEN
 
@@ -53,37 +59,83 @@ def test_a_free_sheet_keeps_its_momentum_over_ten_thousand_steps():
     assert np.abs(angular_after - angular).max() < 1e-10 * mass.sum() * speed * 0.1
 
 
+def moved(sheet):
+    return [Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, 30.0])]
+
+
+YEOH = Yeoh(c10=0.1996e6, c20=0.0170e6)
+TERMS = (Prony(c10=0.1e6, c20=0.01e6, time=1.0), Prony(c10=0.05e6, time=0.1))
+BALL = RigidBall(0.03, (0.05, 0.05, 0.016), velocity=(0.0, 0.0, -3.0))
+# What a scene has, and the parts of the launch that two of its steps share, or None.
+SHARED = {
+    "bare": (lambda sheet: {}, ["gather", "kick", "drift"]),
+    "motion, ball, ramp": (
+        lambda sheet: {
+            "loads": [*moved(sheet), Pressure(5.0, follower=False, ramp=[(0.0, 0.0), (1e-3, 1.0)])],
+            "contact": BALL,
+            "damage": CriticalStretch(1.1),
+        },
+        ["kick", "separate", "prescribe", "drift", "project"],
+    ),
+    "pressure that follows": (lambda sheet: {"loads": [Pressure(5e4)], "damage": CriticalStretch(1.001)}, None),
+    "boundary force": (lambda sheet: {"loads": [*moved(sheet), BoundaryForce(1e9)]}, ["kick", "prescribe", "drift"]),
+    "Prony terms, energy": (
+        lambda sheet: {
+            "force": Visco(YEOH, horizon=2.015, prony=TERMS), "loads": moved(sheet), "damage": CriticalEnergy(0.5)
+        },
+        ["kick", "prescribe", "drift"],
+    ),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("precision", [32, 64])
-def test_steps_that_share_launches_are_the_steps_one_by_one(precision):
+@pytest.mark.parametrize("scene", SHARED)
+def test_steps_that_share_launches_are_the_steps_one_by_one(scene, precision):
     """The end of a step and the beginning of the next are one launch, with the time ticked before both."""
     sheet = square(9)
-    loads = [
-        Fixed(sheet.edges("left")),
-        Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, 0.3]),
-        Pressure(5.0, follower=False, ramp=[(0.0, 0.0), (1e-3, 1.0)]),
-    ]
-    ball = RigidBall(0.03, (0.05, 0.05, 0.016), velocity=(0.0, 0.0, -3.0))
+    parts, joined = SHARED[scene]
     states = []
     for repeat in (1, 10, 30):
-        built = build(
-            sheet, horizon=2.015, precision=precision, loads=loads, contact=ball, damage=CriticalStretch(1.02),
-            solver=Explicit(1.0, damping=1.0),
-        )  # fmt: skip
+        values = {"force": BondAssociated(NEO, horizon=2.015, weights="plain"), **parts(sheet)}
+        velocity = 0.1 * np.random.default_rng(0).normal(size=(sheet.size, 3))
+        built = Simulation(sheet, solver=Explicit(1.0, damping=1.0), initial_velocity=velocity, **values).build(
+            "cpu", precision
+        )
         built.workspace.compile()
-        assert built.workspace.turns["step"].parts == ["kick", "separate", "prescribe", "drift", "project"]
+        turn = built.workspace.turns.get("step")
+        assert (turn and turn.parts) == joined
         built.step.fill_(2e-5)
-        built.advance.assign(np.array([2e-5, 1.0]))
+        if built.advance is not None:
+            built.advance.assign(np.array([2e-5, 1.0]))
         run_once(built.workspace.device, built.workspace.stages["setup"])
         steps = built.workspace.sequence("step", repeat)
         for _ in range(60 // repeat):
             steps.run()
         state = built.state
-        states.append([a.numpy() for a in (state.displacement, state.velocity, state.work, state.impulse, state.time)])
-    assert states[0][-1][0] == pytest.approx(60 * 2e-5)
-    assert np.abs(states[0][3]).max() > 0.0
+        kept = [state.displacement, state.velocity, state.work, state.impulse, state.time, built.force.alive]
+        states.append([array.numpy() for array in kept if array is not None])
+        if built.force.alive is not None:
+            intact = pack(built.force.families.exists)[built.force.families.kind].T
+            assert (built.force.alive.numpy() != intact).any()
     for other in states[1:]:
         for one, many in zip(states[0], other, strict=True):
             assert (one == many).all()
+    assert np.isfinite(states[0][0]).all() and np.abs(states[0][0]).max() > 1e-5
+
+
+def test_schedules_are_known_a_step_ahead():
+    """Each clock gives what linear interpolation does: now, and a step later."""
+    sheet = square(7)
+    times, places = [0.0, 1e-4, 3e-4, 4e-4], [0.0, 0.02, -0.01, 0.01]
+    loads = [Motion(sheet.edges("right"), times, x=places), Pressure(1.0, ramp=[(0.0, 0.5), (2e-4, 1.0)])]
+    built = build(sheet, loads=loads, solver=Explicit(1.0))
+    built.advance.assign(np.array([3e-5, 3.5e-4]))
+    built.clock.run()
+    for step in range(15):
+        now, soon = (min(k * 3e-5, 3.5e-4) for k in (step, step + 1))
+        wanted = [np.interp(t, x, y) for t in (now, soon) for x, y in ((times, places), ([0.0, 2e-4], [0.5, 1.0]))]
+        assert built.scheduled.numpy()[:, 0] == pytest.approx(wanted, abs=1e-12)
+        run_once(built.workspace.device, [x for x in built.workspace.stages["step"] if x.name == "tick"])
 
 
 def test_pressure_that_follows_does_not_share_a_launch_with_motion():

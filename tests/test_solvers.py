@@ -343,6 +343,16 @@ def test_float32(solver):
     assert narrow.frame.displacement == pytest.approx(wide.frame.displacement, abs=2e-3 * 0.016)
 
 
+@pytest.mark.parametrize(("tolerance", "status"), [(1e-9, "finished"), (1e-15, "not converged")])
+def test_a_load_step_that_begins_without_steps_left_looks_at_the_residual_once(tolerance, status):
+    sheet = square(9)
+    solver = Relaxation(load_steps=4, ramp_steps=7, most_steps=100, tolerance=tolerance)
+    result = run(sheet, solver, loads=[Fixed(sheet.edges()), Pressure(5.0)])
+    entries = result.summary["solve"]["load_steps"]
+    assert result.status == status
+    assert [entry["steps"] for entry in entries[1:]] == [50] * len(entries[1:])
+
+
 def test_relaxation_breaks_only_at_rest_and_relaxes_again():
     """A notched strip pulled until its tip bonds pass the criterion: it tears, and what is left is at rest."""
     sheet = square(13).cut((-0.01, 0.051), (0.03, 0.051))

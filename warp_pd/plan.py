@@ -10,6 +10,7 @@ from .simulation import Built
 STAGES = {
     "start": "once at the start",
     "setup": "once at the start or a restart",
+    "clock": "whenever the host moves the time or the step",
     "step": "every step",
     "estimate": "each iteration of the stable step",
     "density": "every 300 steps of relaxation",
@@ -40,6 +41,8 @@ def describe(built: Built) -> str:
         counted = Counter((x.name, x.threads, x.owner) for x in built.workspace.stages.get(stage, []))
         for (name, threads, owner), times in counted.items():
             launches.append((name, f"{threads}", owner, when if times == 1 else f"{when}, {times} times"))
+    for turn in built.workspace.turns.values():
+        launches.append((turn.name, f"{turn.threads}", turn.owner, "between two steps, for the end and the beginning"))
     lines += _table(("kernel", "threads", "asked for by", "how often"), launches)
     return "\n".join(lines)
 

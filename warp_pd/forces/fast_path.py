@@ -78,7 +78,7 @@ class FastPath:
         self.shared_module = f"{w.module}_shared_{force.families.members}"
         # Division to two units in the last place, in float32 on a GPU; errors against float64 stay the same.
         for module in (self.module, self.shared_module):
-            wp.get_module(module).options["fast_math"] = w.bits == 32
+            wp.get_module(module).options["fast_math"] = w.bits == 32 and w.device.is_cuda
         self.listed = shared and stencil is not None
         self.others = w.array("other_points", force.owner, wp.int32, shape=force.points) if self.listed else None
         self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None

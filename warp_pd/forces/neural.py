@@ -140,7 +140,7 @@ class NeuralForce(WholeFamilyForce):
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
             # Exponentials and reciprocals of the hardware, in float32 on a GPU.
-            wp.get_module(fused_module).options["fast_math"] = bits == 32
+            wp.get_module(fused_module).options["fast_math"] = bits == 32 and workspace.device.is_cuda
         self.kernels: NeuralKernels = neural(
             layout,
             bits,

@@ -93,10 +93,7 @@ class Equilibrium:
         if self.loaded:
             w.point(stage, OWNER, constant_loads(w.bits, True, w.module), n, constant=self.dead, external=self.external)
         if self.follower:
-            families = force.families
-            kernel = follower_pressure(
-                families.layout, w.bits, families.members, force.alive is not None, True, w.module
-            )
+            kernel = follower_pressure(force.families.layout, w.bits, force.alive is not None, True, w.module)
             w.point(
                 stage, OWNER, kernel, n,
                 **self._family(), displacement=self.displacement, inverse_horizon=force.inverse_horizon,

@@ -211,10 +211,10 @@ class Relaxing:
         return bool(entry["converged"])
 
     def _relax(self, entry: dict[str, Any], ramp: bool) -> bool:
-        """Steps until the residual is small; whether it became so."""
+        """Steps until the residual is small; whether it became so. The residual is looked at once at least."""
         start, solver = self.done, self.solver
         ramp_steps = solver.ramp_steps if ramp else 0
-        while self.done < solver.most_steps:
+        while self.done == start or self.done < solver.most_steps:
             since = self.done - start
             if since % STEPS_BETWEEN == 0 or since < ramp_steps:
                 self._set_step()
