@@ -7,10 +7,11 @@ free edge moves in by 13.543 mm, the grips pull with 0.18112 N. The paper's own 
 """
 
 from warp_pd import BondAssociated, Explicit, Fixed, Gent, Measure, Motion, Newton, Relaxation, Sheet, Simulation
-from warp_pd.checks import one_of
+from warp_pd.checks import InputError, finite, one_of
 from warp_pd.solvers import Solver
 
 CONTRACTION, GRIP = 13.5432e-3, 0.181116
+SIDE = 0.1
 
 
 def build(
@@ -28,7 +29,9 @@ def build(
     }
     # The published weights have no energy, which Newton asks for, and it is slow at wide horizons (docs/solvers.md).
     solvers["auto"] = solvers["relaxation" if weights == "published" or horizon > 2.5 else "newton"]
-    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
+    if finite("extension", extension) <= -SIDE:
+        raise InputError(f"extension = {extension!r} m: allowed is more than {-SIDE}, which takes the sheet to nothing")
+    sheet = Sheet.rectangle(SIDE, SIDE, thickness=1e-3, density=1000.0, points=points)
     middle = sheet.nearest(0.05, 0.0)
     right = sheet.edges("right")
     published = extension == 0.1

@@ -27,6 +27,7 @@ from warp_pd import (
     Motion,
     Newton,
     Nodal,
+    Outcome,
     Pressure,
     Relaxation,
     RigidBall,
@@ -416,6 +417,13 @@ WRONG_PARTS = [
     (lambda: Motion([0], ["soon", 1.0], x=1.0).schedule(), "Motion.times = "),
     (lambda: built_with(initial_displacement=np.full((25, 3), NAN)), r"initial_displacement\[0, 0\] = nan"),
     (lambda: built_with(initial_velocity="none"), "initial_velocity = 'none'"),
+    (lambda: Motion([0], [], x=[]).schedule(), "at least one"),
+    (lambda: Motion([0], [[0.0, 1.0]], x=[0.0, 1.0]).schedule(), "rising"),
+    (
+        lambda: built_with(loads=[Motion([3], [0.0, 1.0], y=[1.0, 0.0])]),
+        r"Motion.y is 1 m at t = 0, 1 m from where its points are",
+    ),
+    (lambda: Sheet.rectangle(1.0, 1.0, thickness=1.0, density=1.0, points=10**6), "points = 1000000 with layers"),
     (lambda: Explicit("1"), "duration = '1'"),
     (lambda: Explicit(1.0, frames=[0.5, "end"]), "frames = "),
     (lambda: Fixed([0], "xw").mask(), "'xw'"),
@@ -457,6 +465,48 @@ def test_a_mask_of_all_points_is_their_numbers():
 def names_of(plan):
     rows = [line.strip().split("  ")[0] for line in plan.splitlines() if line.startswith("  ")]
     return {name for row in rows for name in row.split(", ")}
+
+
+def one_frame(tmp_path, **parts):
+    simulation = Simulation(square(5), BondAssociated(NEO), Explicit(1e-4, frames=1), **parts)
+    return simulation.run(device="cpu", out=tmp_path, usd=False)
+
+
+@pytest.mark.parametrize(("value", "said"), [(lambda h: 1 / 0, "ZeroDivisionError"), (lambda h: "many", "'many'")])
+def test_an_outcome_that_fails_leaves_the_other_numbers(tmp_path, value, said):
+    kept = Measure("kept", "1", lambda built, frame: 3.0)
+    one_frame(tmp_path, measures=[kept], outcomes=[Outcome("peak", "N", value)])
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["measures"]["kept"]["value"] == 3.0 and summary["measures"]["peak"]["value"] is None
+    assert any("Outcome 'peak'" in note and said in note for note in summary["notes"])
+
+
+def test_a_measure_that_fails_and_pictures_that_fail_are_told_in_a_line(tmp_path):
+    with pytest.raises(InputError, match="Measure 'm' gives 'abc': allowed is a number"):
+        one_frame(tmp_path, measures=[Measure("m", "1", lambda built, frame: "abc")])
+    with pytest.raises(InputError, match="pictures: KeyError"):
+        one_frame(tmp_path, pictures=lambda history, folder: history[0]["nothing"])
+    assert (tmp_path / "summary.json").is_file()
+
+
+def test_a_scene_of_ones_own_is_drawn_from_its_file(tmp_path):
+    """Whatever it is called; and it may import the files beside it."""
+    (tmp_path / "beside_it.py").write_text("POINTS = 5\n")
+    (tmp_path / "pressure.py").write_text(
+        "from beside_it import POINTS\n"
+        "from warp_pd import *\n"
+        "def draw(history, folder): (folder / 'mine.png').write_bytes(b'mine')\n"
+        "def build():\n"
+        "    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1e3, points=POINTS)\n"
+        "    law = BondAssociated(NeoHookean(mu=1e3, bulk=1e5))\n"
+        "    return Simulation(sheet, law, Explicit(1e-4, frames=1), pictures=draw)\n"
+    )
+    out = tmp_path / "out"
+    done = cli("run", str(tmp_path / "pressure.py"), "--device", "cpu", "--quiet", "--no-usd", "--out", str(out))
+    assert done.exit_code == 0, done.output
+    (out / "mine.png").unlink()
+    done = cli("draw", str(out))
+    assert done.exit_code == 0 and [p.name for p in out.glob("*.png")] == ["mine.png"]
 
 
 def test_the_plan_leaves_out_what_a_scene_does_not_use():

@@ -2,6 +2,8 @@
 
 import functools
 import inspect
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,14 +36,14 @@ SMALL = {
 }
 BREAKING = ("ball_penetration", "double_notch", "off_plane_tear", "precut_tear")
 
+# Removed with the last reference to it, when the tests end.
+FOLDER = tempfile.TemporaryDirectory(prefix="warp_pd_scenes_")
+
 
 @functools.cache
 def ran(name):
     """The small run of a scene, with its files in a temporary folder."""
-    import tempfile
-
-    folder = tempfile.mkdtemp(prefix=f"warp_pd_{name}_")
-    return build_scene(name, dict(SMALL[name])).run(device="cpu", out=folder, usd=False)
+    return build_scene(name, dict(SMALL[name])).run(device="cpu", out=Path(FOLDER.name) / name, usd=False)
 
 
 def value(result, name):

@@ -28,7 +28,7 @@ class OneLineGroup(click.Group):
         """Run the command."""
         try:
             return super().invoke(ctx)
-        except InputError as error:
+        except (InputError, MemoryError) as error:
             click.echo(f"warp-pd: {error}", err=True)
             ctx.exit(WRONG_INPUT)
 
@@ -62,6 +62,8 @@ def _load_file(path: Path) -> Any:
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    # As Python does for a file that it runs: the file may import those beside it.
+    sys.path.insert(0, str(path.resolve().parent))
     try:
         spec.loader.exec_module(module)
     except SyntaxError as error:
@@ -103,6 +105,7 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     if not isinstance(simulation, Simulation):
         raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; allowed is a Simulation")
     simulation.scene = Path(name).stem
+    simulation.file = str(Path(name).resolve()) if name.endswith(".py") else None
     used = {key: values.get(key, p.default) for key, p in parameters.items()}
     simulation.settings = {k: v for k, v in used.items() if isinstance(v, str | int | float | bool | type(None))}
     return simulation
@@ -262,7 +265,7 @@ def plan(
 
 @main.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--scene", help="The scene's file, for a run of a Python file of your own.")
+@click.option("--scene", help="The scene's file, where it is not any more where it was.")
 def draw(folder: Path, scene: str | None) -> None:
     """Draw the pictures of a run from its FOLDER, for runs made with --no-pictures or changed pictures."""
     from .runner import read_history
@@ -270,7 +273,7 @@ def draw(folder: Path, scene: str | None) -> None:
     summary = _read_summary(folder / "summary.json")
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: this run is of {summary['scene']!r}")
-    simulation = build_scene(scene or summary["scene"], summary["settings"])
+    simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
     if simulation.pictures is None:
         raise InputError(f"scene = {simulation.scene!r}: it draws no pictures")
     simulation.pictures(read_history(folder / "history.csv"), folder)

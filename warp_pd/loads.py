@@ -27,6 +27,10 @@ class Schedule:
     times: np.ndarray
     values: np.ndarray
 
+    def at(self, time: float) -> np.ndarray:
+        """Values at a time [s], shape (3,)."""
+        return np.array([np.interp(time, self.times, self.values[:, c]) for c in range(3)])
+
 
 def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
     """A checked schedule of finite numbers: times, shape (K,), and values, shape (K, 3).
@@ -34,8 +38,8 @@ def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
     Raises:
         InputError: unless the times rise.
     """
-    if times.ndim != 1 or (np.diff(times) <= 0.0).any():
-        raise InputError(f"{name} times = {times.tolist()}: allowed are rising times")
+    if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
+        raise InputError(f"{name} times = {times.tolist()}: allowed are rising times, at least one")
     return Schedule(times, values)
 
 
@@ -113,7 +117,7 @@ class Motion:
     def schedule(self) -> Schedule:
         """The motion as a schedule; free components are zero."""
         times = np.atleast_1d(numbers("Motion.times", self.times))
-        knots = len(times)
+        knots = times.size
         columns = []
         for name, value in (("x", self.x), ("y", self.y), ("z", self.z)):
             column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if value is None else value))
@@ -320,8 +324,3 @@ class ScheduleTable:
         """First knot of each schedule and the end, knots, values: shapes (S + 1,), (K,), (K, 3)."""
         begins = np.concatenate([[0], np.cumsum([len(s.times) for s in self.schedules])]).astype(np.int32)
         return begins, np.concatenate([s.times for s in self.schedules]), np.vstack([s.values for s in self.schedules])
-
-    def at(self, time: float) -> np.ndarray:
-        """Every schedule at one time, shape (S, 3)."""
-        rows = [[np.interp(time, s.times, s.values[:, c]) for c in range(3)] for s in self.schedules]
-        return np.array(rows, dtype=np.float64).reshape(-1, 3)

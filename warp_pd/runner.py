@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import json
+import math
 import os
 import signal
 import threading
@@ -245,7 +246,8 @@ class Recorder:
         if built.simulation.measures:
             frame = frame.in_double()
         for measure in built.simulation.measures:
-            row[measure.name] = float(measure.value(built, frame))
+            value = _given(measure, built, frame)
+            row[measure.name] = math.nan if value is None else value
         return row
 
     def _balance_error(self, row: dict[str, float]) -> float:
@@ -370,10 +372,25 @@ def run(
         # First, so that a picture that cannot be drawn does not take the numbers with it.
         write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
         if pictures and simulation.pictures is not None:
-            simulation.pictures(result.history, folder)
+            _draw(simulation, result.history, folder)
         summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
         write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return result
+
+
+def _draw(simulation: Simulation, history: list[dict[str, float]], folder: Path) -> None:
+    """Draw the scene's pictures.
+
+    Raises:
+        InputError: if its function raises.
+    """
+    assert simulation.pictures is not None
+    try:
+        simulation.pictures(history, folder)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"pictures: {type(error).__name__}: {error}; the results are in {folder}") from error
 
 
 def _not_converged(recorder: Recorder) -> str:
@@ -515,6 +532,25 @@ def _notes(built: Built, history: list[dict[str, float]]) -> list[str]:
     return notes
 
 
+def _given(item: Measure | Outcome, *arguments: Any) -> float | None:
+    """What the function of a reported number gives.
+
+    Raises:
+        InputError: if it raises, or gives neither a number nor None.
+    """
+    what = f"{type(item).__name__} {item.name!r}"
+    try:
+        value = item.value(*arguments)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{what}: {type(error).__name__}: {error}") from error
+    try:
+        return None if value is None else float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} gives {value!r}: allowed is a number") from None
+
+
 def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str, Any]:
     """Value, unit and reference of a reported number; a number that does not exist (yet) is None."""
     if value is not None and not np.isfinite(value):
@@ -548,12 +584,19 @@ def _summary(
     # The start of a search that found nothing is no result.
     found = recorder.frame_index > 0 or simulation.solver.in_time
     measures = {m.name: _compared(m, row.get(m.name) if found else None, "last frame") for m in simulation.measures}
-    measures |= {
-        o.name: _compared(o, o.value(recorder.history) if found else None, "whole run") for o in simulation.outcomes
-    }
+    notes = _notes(built, recorder.history)
+    for outcome in simulation.outcomes:
+        value = None
+        try:
+            value = _given(outcome, recorder.history) if found else None
+        except InputError as error:
+            # The run is over: the other numbers must not go with this one.
+            notes.append(str(error))
+        measures[outcome.name] = _compared(outcome, value, "whole run")
     rate = built.simulation.sheet.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
     return {
         "scene": simulation.scene,
+        "file": simulation.file,
         "section": simulation.section,
         "status": status,
         "message": message,
@@ -579,6 +622,6 @@ def _summary(
         "bytes_per_point": built.workspace.array_bytes() / simulation.sheet.size,
         "correction": force.correction,
         "energy": energy,
-        "notes": _notes(built, recorder.history),
+        "notes": notes,
         "measures": measures,
     }

@@ -12,6 +12,10 @@ from .checks import InputError, count, finite, point_indices, positive, vector
 Segment = tuple[tuple[float, float], tuple[float, float]]
 
 
+# Points are counted in 32 bits.
+MOST_POINTS = 2**31 - 1
+
+
 @dataclass(frozen=True)
 class Lattice:
     """A complete rectangular grid; point (column, row) has the index column + row * columns.
@@ -109,6 +113,10 @@ class Sheet:
             dx, dy = width / (columns - 1), height / (rows - 1)
         across, along = count("layers[0]", layers[0], 0), count("layers[1]", layers[1], 0)
         columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
+        if columns * rows > MOST_POINTS:
+            raise InputError(
+                f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: allowed are {MOST_POINTS}"
+            )
         x, y = np.meshgrid(x0 + dx * np.arange(columns), y0 + dy * np.arange(rows))
         share_x, share_y = np.full(columns, dx), np.full(rows, dy)
         if not centred:

@@ -2,9 +2,10 @@
 
 One step, in the order of its launches (those that no part asks for do not exist):
 
-    tick, prescribe, move_bodies      time, supports and rigid inclusions
+    prescribe, move_bodies            supports and rigid inclusions
     drift                             half kick, displacement
     project                           contact with the ball
+    tick                              time
     break_bonds                       rupture
     update                            internal variables of the force law
     family_force, gather              internal force
@@ -109,6 +110,7 @@ class Simulation:
         initial_velocity: [m/s], shape (N, 3), or None for zero.
         track_energy: Whether external work and dissipation are summed up for the energy balance.
         scene: Name of the scene.
+        file: Python file of a scene that does not come with the package, or None.
         section: Part of the paper that it rebuilds.
         pictures: Function (history, folder) that draws the scene's pictures into the folder of the results,
             or None.
@@ -128,6 +130,7 @@ class Simulation:
     initial_velocity: np.ndarray | None = None
     track_energy: bool = True
     scene: str = "simulation"
+    file: str | None = None
     section: str = ""
     pictures: Callable[[list[dict[str, float]], Any], None] | None = None
     notes: Sequence[str] = ()
@@ -489,6 +492,8 @@ class Built:
 
     def _add_prescribe(self) -> None:
         w = self.workspace
+        if self.simulation.solver.in_time:
+            self._check_begin()
         # One row a point, as edges that move in different directions share their corners.
         points = np.unique(np.concatenate([indices for _, indices in self._motions]))
         schedules = np.full((len(points), 3), -1, np.int32)
@@ -504,6 +509,23 @@ class Built:
             scheduled=self.scheduled, step=self.step, displacement=self.state.displacement,
             velocity=self.state.velocity,
         )  # fmt: skip
+
+    def _check_begin(self) -> None:
+        """Look where motions begin.
+
+        Raises:
+            InputError: if that is further than a horizon from where their points are: no step can take them there.
+        """
+        there, horizon = self._initial("initial_displacement"), self.force.families.horizon
+        for motion, points in self._motions:
+            begin = motion.schedule().at(0.0)
+            for c in (c for c in range(3) if motion.mask() & (1 << c)):
+                jump = float(np.abs(begin[c] - there[points, c]).max())
+                if jump > horizon:
+                    raise InputError(
+                        f"Motion.{'xyz'[c]} is {begin[c]:.6g} m at t = 0, {jump:.3g} m from where its points are: "
+                        f"allowed is at most the horizon, {horizon:.3g} m"
+                    )
 
     def _soon(self, part: Any) -> int:
         """Index of what the schedule of a part gives a step later."""
@@ -558,7 +580,7 @@ class Built:
             spared = self.workspace.array("spared", owner, wp.uint8, mask)
         by_energy = isinstance(damage, CriticalEnergy)
         kernel = breaking(
-            force.families.layout, self.types.bits, force.families.members, by_energy, tracked, spared is not None,
+            force.families.layout, self.types.bits, by_energy, tracked, spared is not None,
             force.kernels.earlier_energy if tracked else None, self.workspace.module,
         )  # fmt: skip
         if isinstance(damage, CriticalEnergy):
@@ -653,9 +675,8 @@ class Built:
 
         force, scheduled = self.force, id(load) in self._schedule_ids
         kernel = follower_pressure(
-            force.families.layout, self.types.bits, force.families.members, self.breakable, scheduled,
-            self.workspace.module,
-        )  # fmt: skip
+            force.families.layout, self.types.bits, self.breakable, scheduled, self.workspace.module
+        )
         self.workspace.point(
             stage, "Pressure", kernel, self.simulation.sheet.size,
             family=force.struct, alive=force.alive, displacement=self.state.displacement,
@@ -671,10 +692,7 @@ class Built:
         if not hasattr(self, "_edges"):
             self._edges = self._edge_arrays(load)
         normals, points, reach, mask = self._edges
-        families = force.families
-        find, push = boundary_force(
-            families.layout, self.types.bits, families.members, self.breakable, load.form, w.module
-        )
+        find, push = boundary_force(force.families.layout, self.types.bits, self.breakable, load.form, w.module)
         w.launch(
             stage, "BoundaryForce", find, n if self.breakable else points.size,
             family=force.struct, alive=force.alive, displacement=displacement, points=points, marked=mask,
