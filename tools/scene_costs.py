@@ -149,7 +149,7 @@ def introduction(measured: str) -> Sequence[str]:
         "touch their own point alone share a launch; `warp-pd plan SCENE` lists what there is. Times are of explicit",
         "steps of a sheet that hardly moves, for scenes at rest too. Where a law is cheap (bond-based) the features",
         "would double the step; where it finds 28 stresses a point they",
-        "nearly vanish in it on a CPU, not on a GPU ([performance](performance.md), 1.4 to 1.8 times). Best of four",
+        "nearly vanish in it on a CPU, not on a GPU ([performance](performance.md), 1.2 to 1.9 times). Best of four",
         "measurements in turn; factors from 0.9 to 1.1 are one.",
         "",
         "| scene | points | arrays | parts of a step | bytes a point | step (us) | times | forced on |",
