@@ -241,6 +241,31 @@ def test_a_restart_file_of_other_settings_is_refused(ball, tmp_path):
     assert not (tmp_path / "new").exists()
 
 
+def test_a_setting_that_only_a_measure_reads_must_be_the_same(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from warp_pd import *\n"
+        "def build(at=10):\n"
+        "    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1e3, points=5)\n"
+        "    law = BondAssociated(NeoHookean(mu=1e3, bulk=1e5))\n"
+        "    seen = Measure('seen', '1', lambda built, frame: float(at))\n"
+        "    return Simulation(sheet, law, Explicit(1e-4, frames=1), measures=[seen])\n"
+    )
+    command = [
+        "run",
+        str(tmp_path / "mine.py"),
+        "--device",
+        "cpu",
+        "--quiet",
+        "--no-usd",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert cli(*command).exit_code == 0
+    assert cli(*command, "--resume").exit_code == 0
+    done = cli(*command, "--resume", "--set", "at=100")
+    assert done.exit_code == 2 and "other settings (at = 10, here 100)" in done.output
+
+
 def test_what_differs_from_a_restart_file_is_named_without_a_scene(tmp_path):
     def simulation(points=7, density=1000.0, **changes):
         sheet = square(points, density=density)

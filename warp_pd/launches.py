@@ -226,7 +226,7 @@ def _joined(first: Launch | Call, second: Launch | Call) -> Launch | None:
     part = in_turn(first.source, second.source, first.module)
     both = part.arguments()
     both.a, both.b = first.arguments["arguments"], second.arguments["arguments"]
-    owner = first.owner if first.owner == second.owner else f"{first.owner}, {second.owner}"
+    owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))
     return replace(first, name=part.name, owner=owner, source=part, arguments={"arguments": both})
 
 

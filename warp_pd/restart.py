@@ -99,7 +99,7 @@ def save(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def load(path: Path, wanted: dict[str, str], wanted_settings: dict[str, Any]) -> dict[str, Any]:
-    """Arrays and numbers of a restart file of these parts; the settings are for the message.
+    """Arrays and numbers of a restart file of these parts and settings of a scene, some of which only measures read.
 
     Raises:
         InputError: if it is missing, damaged, of another version, or of another simulation.
@@ -116,7 +116,7 @@ def load(path: Path, wanted: dict[str, str], wanted_settings: dict[str, Any]) ->
         raise InputError(f"resume from {str(path)!r}: the file is damaged ({type(error).__name__})") from None
     if numbers.get("version") != VERSION:
         raise InputError(f"resume from {str(path)!r}: it is of version {numbers.get('version')}, allowed is {VERSION}")
-    if numbers["parts"] != wanted:
+    if (numbers["parts"], numbers["settings"]) != (wanted, wanted_settings):
         sides = (numbers["settings"], numbers["parts"]), (wanted_settings, wanted)
         # Settings of a scene are what its user knows; where they are the same, the scene itself is another one.
         same = numbers["settings"] == wanted_settings
