@@ -423,6 +423,15 @@ WRONG_PARTS = [
     (lambda: point_indices("points", np.ones(8, bool), 9), "mask of 9"),
     (lambda: built_with(solver="explicit"), "solver = 'explicit'"),
     (lambda: built_with(loads=Fixed([0])), "loads = "),
+    (lambda: built_with(loads=[[Fixed([0])]]), r"loads\[0\] is of type list"),
+    (lambda: built_with(outcomes=[5]), r"outcomes\[0\] is of type int"),
+    (lambda: built_with(measures=[Measure("a\nb", "s", lambda built, frame: 0.0)]), "name of a measure"),
+    (
+        lambda: built_with(
+            measures=[Measure("m", "s", lambda built, frame: 0.0)], outcomes=[Outcome("m", "s", lambda history: 0.0)]
+        ),
+        "two numbers",
+    ),
     (lambda: built_with(damage=1.3), "damage = 1.3"),
     (lambda: built_with(measures=[Measure("time", "s", lambda built, frame: 0.0)]), "'time'"),
     (lambda: built_with(loads=[Motion([3], [0.0], x=1.0), Fixed([3])]), "Fixed.points holds point 3 at .* component x"),

@@ -164,14 +164,21 @@ class Simulation:
         for name, part, kind, allowed in kinds:
             if not isinstance(part, kind):
                 raise InputError(f"{name} = {part!r}: allowed is {allowed}")
-        lists = (("loads", self.loads, Load, "loads"), ("measures", self.measures, Measure, "measures"))
-        for name, parts, kind, allowed in lists:
-            if not isinstance(parts, Sequence) or not all(isinstance(part, kind) for part in parts):
-                raise InputError(f"{name} = {parts!r}: allowed is a list of {allowed}")
-        names = [measure.name for measure in self.measures]
+        lists: tuple[tuple[str, Any, Any], ...] = (
+            ("loads", self.loads, Load), ("measures", self.measures, Measure), ("outcomes", self.outcomes, Outcome),
+        )  # fmt: skip
+        for name, parts, kind in lists:
+            if not isinstance(parts, Sequence) or isinstance(parts, str):
+                raise InputError(f"{name} = {parts!r}: allowed is a list of {name}")
+            for index, part in enumerate(parts):
+                if not isinstance(part, kind):
+                    raise InputError(f"{name}[{index}] is of type {type(part).__name__}: allowed is a list of {name}")
+        names = [m.name for m in self.measures] + [o.name for o in self.outcomes]
         for name in names:
+            if not isinstance(name, str) or not name or not name.isprintable():
+                raise InputError(f"name of a measure = {name!r}: allowed is text in one line")
             if names.count(name) > 1 or name in HISTORY:
-                raise InputError(f"measures: two columns of the history would be called {name!r}: allowed is one")
+                raise InputError(f"measures: two numbers of the run would be called {name!r}: allowed is one")
 
     def plan(self, device: str | None = None, precision: int | None = None) -> str:
         """Table of the arrays and launches of this simulation."""
