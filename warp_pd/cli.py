@@ -28,6 +28,10 @@ class OneLineGroup(click.Group):
         """Run the command."""
         try:
             return super().invoke(ctx)
+        except click.UsageError as error:
+            where = error.ctx.command_path if error.ctx is not None else "warp-pd"
+            click.echo(f"warp-pd: {error.format_message()} (see {where} --help)", err=True)
+            ctx.exit(WRONG_INPUT)
         except (InputError, MemoryError) as error:
             click.echo(f"warp-pd: {error}", err=True)
             ctx.exit(WRONG_INPUT)
