@@ -546,6 +546,16 @@ def test_a_scene_of_ones_own_is_drawn_from_its_file(tmp_path):
     assert done.exit_code == 0 and [p.name for p in out.glob("*.png")] == ["mine.png"]
 
 
+@pytest.mark.parametrize("damage", [lambda path: path.unlink(), lambda path: os.truncate(path, 5000)])
+def test_pictures_of_damaged_frames_are_refused_in_one_line(ball, tmp_path, damage):
+    folder = tmp_path / "copy"
+    shutil.copytree(ball, folder)
+    damage(folder / "frames.vtkhdf")
+    done = cli("draw", str(folder))
+    assert done.exit_code == 2 and "frames.vtkhdf" in done.output and "Traceback" not in done.output
+    assert len(done.output.strip().splitlines()) == 1
+
+
 def test_the_plan_leaves_out_what_a_scene_does_not_use():
     sheet = square(9)
     law = BondAssociated(NEO, weights="plain")

@@ -137,6 +137,7 @@ def table(runs: list[dict[str, Any]]) -> str:
 def plot(path: Path, runs: list[dict[str, Any]]) -> None:
     """Error over time a point, a panel for each device and precision."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     figure, axes = plt.subplots(
         len(runs), 2, figsize=(12.0, 4.8 * len(runs)), layout="constrained", squeeze=False, sharey=True
@@ -161,6 +162,10 @@ def plot(path: Path, runs: list[dict[str, Any]]) -> None:
                 for at in zip(x, y, m, strict=True):
                     ax.annotate(at[2], at[:2], fontsize=7, xytext=(3, 3), textcoords="offset points")
             ax.set(title=f"{run['device']}, float{bits}", xlabel="force, ns a point", ylabel="error of deflection (%)")
+            ax.xaxis.set(
+                major_locator=LogLocator(subs=(1.0, 2.0, 5.0)), major_formatter=StrMethodFormatter("{x:g}"),
+                minor_formatter=NullFormatter(),
+            )  # fmt: skip
             ax.grid(alpha=0.3, which="both")
     axes[0][0].legend(fontsize=8)
     figure.savefig(path, dpi=120)

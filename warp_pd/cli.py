@@ -267,12 +267,12 @@ def plan(
     click.echo(simulation.plan(device, precision))
 
 
-@main.command()
+@main.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--scene", help="The scene's file, where it is not any more where it was.")
-def draw(folder: Path, scene: str | None) -> None:
+def draw_again(folder: Path, scene: str | None) -> None:
     """Draw the pictures of a run from its FOLDER, for runs made with --no-pictures or changed pictures."""
-    from .runner import read_history
+    from .runner import draw, read_history
 
     summary = _read_summary(folder / "summary.json")
     if scene is not None and Path(scene).stem != summary["scene"]:
@@ -280,7 +280,7 @@ def draw(folder: Path, scene: str | None) -> None:
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
     if simulation.pictures is None:
         raise InputError(f"scene = {simulation.scene!r}: it draws no pictures")
-    simulation.pictures(read_history(folder / "history.csv"), folder)
+    draw(simulation, read_history(folder / "history.csv"), folder)
     for path in sorted(folder.glob("*.png")):
         click.echo(f"  {path.name}")
 

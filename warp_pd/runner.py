@@ -372,17 +372,17 @@ def run(
         # First, so that a picture that cannot be drawn does not take the numbers with it.
         write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
         if pictures and simulation.pictures is not None:
-            _draw(simulation, result.history, folder)
+            draw(simulation, result.history, folder)
         summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
         write_aside(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return result
 
 
-def _draw(simulation: Simulation, history: list[dict[str, float]], folder: Path) -> None:
+def draw(simulation: Simulation, history: list[dict[str, float]], folder: Path) -> None:
     """Draw the scene's pictures.
 
     Raises:
-        InputError: if its function raises.
+        InputError: if its function raises, as on frames that are damaged.
     """
     assert simulation.pictures is not None
     try:
