@@ -195,30 +195,37 @@ def network_function(bits, layers, module):
     types = numeric(bits)
     real, vec4 = types.real, types.parameters
 
-    def declare(below, columns, bias):
+    @wp.func(module=module)
+    def entered(inputs: vec4):
+        return inputs
+
+    def bent(below, width):
+        @wp.func(module=module)
+        def sigmoids(inputs: vec4):
+            y = below(inputs)
+            for a in range(wp.static(width)):
+                y[wp.static(a)] = real(1.0) / (real(1.0) + wp.exp(y[wp.static(a)]))
+            return y
+
+        return sigmoids
+
+    def layer_on(below, columns, bias):
         vector = wp.types.vector(length=len(bias), dtype=real)
         start, columns = vector(*bias), [vector(*column) for column in columns]
-
-        @wp.func(module=module)
-        def first_layer(inputs: vec4):
-            y = wp.static(start)
-            for a in range(wp.static(len(columns))):
-                y += inputs[wp.static(a)] * wp.static(columns[a])
-            return y
 
         @wp.func(module=module)
         def layer(inputs: vec4):
             x = below(inputs)
             y = wp.static(start)
             for a in range(wp.static(len(columns))):
-                y += (real(1.0) / (real(1.0) + wp.exp(x[wp.static(a)]))) * wp.static(columns[a])
+                y += x[wp.static(a)] * wp.static(columns[a])
             return y
 
-        return layer if below else first_layer
+        return layer
 
     found = None
     for *columns, bias in layers:
-        found = declare(found, columns, bias)
+        found = layer_on(bent(found, len(columns)) if found else entered, columns, bias)
     return found
 
 

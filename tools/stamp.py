@@ -1,4 +1,4 @@
-"""Where a committed result comes from: device, date and commit."""
+"""What the tools share: where a committed result comes from (device, date, commit), and wrong input in a line."""
 
 import argparse
 import datetime

@@ -88,7 +88,7 @@ def report(network: Network, training: Training, dense: TrainingData, errors: np
         "",
         f"Trained {facts['made']}. Principal stretches {training.stretches[0]:g} to {training.stretches[1]:g}, "
         f"{training.samples} samples (70 / 15 / 15 %), seed {training.seed}, hidden layers {list(training.hidden)}, "
-        f"{sum(w.size + b.size for w, b in zip(network.weights, network.biases, strict=True))} weights, "
+        f"{network.size} weights, "
         f"{facts['steps']} steps.",
         "",
         f"Relative error: |T - T_law| / max(|T_law|, {FLOOR:g} mu).",

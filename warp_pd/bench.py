@@ -164,8 +164,7 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
 def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, float]:
     """Median time of a step [s] of a sheet that hardly moves, and half the range of the middle half over it."""
     built.step.fill_(STEP)
-    if built.advance is not None:
-        built.advance.assign(np.array([STEP, 1.0]))
+    built.set_clock(STEP, 1.0)
     built.workspace.sequence("setup").run()
     times = _clock(built, seconds / repeats, repeats)
     ordered = sorted(times)

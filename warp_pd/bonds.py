@@ -108,6 +108,11 @@ class Families:
         return len(self.exists) if self.kind is None else len(self.kind)
 
     @property
+    def member_shares(self) -> np.ndarray:
+        """c_k = w a_k of each member over the reference area, shape (R, n); zero where there is none."""
+        return np.where(self.exists, self.influence, 0.0) * self.member_areas
+
+    @property
     def bond_count(self) -> int:
         """Number of bonds, each counted from both ends."""
         sizes = self.exists.sum(axis=1)

@@ -1,8 +1,9 @@
 """Checks of what a user passes in: each raises one line that names the argument, its value, what is allowed."""
 
+import contextlib
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,26 @@ import numpy as np
 
 class InputError(ValueError):
     """Wrong input: the message names the argument, its value and what is allowed."""
+
+
+@contextlib.contextmanager
+def code_of_a_user(said: Callable[[Exception], str]) -> Iterator[None]:
+    """Where code runs that came with the input; `said` makes one line of what it raises.
+
+    Raises:
+        InputError: in place of any other error.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(said(error)) from error
+
+
+def kind_and_text(error: Exception) -> str:
+    """Text like "ValueError: what was wrong"."""
+    return f"{type(error).__name__}: {error}"
 
 
 def finite(name: str, value: Any) -> float:

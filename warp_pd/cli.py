@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import functools
 import importlib
 import importlib.util
 import inspect
@@ -15,7 +17,7 @@ from typing import Any
 
 import click
 
-from .checks import InputError, one_of
+from .checks import InputError, code_of_a_user, kind_and_text, one_of
 from .simulation import Simulation
 
 WRONG_INPUT, DIVERGED = 2, 3
@@ -67,26 +69,25 @@ def _load_file(path: Path) -> Any:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     # As Python does for a file that it runs: the file may import those beside it.
-    sys.path.insert(0, str(path.resolve().parent))
-    try:
-        spec.loader.exec_module(module)
-    except SyntaxError as error:
-        raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None
-    except InputError:
-        raise
-    except Exception as error:
-        raise _said_in(path, error) from error
+    folder = str(path.resolve().parent)
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    with code_of_a_user(functools.partial(_said_in, path)):
+        try:
+            spec.loader.exec_module(module)
+        except SyntaxError as error:
+            raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None
     if not callable(getattr(module, "build", None)):
         raise InputError(f"scene = {str(path)!r}: the file has no function build(...) that returns a Simulation")
     return module
 
 
-def _said_in(path: Path, error: Exception) -> InputError:
+def _said_in(path: Path, error: Exception) -> str:
     """What went wrong in a scene's file, with the last of its lines that led there."""
     steps = traceback.extract_tb(error.__traceback__)
     lines = [step.lineno for step in steps if Path(step.filename).resolve() == path.resolve()]
     where = f"line {lines[-1]}: " if lines else ""
-    return InputError(f"scene = {str(path)!r}: {where}{type(error).__name__}: {error}")
+    return f"scene = {str(path)!r}: {where}{kind_and_text(error)}"
 
 
 def build_scene(name: str, settings: dict[str, Any]) -> Any:
@@ -98,18 +99,13 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     scene = load_scene(name)
     parameters = inspect.signature(scene.build).parameters
     values = {key: _convert(key, value, parameters) for key, value in settings.items()}
-    try:
+    own = name.endswith(".py")
+    with code_of_a_user(functools.partial(_said_in, Path(name))) if own else contextlib.nullcontext():
         simulation = scene.build(**values)
-    except InputError:
-        raise
-    except Exception as error:
-        if not name.endswith(".py"):
-            raise
-        raise _said_in(Path(name), error) from error
     if not isinstance(simulation, Simulation):
         raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; allowed is a Simulation")
     simulation.scene = Path(name).stem
-    simulation.file = str(Path(name).resolve()) if name.endswith(".py") else None
+    simulation.file = str(Path(name).resolve()) if own else None
     used = {key: values.get(key, p.default) for key, p in parameters.items()}
     simulation.settings = {k: v for k, v in used.items() if isinstance(v, str | int | float | bool | type(None))}
     return simulation

@@ -161,6 +161,10 @@ class Workspace:
         self.arrays.append(ArrayUse(name, owner, array))
         return array
 
+    def use_fast_math(self, module: str) -> None:
+        """Let a module take the divisions, roots and exponentials of the hardware, in float32 on a GPU."""
+        wp.get_module(module).options["fast_math"] = self.bits == 32 and self.device.is_cuda
+
     def launch(self, stage: str, owner: str, kernel: Any, threads: int, *, begin: int = 0, **arguments: Any) -> Launch:
         """Add a launch to a stage; `begin` is what the first thread gets for `first`."""
         launch = Launch(kernel.func.__name__, owner, kernel, threads, arguments, self.block_dim, begin)

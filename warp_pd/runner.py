@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from . import restart
-from .checks import InputError
+from .checks import InputError, code_of_a_user, kind_and_text
 from .forces.neural import outside_count
 from .frame import Frame, moment
 from .launches import run_once
@@ -385,12 +385,8 @@ def draw(simulation: Simulation, history: list[dict[str, float]], folder: Path) 
         InputError: if its function raises, as on frames that are damaged.
     """
     assert simulation.pictures is not None
-    try:
+    with code_of_a_user(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"):
         simulation.pictures(history, folder)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"pictures: {type(error).__name__}: {error}; the results are in {folder}") from error
 
 
 def _not_converged(recorder: Recorder) -> str:
@@ -539,12 +535,8 @@ def _given(item: Measure | Outcome, *arguments: Any) -> float | None:
         InputError: if it raises, or gives neither a number nor None.
     """
     what = f"{type(item).__name__} {item.name!r}"
-    try:
+    with code_of_a_user(lambda error: f"{what}: {kind_and_text(error)}"):
         value = item.value(*arguments)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{what}: {type(error).__name__}: {error}") from error
     try:
         return None if value is None else float(value)
     except (TypeError, ValueError):

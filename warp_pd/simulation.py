@@ -525,7 +525,7 @@ class Built:
         """
         there, horizon = self._initial("initial_displacement"), self.force.families.horizon
         for motion, points in self._motions:
-            begin = motion.schedule().at(0.0)
+            begin = self.schedules.schedules[self._schedule_ids[id(motion)]].at(0.0)
             for c in (c for c in range(3) if motion.mask() & (1 << c)):
                 jump = float(np.abs(begin[c] - there[points, c]).max())
                 if jump > horizon:
@@ -813,6 +813,15 @@ class Built:
         if not isinstance(force, BondBasedForce):
             raise InputError(f"fields = {list(names)!r}: allowed is none with the law BondAssociated")
         return force.add_fields("frame", self.state.displacement, names)
+
+    def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
+        """Let time advance by so much a step [s] until `end`, from `now` or where it is; nothing without schedules."""
+        if self.advance is None:
+            return
+        self.advance.assign(np.array([advance, end]))
+        if now is not None:
+            self.state.time.assign(np.array([now]))
+        self.clock.run()
 
     @functools.cached_property
     def clock(self) -> LaunchSequence:

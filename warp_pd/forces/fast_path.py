@@ -78,7 +78,7 @@ class FastPath:
         self.shared_module = f"{w.module}_shared_{force.families.members}"
         # Division to two units in the last place, in float32 on a GPU; errors against float64 stay the same.
         for module in (self.module, self.shared_module):
-            wp.get_module(module).options["fast_math"] = w.bits == 32 and w.device.is_cuda
+            w.use_fast_math(module)
         self.listed = shared and stencil is not None
         self.others = w.array("other_points", force.owner, wp.int32, shape=force.points) if self.listed else None
         self.other_count = w.array("other_count", force.owner, wp.int32, shape=1) if self.listed else None
@@ -93,7 +93,7 @@ class FastPath:
     def _moments(self) -> Any:
         """Array of (c_k X_k / horizon, 1 / c_k) of each row, shape (n, R); zero where there is no member."""
         families = self.force.families
-        share = families.influence * families.member_areas * families.exists
+        share = families.member_shares
         moments = np.zeros((families.members, len(share), 3))
         moments[..., :2] = (share[..., None] * families.bonds).transpose(1, 0, 2)
         np.divide(1.0, share.T, out=moments[..., 2], where=share.T > 0.0)

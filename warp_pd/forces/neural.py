@@ -139,8 +139,7 @@ class NeuralForce(WholeFamilyForce):
         if law.evaluation == "fused":
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
-            # Exponentials and reciprocals of the hardware, in float32 on a GPU.
-            wp.get_module(fused_module).options["fast_math"] = bits == 32 and workspace.device.is_cuda
+            workspace.use_fast_math(fused_module)
         self.kernels: NeuralKernels = neural(
             layout,
             bits,
@@ -178,16 +177,12 @@ class NeuralForce(WholeFamilyForce):
                 **shared, frame=self._frame, pairs=self._pairs, unit_force=self.law.material.mu * unit_force,
                 points=self.points, bond_force=self.bond_force,
             )  # fmt: skip
-        elif self.law.evaluation == "fused":
-            w.launch(
-                stage, self.owner, kernels.direct, self.points,
-                **shared, constants=self.constants,
-                unit_force=self.law.material.mu * unit_force, bond_force=self.bond_force,
-            )  # fmt: skip
         else:
+            # A network gives forces over mu.
+            scale = self.law.material.mu if self.law.evaluation == "fused" else 1.0
             w.launch(
                 stage, self.owner, kernels.direct, self.points,
-                **shared, constants=self.constants, unit_force=unit_force, bond_force=self.bond_force,
+                **shared, constants=self.constants, unit_force=scale * unit_force, bond_force=self.bond_force,
             )  # fmt: skip
         self.add_gather(stage, self.bond_force, force)
 

@@ -102,7 +102,7 @@ class NodalForce(WholeFamilyForce):
 def _shapes(families: Families) -> tuple[np.ndarray, np.ndarray]:
     """K_i^-1 of every row (11, 12, 22; zero where degenerate), shape (R, 1, 3), and 2 / tr K_i, shape (R, 1)."""
     bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
-    c = np.where(families.exists, families.influence, 0.0) * families.member_areas
+    c = families.member_shares
     shape = np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], axis=-1)
     inverse, _ = inverse_shape(shape)
     return inverse[:, None], (2.0 / (shape[:, 0] + shape[:, 2]))[:, None]

@@ -258,5 +258,5 @@ def _prony_array(prony: tuple[Prony, ...], workspace: Workspace, types: Any) -> 
 def _bond_weights(families: Families) -> np.ndarray:
     """4 w a_i a_k / sum_k w |xi|^2 a_k by row, areas over the reference area, shape (R, n)."""
     squared = np.where(families.exists, (families.bonds**2).sum(axis=-1), 0.0)
-    share = families.influence * families.member_areas * families.exists
+    share = families.member_shares
     return 4.0 * families.areas[:, None] * share / (share * squared).sum(axis=1, keepdims=True)

@@ -144,10 +144,7 @@ class Explicit:
 
     def _set_step(self, built: Built, dt: float, begin: float) -> None:
         built.step.assign(np.array([dt], dtype=built.step.numpy().dtype))
-        if built.advance is not None:
-            built.advance.assign(np.array([dt, self.duration]))
-            built.state.time.assign(np.array([begin]))
-            built.clock.run()
+        built.set_clock(dt, self.duration, begin)
 
 
 def _ball_step(built: Built) -> float:

@@ -233,11 +233,8 @@ class Relaxing:
         return False
 
     def _advance_clock(self, index: int) -> None:
-        if self.built.advance is not None:
-            duration, load_steps = self.solver.duration, self.solver.load_steps
-            per_step = duration / (load_steps * self.solver.ramp_steps)
-            self.built.advance.assign(np.array([per_step, duration * index / load_steps]))
-            self.built.clock.run()
+        duration, load_steps = self.solver.duration, self.solver.load_steps
+        self.built.set_clock(duration / (load_steps * self.solver.ramp_steps), duration * index / load_steps)
 
     def _residual(self) -> float:
         unbalanced, reaction = float(self.built.unbalanced.numpy().sum()), float(self.built.reaction.numpy().sum())
