@@ -21,14 +21,17 @@ lower threshold costs a shorter step once bonds break.
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
+from .bits import lowest_bit, without_lowest_bit
+from .bond_state import bond_state, energy_of_families, gather_pairs
+from .effects import Kernel, kernel
+from .factories import PairFactory
 from .families import WORD, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
-from .standing import energy_of_families, gather_pairs, standing_bonds
+from .pointwise import Pointwise
 
 
 @dataclass(frozen=True)
@@ -36,27 +39,27 @@ class FamilyMechanics:
     """Warp functions of one configuration; i is a point, j and k are members of its family.
 
     Attributes:
-        present: (family, alive, i, word) -> bits of the members whose bonds stand.
-        is_whole: (family, alive, i) -> whether no bond of i is broken.
-        has: (family, alive, i, k) -> whether the bond stands.
-        intersection: (family, alive, field, field, 0, i, j, whole) -> gradient of the field over D_ij times
+        intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
+        is_undamaged: (family, intact, i) -> whether no bond of i is broken.
+        is_intact: (family, intact, i, k) -> whether the bond is intact.
+        intersection: (family, intact, field, field, 0, i, j, undamaged) -> gradient of the field over D_ij times
             horizon (two columns), K^-1, |D_ij|.
         green: (H1, H2) -> C - I.
-        area_weight: (family, i, j, whole, size) -> W_ij over the reference area.
-        family_scale: (family, i, whole, total) -> factor on the weights of a damaged family.
+        area_weight: (family, i, j, undamaged, size) -> W_ij over the reference area.
+        family_scale: (family, i, undamaged, total) -> factor on the weights of a damaged family.
         inverse_shape: K (11, 12, 22) -> its inverse, or zero where degenerate.
-        add_to_members: (family, alive, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
+        add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
     """
 
-    present: Any
-    is_whole: Any
-    has: Any
-    intersection: Any
-    green: Any
-    area_weight: Any
-    family_scale: Any
-    inverse_shape: Any
-    add_to_members: Any
+    intact_members: wp.Function
+    is_undamaged: wp.Function
+    is_intact: wp.Function
+    intersection: wp.Function
+    green: wp.Function
+    area_weight: wp.Function
+    family_scale: wp.Function
+    inverse_shape: wp.Function
+    add_to_members: wp.Function
 
 
 @dataclass(frozen=True)
@@ -70,14 +73,16 @@ class BondAssociatedKernels:
         mechanics: Warp functions that the tangent shares.
     """
 
-    gather: Any
-    strain_energy: Any
-    earlier_energy: Any
+    gather: Pointwise
+    strain_energy: Kernel
+    earlier_energy: wp.Function
     mechanics: FamilyMechanics
 
 
 @functools.cache
-def bond_associated(layout, bits, material, breakable, form, module):
+def bond_associated(
+    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
+) -> BondAssociatedKernels:
     """Kernels of the bond-associated law.
 
     Args:
@@ -85,7 +90,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
         bits: 32 or 64.
         material: Factory of (stress, energy), called with `bits`.
         breakable: None, or what becomes of the weights of a family that lost bonds: "redistribute" (the
-            remaining bonds stand for the whole area of the point) or "drop" (each stands for its own).
+            remaining bonds represent the whole area of the point) or "drop" (each represents its own area).
         form: "variational" or "published".
         module: Name of the Warp module.
     """
@@ -99,21 +104,21 @@ def bond_associated(layout, bits, material, breakable, form, module):
     redistribute = breakable == "redistribute"
     published = form == "published"
     word_size = WORD
-    standing = standing_bonds(layout, bits, damaged, module)
-    present, is_whole, has = standing.present, standing.is_whole, standing.has
+    bonds = bond_state(layout, bits, damaged, module)
+    intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
     green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
 
     def declare_intersection(name, earlier):
         @wp.func(module=module, name=name)
         def intersection(
             family: Family,
-            alive: wp.array2d(dtype=wp.uint32),
+            intact: wp.array2d(dtype=wp.uint32),
             displacement: wp.array(dtype=vec3),
             velocity: wp.array(dtype=vec3),
             back: real,
             i: int,
             j: int,
-            whole: bool,
+            undamaged: bool,
         ):
             """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|.
 
@@ -125,26 +130,24 @@ def bond_associated(layout, bits, material, breakable, form, module):
             shape = vec3(real(0.0), real(0.0), real(0.0))
             size = real(0.0)
             for word in range(family.words):
-                members = f.common(family, i, j, word) & present(family, alive, i, word)
-                k = word * word_size
+                members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
                 while members != wp.uint32(0):
-                    if (members & wp.uint32(1)) != wp.uint32(0):
-                        m = f.neighbour(family, i, k)
-                        a = f.area(family, m)
-                        xi = f.bond(family, i, k)
-                        cxi = f.influence(family, i, k) * a * xi
-                        stretch = displacement[m] - ui
-                        if wp.static(earlier):
-                            stretch -= back * (velocity[m] - velocity[i])
-                        first += cxi[0] * stretch
-                        second += cxi[1] * stretch
-                        if not whole:
-                            shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
-                            size += a
-                    members = members >> wp.uint32(1)
-                    k += 1
+                    k = word * word_size + lowest_bit(members)
+                    members = without_lowest_bit(members)
+                    m = f.neighbour(family, i, k)
+                    a = f.area(family, m)
+                    xi = f.bond(family, i, k)
+                    cxi = f.influence(family, i, k) * a * xi
+                    stretch = displacement[m] - ui
+                    if wp.static(earlier):
+                        stretch -= back * (velocity[m] - velocity[i])
+                    first += cxi[0] * stretch
+                    second += cxi[1] * stretch
+                    if not undamaged:
+                        shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                        size += a
             inverse = vec3(real(0.0), real(0.0), real(0.0))
-            if whole:
+            if undamaged:
                 inverse = f.shape(family, i, j)
             else:
                 inverse = inverse_shape(shape)
@@ -156,10 +159,10 @@ def bond_associated(layout, bits, material, breakable, form, module):
     earlier_intersection = declare_intersection("earlier_intersection", True)
 
     @wp.func(module=module)
-    def area_weight(family: Family, i: int, j: int, whole: bool, size: real):
+    def area_weight(family: Family, i: int, j: int, undamaged: bool, size: real):
         """W_ij over the reference area; for a damaged family up to the factor `family_scale`."""
         if wp.static(redistribute or published):
-            if whole:
+            if undamaged:
                 return f.weight(family, i, j)
             else:
                 return size
@@ -167,11 +170,11 @@ def bond_associated(layout, bits, material, breakable, form, module):
             return f.weight(family, i, j)
 
     @wp.func(module=module)
-    def family_scale(family: Family, i: int, whole: bool, total: real):
+    def family_scale(family: Family, i: int, undamaged: bool, total: real):
         """Factor that makes the weights of a damaged family sum to the area of its point."""
         scale = real(1.0)
         if wp.static(redistribute or published):
-            if wp.static(published) or not whole:
+            if wp.static(published) or not undamaged:
                 scale = real(0.0)
                 if total > real(0.0):
                     scale = f.area(family, i) / total
@@ -180,7 +183,7 @@ def bond_associated(layout, bits, material, breakable, form, module):
     @wp.func(module=module)
     def add_to_members(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         i: int,
         j: int,
         A1: vec3,
@@ -189,20 +192,18 @@ def bond_associated(layout, bits, material, breakable, form, module):
     ):
         """Add (A1, A2) X_k to the entries of the members k of D_ij."""
         for word in range(family.words):
-            members = f.common(family, i, j, word) & present(family, alive, i, word)
-            k = word * word_size
+            members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
             while members != wp.uint32(0):
-                if (members & wp.uint32(1)) != wp.uint32(0):
-                    xi = f.bond(family, i, k)
-                    bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
-                members = members >> wp.uint32(1)
-                k += 1
+                k = word * word_size + lowest_bit(members)
+                members = without_lowest_bit(members)
+                xi = f.bond(family, i, k)
+                bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
 
     def declare_energy(name, gradient):
         @wp.func(module=module, name=name)
         def family_energy(
             family: Family,
-            alive: wp.array2d(dtype=wp.uint32),
+            intact: wp.array2d(dtype=wp.uint32),
             displacement: wp.array(dtype=vec3),
             velocity: wp.array(dtype=vec3),
             back: real,
@@ -211,19 +212,19 @@ def bond_associated(layout, bits, material, breakable, form, module):
             i: int,
         ):
             """Energy of the family of i over (thickness x reference area) [J/m^3]."""
-            whole = is_whole(family, alive, i)
+            undamaged = is_undamaged(family, intact, i)
             stored = real(0.0)
             total = real(0.0)
             for j in range(family.members):
-                if has(family, alive, i, j):
-                    G1, G2, inverse, size = gradient(family, alive, displacement, velocity, back, i, j, whole)
+                if is_intact(family, intact, i, j):
+                    G1, G2, inverse, size = gradient(family, intact, displacement, velocity, back, i, j, undamaged)
                     if inverse[0] > real(0.0):
                         H1 = inverse_horizon * G1
                         H2 = inverse_horizon * G2
-                        weight = area_weight(family, i, j, whole, size)
+                        weight = area_weight(family, i, j, undamaged, size)
                         stored += weight * energy(green(H1, H2), constants)
                         total += weight
-            return stored * family_scale(family, i, whole, total)
+            return stored * family_scale(family, i, undamaged, total)
 
         return family_energy
 
@@ -235,17 +236,27 @@ def bond_associated(layout, bits, material, breakable, form, module):
         strain_energy=energy_of_families(layout, bits, family_energy, module),
         earlier_energy=earlier_energy,
         mechanics=FamilyMechanics(
-            present, is_whole, has, intersection, green, area_weight, family_scale, inverse_shape, add_to_members
+            intact_members,
+            is_undamaged,
+            is_intact,
+            intersection,
+            green,
+            area_weight,
+            family_scale,
+            inverse_shape,
+            add_to_members,
         ),
     )
 
 
 @functools.cache
-def plain_force(layout, bits, material, breakable, form, others, module):
+def reference_force(
+    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, others: bool, module: str
+) -> Kernel:
     """Kernel that fills bond_force [members, points] with both halves' forces of each family, N.
 
-    It reads the sums off the formulas above, for any family and form. With `others` it leaves out whole families of
-    kind `inner`, at most 32 members, which have a kernel of their own. Other arguments as of `bond_associated`.
+    It reads the sums off the formulas above, for any family and form. With `others` it leaves out undamaged families of
+    the class `inner`, at most 32 members, which have a kernel of their own. Other arguments as of `bond_associated`.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -253,27 +264,27 @@ def plain_force(layout, bits, material, breakable, form, others, module):
     Family = f.struct
     stress, _ = material(bits)
     law = bond_associated(layout, bits, material, breakable, form, module).mechanics
-    is_whole, has, intersection = law.is_whole, law.has, law.intersection
+    is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
     add_to_members, stress_on_members = law.add_to_members, kinematics(bits).stress_on_members
 
     if form == "published":
 
         @wp.func(module=module)
-        def present_area(family: Family, alive: wp.array2d(dtype=wp.uint32), i: int):
-            """|H_i| of the bonds that stand, over the reference area."""
-            if is_whole(family, alive, i):
+        def present_area(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
+            """|H_i| of the intact bonds, over the reference area."""
+            if is_undamaged(family, intact, i):
                 return f.family_area(family, i)
             size = real(0.0)
             for k in range(family.members):
-                if has(family, alive, i, k):
+                if is_intact(family, intact, i, k):
                     size += f.area(family, f.neighbour(family, i, k))
             return size
 
-        @wp.kernel(module=module, enable_backward=False)
+        @kernel(module, gathers=("displacement", "intact"))
         def published_force(
             family: Family,
-            alive: wp.array2d(dtype=wp.uint32),
+            intact: wp.array2d(dtype=wp.uint32),
             displacement: wp.array(dtype=vec3),
             constants: parameters,
             inverse_horizon: real,
@@ -283,13 +294,13 @@ def plain_force(layout, bits, material, breakable, form, others, module):
             bond_force: wp.array2d(dtype=vec3),
         ):
             i = wp.tid() + first
-            whole = is_whole(family, alive, i)
-            own_area = present_area(family, alive, i)
+            undamaged = is_undamaged(family, intact, i)
+            own_area = present_area(family, intact, i)
             for j in range(family.members):
                 force = vec3(real(0.0), real(0.0), real(0.0))
-                if has(family, alive, i, j):
+                if is_intact(family, intact, i, j):
                     G1, G2, inverse, size = intersection(
-                        family, alive, displacement, displacement, real(0.0), i, j, whole
+                        family, intact, displacement, displacement, real(0.0), i, j, undamaged
                     )
                     if inverse[0] > real(0.0):
                         H1 = inverse_horizon * G1
@@ -298,20 +309,20 @@ def plain_force(layout, bits, material, breakable, form, others, module):
                         A1, A2 = stress_on_members(H1, H2, S, real(1.0), inverse)
                         xi = f.bond(family, i, j)
                         m = f.neighbour(family, i, j)
-                        if whole:
+                        if undamaged:
                             size = f.weight(family, i, j)
                         share = size / own_area
-                        pair = (own_area + present_area(family, alive, m)) / (real(2.0) * own_area)
+                        pair = (own_area + present_area(family, intact, m)) / (real(2.0) * own_area)
                         c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
                         force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
                 bond_force[j, i] = force
 
         return published_force
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def variational_force(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -322,26 +333,28 @@ def plain_force(layout, bits, material, breakable, form, others, module):
     ):
         i = wp.tid() + first
         if wp.static(others):
-            if family.kind[i] == inner and is_whole(family, alive, i):
+            if family.family_class[i] == inner and is_undamaged(family, intact, i):
                 return
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        whole = is_whole(family, alive, i)
+        undamaged = is_undamaged(family, intact, i)
         total = real(0.0)
         for j in range(family.members):
-            if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+            if is_intact(family, intact, i, j):
+                G1, G2, inverse, size = intersection(
+                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
+                )
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
                     S = stress(green(H1, H2), constants)
-                    weight = area_weight(family, i, j, whole, size)
+                    weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
-                    add_to_members(family, alive, i, j, A1, A2, bond_force)
-        scale = unit_force * family_scale(family, i, whole, total)
+                    add_to_members(family, intact, i, j, A1, A2, bond_force)
+        scale = unit_force * family_scale(family, i, undamaged, total)
         for k in range(family.members):
-            if has(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = scale * c * bond_force[k, i]
 

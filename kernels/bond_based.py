@@ -17,13 +17,14 @@ and its stiffness (IM eq. 21)
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
+from .bond_state import bond_state, energy_of_families, sums_of_bonds
+from .effects import Kernel, kernel
+from .factories import PairwiseFactory
 from .families import family_functions
 from .numeric import numeric
-from .standing import energy_of_families, standing_bonds, sums_of_bonds
 
 # Least |Y| over the horizon to divide by: a bond of no length has no direction.
 TINY = 1e-30
@@ -42,12 +43,12 @@ class BondBasedKernels:
         row_sums: Fictitious density of dynamic relaxation [points], N/m.
     """
 
-    pair_force: Any
-    strain_energy: Any
-    earlier_energy: Any
-    principal_stress: Any
-    wrinkle_level: Any
-    row_sums: Any
+    pair_force: Kernel
+    strain_energy: Kernel
+    earlier_energy: wp.Function
+    principal_stress: Kernel
+    wrinkle_level: Kernel
+    row_sums: Kernel
 
 
 @dataclass(frozen=True)
@@ -61,17 +62,19 @@ class BondBasedTangentKernels:
             left out.
     """
 
-    linearise: Any
-    product: Any
-    inverse_blocks: Any
+    linearise: Kernel
+    product: Kernel
+    inverse_blocks: Kernel
 
 
 @functools.cache
-def bond_functions(layout, bits, breakable, module):
-    """Warp functions of one bond: `standing` (family, alive, i, k), `strain` and `image` of xi and U."""
+def bond_functions(
+    layout: str, bits: int, breakable: bool, module: str
+) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Warp functions of one bond: `is_intact` (family, intact, i, k), `strain` and `image` of xi and U."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    standing = standing_bonds(layout, bits, breakable, module).has
+    is_intact = bond_state(layout, bits, breakable, module).is_intact
 
     @wp.func(module=module)
     def image(xi: vec2, U: vec3):
@@ -85,11 +88,11 @@ def bond_functions(layout, bits, breakable, module):
         grown = real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
         return grown / (length * (length + wp.length(image(xi, U))))
 
-    return standing, strain, image
+    return is_intact, strain, image
 
 
 @functools.cache
-def bond_based(layout, bits, pairwise, breakable, module):
+def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, module: str) -> BondBasedKernels:
     """Kernels of the bond-based law.
 
     Args:
@@ -103,7 +106,7 @@ def bond_based(layout, bits, pairwise, breakable, module):
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    standing, strain, image = bond_functions(layout, bits, breakable, module)
+    is_intact, strain, image = bond_functions(layout, bits, breakable, module)
     tension_of, slope_of, energy_of = pairwise(bits)
     tiny = TINY
 
@@ -115,7 +118,7 @@ def bond_based(layout, bits, pairwise, breakable, module):
         # Two divisions and two roots are what a bond costs on a CPU.
         share = real(1.0) / (length * wp.max(stretched, real(tiny)))
         s = (real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)) / (length * (length + stretched))
-        weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+        weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
         return (weight * tension_of(s, constants) * share) * Y
 
     @wp.func(module=module)
@@ -123,13 +126,13 @@ def bond_based(layout, bits, pairwise, breakable, module):
         """With the stiffer of the two signs of strain: a slack bond may go taut in the next step."""
         s = wp.abs(strain(xi, U))
         stiffest = wp.max(wp.abs(slope_of(s, constants)), wp.abs(slope_of(-s, constants)))
-        weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+        weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
         return weight / wp.length_sq(xi) * stiffest
 
     @wp.func(module=module)
     def earlier_energy(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
@@ -140,17 +143,17 @@ def bond_based(layout, bits, pairwise, breakable, module):
         """Energy of the family of i over (thickness x reference area) a time `back` ago [J/m^3]."""
         stored = real(0.0)
         for k in range(family.members):
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
                 U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
                 s = strain(f.bond(family, i, k), inverse_horizon * U)
                 stored += f.weight(family, i, k) * energy_of(s, constants)
         return stored
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def principal_stress(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -163,13 +166,13 @@ def bond_based(layout, bits, pairwise, breakable, module):
         sxy = real(0.0)
         syy = real(0.0)
         for k in range(family.members):
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.bond(family, i, k)
                 U = inverse_horizon * (displacement[m] - displacement[i])
                 Y = image(xi, U)
                 tension = tension_of(strain(xi, U), constants)
-                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+                weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
                 scaled = weight * tension / wp.length(xi) * wp.normalize(Y)
                 sxx += scaled[0] * Y[0]
                 sxy += scaled[0] * Y[1]
@@ -181,10 +184,10 @@ def bond_based(layout, bits, pairwise, breakable, module):
         radius = wp.sqrt(half * half + shear * shear)
         out[i] = vec3(mean + radius, mean - radius, real(0.5) * wp.atan2(shear, half))
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def wrinkle_level(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         inverse_horizon: real,
         first: int,
@@ -194,7 +197,7 @@ def bond_based(layout, bits, pairwise, breakable, module):
         compressed = wp.float32(0.0)
         bonds = wp.float32(0.0)
         for k in range(family.members):
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 U = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 bonds += wp.float32(1.0)
                 if strain(f.bond(family, i, k), U) < real(0.0):
@@ -207,7 +210,9 @@ def bond_based(layout, bits, pairwise, breakable, module):
 
 
 @functools.cache
-def bond_based_tangent(layout, bits, pairwise, breakable, held, geometric, module):
+def bond_based_tangent(
+    layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, held: bool, geometric: bool, module: str
+) -> BondBasedTangentKernels:
     """Kernels of the tangent; arguments as `bond_based`.
 
     Args:
@@ -223,13 +228,13 @@ def bond_based_tangent(layout, bits, pairwise, breakable, held, geometric, modul
     real, vec3, mat33, vec6, parameters = types.real, types.vec3, types.mat33, types.vec6, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    standing, strain, image = bond_functions(layout, bits, breakable, module)
+    is_intact, strain, image = bond_functions(layout, bits, breakable, module)
     tension_of, slope_of, _energy_of = pairwise(bits)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def linearise(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -242,7 +247,7 @@ def bond_based_tangent(layout, bits, pairwise, breakable, held, geometric, modul
         i = wp.tid() + first
         for k in range(family.members):
             block = vec6()
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.bond(family, i, k)
                 U = inverse_horizon * (displacement[m] - displacement[i])
@@ -254,7 +259,7 @@ def bond_based_tangent(layout, bits, pairwise, breakable, held, geometric, modul
                 n = wp.normalize(image(xi, U))
                 along -= across
                 across += tension[0]
-                weight = f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k))
+                weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
                 block = (unit_stiffness * weight / wp.length_sq(xi)) * vec6(
                     along * n[0] * n[0] + across,
                     along * n[0] * n[1],
@@ -271,10 +276,10 @@ def bond_based_tangent(layout, bits, pairwise, breakable, held, geometric, modul
             block[0], block[1], block[2], block[1], block[3], block[4], block[2], block[4], block[5]
         )  # fmt: skip
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("direction",))
     def product(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         blocks: wp.array2d(dtype=vec6),
         direction: wp.array(dtype=vec3),
         first: int,
@@ -283,11 +288,11 @@ def bond_based_tangent(layout, bits, pairwise, breakable, held, geometric, modul
         i = wp.tid() + first
         total = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(family.members):
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 total += full(blocks[k, i]) * (direction[f.neighbour(family, i, k)] - direction[i])
         change[i] = total
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module)
     def inverse_blocks(
         family: Family, blocks: wp.array2d(dtype=vec6), held_mask: wp.array(dtype=wp.uint8), first: int,
         out: wp.array(dtype=mat33),

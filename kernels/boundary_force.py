@@ -11,13 +11,16 @@ import functools
 
 import warp as wp
 
+from .bits import lowest_bit, without_lowest_bit
+from .bond_state import bond_state
+from .effects import Kernel, kernel
 from .families import WORD, family_functions
-from .loads import surface_vector
+from .follower_pressure import surface_vector
 from .numeric import numeric
 
 
 @functools.cache
-def boundary_force(layout, bits, breakable, form, module):
+def boundary_force(layout: str, bits: int, breakable: bool, form: str, module: str) -> tuple[Kernel, Kernel]:
     """Kernels `edge_normals` and `add_boundary_force`.
 
     Where nothing can break, a thread is an entry of `points`: the rest of the sheet has no part in it. Where
@@ -35,13 +38,14 @@ def boundary_force(layout, bits, breakable, form, module):
     f = family_functions(layout, bits, module)
     Family = f.struct
     surface = surface_vector(layout, bits, breakable, module)
+    bonds = bond_state(layout, bits, breakable, module)
     printed = form == "printed"
     word_size = WORD
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",), per="point" if breakable else "list")
     def edge_normals(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         points: wp.array(dtype=wp.int32),
         marked: wp.array(dtype=wp.uint8),
@@ -52,21 +56,18 @@ def boundary_force(layout, bits, breakable, form, module):
         i = wp.tid() + first
         carries = bool(True)
         if wp.static(breakable):
-            carries = marked[i] != wp.uint8(0)
-            for word in range(family.words):
-                if alive[word, i] != f.whole(family, i, word):
-                    carries = True
+            carries = marked[i] != wp.uint8(0) or not bonds.is_undamaged(family, intact, i)
         else:
             i = points[i]
         normal = vec3(real(0.0), real(0.0), real(0.0))
         if carries:
-            normal = wp.normalize(surface(family, alive, displacement, inverse_horizon, i))
+            normal = wp.normalize(surface(family, intact, displacement, inverse_horizon, i))
         normals[i] = normal
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement", "normals"), per="point" if breakable else "list")
     def add_boundary_force(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         normals: wp.array(dtype=vec3),
         points: wp.array(dtype=wp.int32),
@@ -82,24 +83,20 @@ def boundary_force(layout, bits, breakable, form, module):
         own = normals[i]
         total = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
-            members = f.whole(family, i, word)
-            if wp.static(breakable):
-                members = alive[word, i]
-            k = word * word_size
+            members = bonds.intact_members(family, intact, i, word)
             while members != wp.uint32(0):
-                if (members & wp.uint32(1)) != wp.uint32(0):
-                    m = f.neighbour(family, i, k)
-                    other = normals[m]
-                    X = horizon * f.bond(family, i, k)
-                    U = displacement[m] - ui
-                    Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
-                    c = f.area(family, i) * f.area(family, m) * f.influence(family, i, k)
-                    if wp.static(printed):
-                        total += c * (wp.dot(Y, own) - wp.dot(Y, other)) * wp.normalize(Y)
-                    else:
-                        total += c * (wp.dot(Y, own) * own + wp.dot(Y, other) * other)
-                members = members >> wp.uint32(1)
-                k += 1
+                k = word * word_size + lowest_bit(members)
+                members = without_lowest_bit(members)
+                m = f.neighbour(family, i, k)
+                other = normals[m]
+                X = horizon * f.bond(family, i, k)
+                U = displacement[m] - ui
+                Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+                c = f.area(family, i) * f.area(family, m) * f.influence(family, i, k)
+                if wp.static(printed):
+                    total += c * (wp.dot(Y, own) - wp.dot(Y, other)) * wp.normalize(Y)
+                else:
+                    total += c * (wp.dot(Y, own) * own + wp.dot(Y, other) * other)
         external[i] = external[i] + unit_force * total
 
     return edge_normals, add_boundary_force

@@ -5,10 +5,10 @@ Each thread takes a block of points, in order, so sums repeat bit for bit; the h
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
+from .effects import Kernel, kernel
 from .numeric import numeric
 
 BLOCK = 256
@@ -25,18 +25,18 @@ class FrameChecks:
         sum_vectors: Sum of vectors, a component a row.
     """
 
-    watch_motion: Any
-    sum_blocks: Any
-    sum_vectors: Any
+    watch_motion: Kernel
+    sum_blocks: Kernel
+    sum_vectors: Kernel
 
 
 @functools.cache
-def frame_checks(bits, module):
+def frame_checks(bits: int, module: str) -> FrameChecks:
     """Kernels for a precision."""
     vec3 = numeric(bits).vec3
     block = BLOCK
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, per="block")
     def watch_motion(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -57,7 +57,7 @@ def frame_checks(bits, module):
         not_finite[b] = lowest
         fastest[b] = largest
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, per="block")
     def sum_blocks(values: wp.array(dtype=wp.float64), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
         b = wp.tid() + first
         total = wp.float64(0.0)
@@ -65,7 +65,7 @@ def frame_checks(bits, module):
             total += values[i]
         sums[row, b] = total
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, per="block")
     def sum_vectors(values: wp.array(dtype=vec3), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
         b = wp.tid() + first
         total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))

@@ -1,24 +1,97 @@
-"""Contact with a rigid ball, frictionless, by projection.
+"""Frictionless contact with a rigid body on a prescribed path, by projection.
 
-After the drift, a point inside the ball is put on the nearest point of its surface, and its velocity at the
-half step takes the displacement along (the position constraint of RATTLE). After the second half kick, a
-touching point that still moves into the ball loses its normal velocity relative to it. Both are impulses
-along the normal: their sum, with the sign turned, is what the ball feels.
+After the drift, a point inside the body is put on the nearest point of its surface, and its velocity at the half step
+takes the displacement along (the position constraint of RATTLE). After the second half kick, a touching point that
+still moves into the body loses its normal velocity relative to it. Both are impulses along the normal: their sum, with
+the sign turned, is what the body feels.
 """
 
 import functools
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import warp as wp
 
 from .numeric import numeric
-from .points import PointFunction
+from .pointwise import Pointwise, pointwise
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Warp functions of the shape of a rigid body; `arm` goes from its centre to a point [m], vec3.
+
+    Attributes:
+        project: (arm, constants) -> whether the point is inside, and the shift to the nearest point of the surface [m].
+        touch: (arm, constants, tolerance) -> whether the point is inside or touches, within a relative tolerance, and
+            the outward normal there.
+    """
+
+    project: wp.Function
+    touch: wp.Function
+
+
+ShapeFactory = Callable[[int], Shape]
 
 
 @functools.cache
-def ball_contact(bits, held, loaded, damped, tracked, module):
-    """Point functions `project` (positions) and `separate` (velocities)."""
+def ball(bits: int) -> Shape:
+    """Ball; constants (radius [m],)."""
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+
+    @wp.func
+    def project_ball(arm: vec3, constants: parameters):
+        distance = wp.length(arm)
+        radius = constants[0]
+        inside = distance < radius and distance > real(0.0)
+        shift = vec3(real(0.0), real(0.0), real(0.0))
+        if inside:
+            shift = ((radius - distance) / distance) * arm
+        return inside, shift
+
+    @wp.func
+    def touch_ball(arm: vec3, constants: parameters, tolerance: real):
+        distance = wp.length(arm)
+        touching = distance < constants[0] * (real(1.0) + tolerance) and distance > real(0.0)
+        normal = vec3(real(0.0), real(0.0), real(0.0))
+        if touching:
+            normal = arm / distance
+        return touching, normal
+
+    return Shape(project_ball, touch_ball)
+
+
+@dataclass(frozen=True)
+class ContactKernels:
+    """Pointwise stages of one configuration.
+
+    Attributes:
+        project: Puts points on the surface, after the drift.
+        separate: Takes away the velocity into the body, after the second half kick.
+    """
+
+    project: Pointwise
+    separate: Pointwise
+
+
+@functools.cache
+def rigid_contact(
+    bits: int, shape: ShapeFactory, held: bool, loaded: bool, damped: bool, tracked: bool, module: str
+) -> ContactKernels:
+    """Stages of contact with a body of some shape.
+
+    Args:
+        bits: 32 or 64.
+        shape: Factory of the shape, called with `bits`.
+        held: Whether any component is held; held points do not feel the body.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping.
+        tracked: Whether the work of the body is summed up, per point.
+        module: Name of the Warp module.
+    """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
+    project_out, touch = shape(bits).project, shape(bits).touch
 
     @functools.partial(wp.struct, module=module)
     class Contact:
@@ -26,9 +99,9 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
         centre: wp.array(dtype=vec3)
-        ball_velocity: vec3
+        body_velocity: vec3
         schedule: int
-        radius: real
+        constants: types.parameters
         step: wp.array(dtype=real)
         damping: wp.array(dtype=real)
         force: wp.array(dtype=vec3)
@@ -66,7 +139,7 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
 
     @wp.func(module=module)
     def arm(i: int, a: Contact):
-        """From the centre of the ball to the point; reference minus centre first, as both are small near contact."""
+        """From the centre of the body to the point; reference minus centre first, as both are small near contact."""
         X = a.reference[i]
         c = a.centre[a.schedule]
         return vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
@@ -78,28 +151,24 @@ def ball_contact(bits, held, loaded, damped, tracked, module):
         else:
             return bool(True)
 
-    @wp.func(module=module)
+    @pointwise(module, Contact, writes=("displacement", "velocity", "impulse", "work"))
     def project(begin: int, end: int, a: Contact):
         for i in range(begin, end):
-            away = arm(i, a)
-            distance = wp.length(away)
-            if free(i, a) and distance < a.radius and distance > real(0.0):
-                shift = ((a.radius - distance) / distance) * away
+            inside, shift = project_out(arm(i, a), a.constants)
+            if inside and free(i, a):
                 a.displacement[i] = a.displacement[i] + shift
                 start = (a.velocity[i] - half_kick(i, a)) / (real(1.0) - half_loss(a))
                 strike(i, shift / a.step[0], start, a)
 
-    @wp.func(module=module)
+    @pointwise(module, Contact, writes=("velocity", "impulse", "work"))
     def separate(begin: int, end: int, a: Contact):
-        touching = real(1.0) + real(wp.static(1e-5 if bits == 32 else 1e-10))
+        tolerance = real(wp.static(1e-5 if bits == 32 else 1e-10))
         for i in range(begin, end):
-            away = arm(i, a)
-            distance = wp.length(away)
-            if free(i, a) and distance < a.radius * touching and distance > real(0.0):
-                normal = away / distance
-                approach = wp.dot(a.velocity[i] - a.ball_velocity, normal)
+            touching, normal = touch(arm(i, a), a.constants, tolerance)
+            if touching and free(i, a):
+                approach = wp.dot(a.velocity[i] - a.body_velocity, normal)
                 if approach < real(0.0):
                     start = (real(1.0) + half_loss(a)) * a.velocity[i] - half_kick(i, a)
                     strike(i, -approach * normal, start, a)
 
-    return PointFunction(project, Contact, "project"), PointFunction(separate, Contact, "separate")
+    return ContactKernels(project, separate)

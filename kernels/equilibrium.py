@@ -1,14 +1,14 @@
-"""What the search for equilibrium does to whole fields: residual, trial steps, smoothing, transfer of lattices.
+"""What the search for equilibrium does to whole fields: trial steps, smoothing, transfer between lattices.
 
 Held components (bits of `held_mask`) take no part: their residual, product and correction are zero.
 """
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
+from .effects import Kernel, kernel
 from .numeric import numeric
 
 
@@ -17,7 +17,6 @@ class EquilibriumKernels:
     """Kernels of one configuration.
 
     Attributes:
-        imbalance: Unbalanced force [points], N, and the squared loads and reactions [points], N^2.
         advance: displacement = base + share x direction.
         hold: Turns the change of the force into the stiffness product: minus it, held components zero.
         smooth: One sweep of block Jacobi, x += omega D^-1 (b - K x).
@@ -25,26 +24,18 @@ class EquilibriumKernels:
         scale_blocks: z = D^-1 x.
     """
 
-    imbalance: Any
-    advance: Any
-    hold: Any
-    smooth: Any
-    combine: Any
-    scale_blocks: Any
+    advance: Kernel
+    hold: Kernel
+    smooth: Kernel
+    combine: Kernel
+    scale_blocks: Kernel
 
 
 @functools.cache
-def equilibrium(bits, held, loaded, module):
-    """Kernels of equilibrium.
-
-    Args:
-        bits: 32 or 64.
-        held: Whether any component is held.
-        loaded: Whether external forces act.
-        module: Name of the Warp module.
-    """
+def free_components(bits: int, held: bool, module: str) -> wp.Function:
+    """Warp function (held_mask, i, value) -> the vector with its held components zero."""
     types = numeric(bits)
-    real, vec3, mat33 = types.real, types.vec3, types.mat33
+    real, vec3 = types.real, types.vec3
 
     @wp.func(module=module)
     def free_part(held_mask: wp.array(dtype=wp.uint8), i: int, value: vec3):
@@ -55,26 +46,24 @@ def equilibrium(bits, held, loaded, module):
                     result[c] = real(0.0)
         return result
 
-    @wp.kernel(module=module, enable_backward=False)
-    def imbalance(
-        held_mask: wp.array(dtype=wp.uint8),
-        force: wp.array(dtype=vec3),
-        external: wp.array(dtype=vec3),
-        first: int,
-        residual: wp.array(dtype=vec3),
-        reaction: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid() + first
-        load = vec3(real(0.0), real(0.0), real(0.0))
-        if wp.static(loaded):
-            load = external[i]
-        total = force[i] + load
-        free = free_part(held_mask, i, total)
-        support = total - free
-        residual[i] = free
-        reaction[i] = wp.float64(wp.dot(support, support) + wp.dot(load, load))
+    return free_part
 
-    @wp.kernel(module=module, enable_backward=False)
+
+@functools.cache
+def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
+    """Kernels of equilibrium.
+
+    Args:
+        bits: 32 or 64.
+        held: Whether any component is held.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, mat33 = types.real, types.vec3, types.mat33
+
+    free_part = free_components(bits, held, module)
+
+    @kernel(module)
     def advance(
         base: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
@@ -85,12 +74,12 @@ def equilibrium(bits, held, loaded, module):
         i = wp.tid() + first
         displacement[i] = base[i] + share[0] * direction[i]
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module)
     def hold(held_mask: wp.array(dtype=wp.uint8), first: int, change: wp.array(dtype=vec3)):
         i = wp.tid() + first
         change[i] = -free_part(held_mask, i, change[i])
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module)
     def smooth(
         inverse_blocks: wp.array(dtype=mat33),
         right_side: wp.array(dtype=vec3),
@@ -108,7 +97,7 @@ def equilibrium(bits, held, loaded, module):
         else:
             solution[i] = solution[i] + omegas[sweep] * (inverse_blocks[i] * (right_side[i] - image[i]))
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module)
     def combine(
         x: wp.array(dtype=vec3), alpha: real, y: wp.array(dtype=vec3), beta: real, first: int, z: wp.array(dtype=vec3)
     ):
@@ -118,18 +107,18 @@ def equilibrium(bits, held, loaded, module):
             result += beta * y[i]
         z[i] = result
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module)
     def scale_blocks(
         inverse_blocks: wp.array(dtype=mat33), x: wp.array(dtype=vec3), first: int, z: wp.array(dtype=vec3)
     ):
         i = wp.tid() + first
         z[i] = inverse_blocks[i] * x[i]
 
-    return EquilibriumKernels(imbalance, advance, hold, smooth, combine, scale_blocks)
+    return EquilibriumKernels(advance, hold, smooth, combine, scale_blocks)
 
 
 @functools.cache
-def lattice_transfer(bits, held, module):
+def lattice_transfer(bits: int, held: bool, module: str) -> tuple[Kernel, Kernel, Kernel]:
     """Kernels between two lattices over the same rectangle.
 
     interpolate: target += values of the source lattice at the points of the target, bilinear.
@@ -140,16 +129,9 @@ def lattice_transfer(bits, held, module):
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
-    def free_of(held_mask: wp.array(dtype=wp.uint8), i: int, value: vec3):
-        result = value
-        if wp.static(held):
-            for c in range(3):
-                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
-                    result[c] = real(0.0)
-        return result
+    free_part = free_components(bits, held, module)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("source",))
     def interpolate(
         source: wp.array(dtype=vec3),
         source_columns: int,
@@ -171,7 +153,7 @@ def lattice_transfer(bits, held, module):
         one = real(1.0)
         value = (one - sy) * ((one - sx) * source[p] + sx * source[p + 1])
         value += sy * ((one - sx) * source[p + source_columns] + sx * source[p + source_columns + 1])
-        target[i] = target[i] + free_of(held_mask, i, value)
+        target[i] = target[i] + free_part(held_mask, i, value)
 
     @wp.func(module=module)
     def cubic_weight(place: real, begin: int, k: int):
@@ -182,7 +164,7 @@ def lattice_transfer(bits, held, module):
                 weight *= (place - real(begin + n)) / real(k - n)
         return weight
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("source",))
     def interpolate_smoothly(
         source: wp.array(dtype=vec3),
         source_columns: int,
@@ -204,7 +186,7 @@ def lattice_transfer(bits, held, module):
                 value += (wy * cubic_weight(x, cx, a)) * source[cx + a + (cy + b) * source_columns]
         target[i] = value
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("right_side", "image"))
     def restrict_residual(
         right_side: wp.array(dtype=vec3),
         image: wp.array(dtype=vec3),
@@ -234,6 +216,6 @@ def lattice_transfer(bits, held, module):
                     if wx > real(0.0):
                         p = ix + iy * columns
                         total += (wx * wy) * (right_side[p] - image[p])
-        coarse[i] = free_of(held_mask, i, total)
+        coarse[i] = free_part(held_mask, i, total)
 
     return interpolate, interpolate_smoothly, restrict_residual

@@ -1,7 +1,7 @@
 """Families of bonds in two layouts, read through the same functions.
 
-Lattice: all points share one stencil; points with the same surroundings share one row of a small table
-(`kind`): its bits, shape tensors, weights and area. Cloud: every point has its own row.
+Lattice: all points share one stencil; points with the same surroundings form a class and share one row of a small
+table (`family_class`): bits, shape tensors, weights, area. Cloud: every point has its own row.
 
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
 area of a point. So every tabulated number is of order one, in any system of units and in float32.
@@ -25,11 +25,11 @@ class FamilyFunctions:
     Attributes:
         struct: The Warp struct that holds the tables.
         neighbour: (family, i, k) -> index of the point; of members that do not exist a number that is no index.
-        mate: (family, i, k) -> the member index under which that point sees i; likewise.
+        reverse: (family, i, k) -> the member index of the reverse bond, under which that point sees i; likewise.
         bond: (family, i, k) -> xi_ik, vec2.
         influence: (family, i, k) -> w_ik.
         common: (family, i, k, word) -> bits of the members that lie within the horizon of k too.
-        whole: (family, i, word) -> bits of the members that exist in the undamaged sheet.
+        initial: (family, i, word) -> bits of the members that exist in the undamaged sheet.
         shape: (family, i, k) -> inverse of K_ik of the undamaged sheet: components 11, 12, 22.
         weight: (family, i, k) -> W_ik over the reference area.
         area: (family, i) -> a_i over the reference area.
@@ -37,20 +37,20 @@ class FamilyFunctions:
     """
 
     struct: Any
-    neighbour: Any
-    mate: Any
-    bond: Any
-    influence: Any
-    common: Any
-    whole: Any
-    shape: Any
-    weight: Any
-    area: Any
-    family_area: Any
+    neighbour: wp.Function
+    reverse: wp.Function
+    bond: wp.Function
+    influence: wp.Function
+    common: wp.Function
+    initial: wp.Function
+    shape: wp.Function
+    weight: wp.Function
+    area: wp.Function
+    family_area: wp.Function
 
 
 @functools.cache
-def lattice_functions(bits, module):
+def lattice_functions(bits: int, module: str) -> FamilyFunctions:
     """Functions of the lattice layout."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
@@ -60,24 +60,24 @@ def lattice_functions(bits, module):
         members: wp.int32
         words: wp.int32
         stencil_shift: wp.array(dtype=wp.int32)
-        stencil_mate: wp.array(dtype=wp.int32)
+        stencil_reverse: wp.array(dtype=wp.int32)
         stencil_bond: wp.array(dtype=vec2)
         stencil_influence: wp.array(dtype=real)
         stencil_common: wp.array2d(dtype=wp.uint32)
-        kind: wp.array(dtype=wp.int32)
-        kind_whole: wp.array2d(dtype=wp.uint32)
-        kind_shape: wp.array2d(dtype=vec3)
-        kind_weight: wp.array2d(dtype=real)
-        kind_area: wp.array(dtype=real)
-        kind_family_area: wp.array(dtype=real)
+        family_class: wp.array(dtype=wp.int32)
+        class_initial: wp.array2d(dtype=wp.uint32)
+        class_shape: wp.array2d(dtype=vec3)
+        class_weight: wp.array2d(dtype=real)
+        class_area: wp.array(dtype=real)
+        class_family_area: wp.array(dtype=real)
 
     @wp.func(module=module)
     def neighbour(family: LatticeFamily, i: int, k: int):
         return i + family.stencil_shift[k]
 
     @wp.func(module=module)
-    def mate(family: LatticeFamily, i: int, k: int):
-        return family.stencil_mate[k]
+    def reverse(family: LatticeFamily, i: int, k: int):
+        return family.stencil_reverse[k]
 
     @wp.func(module=module)
     def bond(family: LatticeFamily, i: int, k: int):
@@ -92,32 +92,32 @@ def lattice_functions(bits, module):
         return family.stencil_common[k, word]
 
     @wp.func(module=module)
-    def whole(family: LatticeFamily, i: int, word: int):
-        return family.kind_whole[family.kind[i], word]
+    def initial(family: LatticeFamily, i: int, word: int):
+        return family.class_initial[family.family_class[i], word]
 
     @wp.func(module=module)
     def shape(family: LatticeFamily, i: int, k: int):
-        return family.kind_shape[family.kind[i], k]
+        return family.class_shape[family.family_class[i], k]
 
     @wp.func(module=module)
     def weight(family: LatticeFamily, i: int, k: int):
-        return family.kind_weight[family.kind[i], k]
+        return family.class_weight[family.family_class[i], k]
 
     @wp.func(module=module)
     def area(family: LatticeFamily, i: int):
-        return family.kind_area[family.kind[i]]
+        return family.class_area[family.family_class[i]]
 
     @wp.func(module=module)
     def family_area(family: LatticeFamily, i: int):
-        return family.kind_family_area[family.kind[i]]
+        return family.class_family_area[family.family_class[i]]
 
     return FamilyFunctions(
-        LatticeFamily, neighbour, mate, bond, influence, common, whole, shape, weight, area, family_area
+        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area
     )
 
 
 @functools.cache
-def cloud_functions(bits, module):
+def cloud_functions(bits: int, module: str) -> FamilyFunctions:
     """Functions of the cloud layout: tables [member, point]."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
@@ -127,11 +127,11 @@ def cloud_functions(bits, module):
         members: wp.int32
         words: wp.int32
         neighbours: wp.array2d(dtype=wp.int32)
-        mates: wp.array2d(dtype=wp.int32)
+        reverses: wp.array2d(dtype=wp.int32)
         bonds: wp.array2d(dtype=vec2)
         influences: wp.array2d(dtype=real)
         commons: wp.array3d(dtype=wp.uint32)
-        wholes: wp.array2d(dtype=wp.uint32)
+        initials: wp.array2d(dtype=wp.uint32)
         shapes: wp.array2d(dtype=vec3)
         weights: wp.array2d(dtype=real)
         areas: wp.array(dtype=real)
@@ -142,8 +142,8 @@ def cloud_functions(bits, module):
         return family.neighbours[k, i]
 
     @wp.func(module=module)
-    def mate(family: CloudFamily, i: int, k: int):
-        return family.mates[k, i]
+    def reverse(family: CloudFamily, i: int, k: int):
+        return family.reverses[k, i]
 
     @wp.func(module=module)
     def bond(family: CloudFamily, i: int, k: int):
@@ -158,8 +158,8 @@ def cloud_functions(bits, module):
         return family.commons[k, word, i]
 
     @wp.func(module=module)
-    def whole(family: CloudFamily, i: int, word: int):
-        return family.wholes[word, i]
+    def initial(family: CloudFamily, i: int, word: int):
+        return family.initials[word, i]
 
     @wp.func(module=module)
     def shape(family: CloudFamily, i: int, k: int):
@@ -178,11 +178,11 @@ def cloud_functions(bits, module):
         return family.family_areas[i]
 
     return FamilyFunctions(
-        CloudFamily, neighbour, mate, bond, influence, common, whole, shape, weight, area, family_area
+        CloudFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area
     )
 
 
 @functools.cache
-def family_functions(layout, bits, module):
+def family_functions(layout: str, bits: int, module: str) -> FamilyFunctions:
     """Functions of `layout`, "lattice" or "cloud"."""
     return lattice_functions(bits, module) if layout == "lattice" else cloud_functions(bits, module)

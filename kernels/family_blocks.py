@@ -1,6 +1,6 @@
-"""The variational bond-associated force with two bonds a thread and a few whole families a block of threads.
+"""The variational bond-associated force with two bonds per thread and a few families per block of threads.
 
-The same sums as `plain_force` in kernels/bond_associated.py, for any family. The threads of a block share what each
+The same sums as `reference_force` in kernels/bond_associated.py, for any family. The threads of a block share what each
 finds, between barriers, in the block's own memory:
 
     every thread (i, k)     c_k X_k and U_k of its members
@@ -18,28 +18,40 @@ import functools
 import warp as wp
 
 from .bond_associated import bond_associated
+from .effects import Kernel, kernel
+from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
-from .points import PointFunction
+from .pointwise import Pointwise, pointwise
 
 # Most threads of a block, and about how many threads are to fit the registers of a processor, by precision.
-MOST_THREADS = 128
+MAX_THREADS = 128
 RESIDENT_THREADS = {32: 896, 64: 448}
 
 
-def threads_of_family(members):
+def threads_of_family(members: int) -> int:
     """Number of threads that share a family."""
     return -(-members // 2)
 
 
-def families_together(members):
+def families_together(members: int) -> int:
     """Number of families that share a block, a power of two."""
-    return 1 << ((MOST_THREADS // threads_of_family(members)).bit_length() - 1)
+    return 1 << ((MAX_THREADS // threads_of_family(members)).bit_length() - 1)
 
 
 @functools.cache
-def block_force(layout, bits, material, near, breakable, members, listed, module, fast_module):
+def block_force(
+    layout: str,
+    bits: int,
+    material: PairFactory,
+    near: FunctionFactory,
+    breakable: str | None,
+    members: int,
+    listed: bool,
+    module: str,
+    fast_module: str,
+) -> Kernel:
     """Kernel that fills bond_force [members, ring] and force [points], its own half; variational form.
 
     It takes `blocks` blocks of threads_of_family(members) x families_together(members) threads, each of which works
@@ -62,7 +74,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
     f = family_functions(layout, bits, module)
     Family = f.struct
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    present, is_whole, has = law.present, law.is_whole, law.has
+    intact_members, is_undamaged, is_intact = law.intact_members, law.is_undamaged, law.is_intact
     green, inverse_shape = law.green, law.inverse_shape
     area_weight, family_scale = law.area_weight, law.family_scale
     stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
@@ -78,7 +90,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
     @wp.func(module=fast_module)
     def arrive(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         moments: wp.array2d(dtype=vec3),
         displacement: wp.array(dtype=vec3),
         inverse_horizon: real,
@@ -86,22 +98,24 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
         k: int,
         here: bool,
     ):
-        """Whether the bond stands; its (U_k, c_k X_k) in parts as threads share them, and the bits of D_ik."""
-        stands = bool(False)
+        """Whether the bond is intact; its (U_k, c_k X_k) in parts as threads share them, and the bits of D_ik."""
+        intact_here = bool(False)
         stretch = vec3(real(0.0), real(0.0), real(0.0))
         moment = vec3(real(0.0), real(0.0), real(0.0))
         common = Words()
         if here and k < wp.static(n):
-            if has(family, alive, i, k):
-                stands = True
+            if is_intact(family, intact, i, k):
+                intact_here = True
                 row = i
                 if wp.static(layout == "lattice"):
-                    row = family.kind[i]
+                    row = family.family_class[i]
                 moment = moments[k, row]
                 stretch = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 for word in range(wp.static(words)):
-                    common[word] = f.common(family, i, k, wp.static(word)) & present(family, alive, i, wp.static(word))
-        return stands, vec4(stretch[0], stretch[1], stretch[2], moment[0]), vec2(moment[1], moment[2]), common
+                    common[word] = f.common(family, i, k, wp.static(word)) & intact_members(
+                        family, intact, i, wp.static(word)
+                    )
+        return intact_here, vec4(stretch[0], stretch[1], stretch[2], moment[0]), vec2(moment[1], moment[2]), common
 
     @wp.func(module=fast_module)
     def answer(
@@ -109,8 +123,8 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
         constants: parameters,
         i: int,
         k: int,
-        stands: bool,
-        whole: bool,
+        intact_here: bool,
+        undamaged: bool,
         shape: vec3,
         size: real,
         G1: vec3,
@@ -120,23 +134,23 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
-        if stands:
+        if intact_here:
             inverse = f.shape(family, i, k)
             if wp.static(damaged):
-                if not whole:
+                if not undamaged:
                     inverse = inverse_shape(shape)
             if inverse[0] > real(0.0):
                 H1 = G1 * inverse[0] + G2 * inverse[1]
                 H2 = G1 * inverse[1] + G2 * inverse[2]
                 S, _guess = stress_near(green(H1, H2), constants, real(0.0))
-                weight = area_weight(family, i, k, whole, size)
+                weight = area_weight(family, i, k, undamaged, size)
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
         return A1, A2, weight
 
-    @wp.kernel(module=fast_module, enable_backward=False, launch_bounds=(threads, resident))
+    @kernel(fast_module, per="list", launch_bounds=(threads, resident))
     def family_block_force(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         others: wp.array(dtype=wp.int32),
         other_count: wp.array(dtype=wp.int32),
         start: int,
@@ -166,10 +180,10 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
             i = start + wp.min(place, count - 1)
             if wp.static(listed):
                 i = others[wp.min(place, count - 1)]
-            whole = is_whole(family, alive, i)
-            stands, u, m, common = arrive(family, alive, moments, displacement, inverse_horizon, i, k, here)
-            far_stands, far_u, far_m, far_common = arrive(
-                family, alive, moments, displacement, inverse_horizon, i, far_k, here
+            undamaged = is_undamaged(family, intact, i)
+            intact_here, u, m, common = arrive(family, intact, moments, displacement, inverse_horizon, i, k, here)
+            far_intact_here, far_u, far_m, far_common = arrive(
+                family, intact, moments, displacement, inverse_horizon, i, far_k, here
             )
             stretches = wp.tile(u, preserve_type=True)
             far_stretches = wp.tile(far_u, preserve_type=True)
@@ -198,7 +212,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
             size = real(0.0)
             far_size = real(0.0)
             if wp.static(damaged):
-                if not whole:
+                if not undamaged:
                     # Not spelled out: few families are damaged, and registers are for the others.
                     for word in range(wp.static(words)):
                         for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
@@ -224,9 +238,9 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
                             if far_bit != wp.uint32(0):
                                 far_shape += part
                                 far_size += area
-            A1, A2, weight = answer(family, constants, i, k, stands, whole, shape, size, G1, G2)
+            A1, A2, weight = answer(family, constants, i, k, intact_here, undamaged, shape, size, G1, G2)
             far_A1, far_A2, far_weight = answer(
-                family, constants, i, far_k, far_stands, whole, far_shape, far_size, far_G1, far_G2
+                family, constants, i, far_k, far_intact_here, undamaged, far_shape, far_size, far_G1, far_G2
             )
             firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
             far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
@@ -238,7 +252,7 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
                 total = real(0.0)
                 for other in range(half):
                     total += weights[other * together + slot]
-                scale = unit_force * family_scale(family, i, whole, total)
+                scale = unit_force * family_scale(family, i, undamaged, total)
             T1 = vec3(real(0.0), real(0.0), real(0.0))
             T2 = vec3(real(0.0), real(0.0), real(0.0))
             far_T1 = vec3(real(0.0), real(0.0), real(0.0))
@@ -278,7 +292,15 @@ def block_force(layout, bits, material, near, breakable, members, listed, module
 
 
 @functools.cache
-def gather_mates(layout, bits, members, steps, turns_over, listed, module):
+def gather_reverse_bonds(
+    layout: str,
+    bits: int,
+    members: int,
+    steps: tuple[tuple[int, int], ...] | None,
+    turns_over: bool,
+    listed: bool,
+    module: str,
+) -> Pointwise:
     """Point function that takes from each point's own half of the force [points] what the families around it do to it.
 
     Broken bonds carry zero, so the bonds of the undamaged sheet will do. The loop over members is spelled out and has
@@ -299,10 +321,10 @@ def gather_mates(layout, bits, members, steps, turns_over, listed, module):
     Family = f.struct
     n, word_size = members, WORD
     right, up = zip(*steps, strict=True) if steps else ((), ())
-    mates = [steps.index((-x, -y)) for x, y in steps] if steps else []
+    reverses = [steps.index((-x, -y)) for x, y in steps] if steps else []
 
     @functools.partial(wp.struct, module=module)
-    class GatherFromMates:
+    class GatherFromReverseBonds:
         family: Family
         columns: int
         bond_force: wp.array2d(dtype=vec3)
@@ -310,8 +332,8 @@ def gather_mates(layout, bits, members, steps, turns_over, listed, module):
         first_point: int
         force: wp.array(dtype=vec3)
 
-    @wp.func(module=module)
-    def gather_from_mates(begin: int, end: int, a: GatherFromMates):
+    @pointwise(module, GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force",))
+    def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):
                 # The list is used up; the next launches begin another.
@@ -322,13 +344,13 @@ def gather_mates(layout, bits, members, steps, turns_over, listed, module):
                 place = i % a.bond_force.shape[1]
             push = vec3(real(0.0), real(0.0), real(0.0))
             for k in range(wp.static(n)):
-                members_here = f.whole(a.family, i, wp.static(k // word_size))
+                members_here = f.initial(a.family, i, wp.static(k // word_size))
                 there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
                 if wp.static(steps is None):
-                    row = wp.where(there, f.mate(a.family, i, wp.static(k)), 0)
+                    row = wp.where(there, f.reverse(a.family, i, wp.static(k)), 0)
                     column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
                 else:
-                    row = wp.static(mates[k])
+                    row = wp.static(reverses[k])
                     column = place + wp.where(there, wp.static(up[k]) * a.columns + wp.static(right[k]), 0)
                 if wp.static(turns_over):
                     ring = a.bond_force.shape[1]
@@ -336,4 +358,4 @@ def gather_mates(layout, bits, members, steps, turns_over, listed, module):
                 push += wp.where(there, real(1.0), real(0.0)) * a.bond_force[row, column]
             a.force[i] = a.force[i] - push
 
-    return PointFunction(gather_from_mates, GatherFromMates, "gather_from_mates")
+    return gather_from_reverse_bonds

@@ -22,9 +22,10 @@ from typing import Any
 import warp as wp
 
 from .bond_based import bond_functions
+from .bond_state import sums_of_bonds
+from .effects import Kernel
 from .families import family_functions
 from .numeric import numeric
-from .standing import sums_of_bonds
 
 
 @dataclass(frozen=True)
@@ -38,12 +39,14 @@ class HyperelasticBondsKernels:
     """
 
     constants: Any
-    pair_force: Any
-    row_sums: Any
+    pair_force: Kernel
+    row_sums: Kernel
 
 
 @functools.cache
-def hyperelastic_bonds(layout, bits, compressed, corrected, breakable, module):
+def hyperelastic_bonds(
+    layout: str, bits: int, compressed: bool, corrected: bool, breakable: bool, module: str
+) -> HyperelasticBondsKernels:
     """Kernels of the law.
 
     Args:
@@ -58,7 +61,7 @@ def hyperelastic_bonds(layout, bits, compressed, corrected, breakable, module):
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    _standing, strain, image = bond_functions(layout, bits, breakable, module)
+    _is_intact, strain, image = bond_functions(layout, bits, breakable, module)
 
     @functools.partial(wp.struct, module=module)
     class Constants:
@@ -100,7 +103,7 @@ def hyperelastic_bonds(layout, bits, compressed, corrected, breakable, module):
         squared = wp.length_sq(xi)
         along = xi[0] * Y[0] + xi[1] * Y[1]
         cosine = along * along / (squared * wp.dot(Y, Y))
-        weight = real(0.5) * (f.weight(family, i, k) + f.weight(family, m, f.mate(family, i, k)))
+        weight = real(0.5) * (f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k)))
         if wp.static(corrected):
             mean = real(0.5) * (constants.factors[i] + constants.factors[m])
             x = xi[0] / mean[0]

@@ -16,12 +16,15 @@ With G = C - I, t = tr G, g = det G and d = det C - 1 = t + g, no difference of 
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import warp as wp
 
+from .factories import FunctionFactory, PairFactory
 from .materials import invariants
 from .numeric import numeric
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -34,21 +37,21 @@ class Incompressible:
         response: Stress and moduli.
     """
 
-    functions: Callable[[int], Any]
-    near: Callable[[int], Any]
-    response: Callable[[int], Any]
+    functions: PairFactory
+    near: FunctionFactory
+    response: FunctionFactory
 
 
-def named(factory, energy, what):
+def named(factory: Callable[[int], T], energy: FunctionFactory, what: str) -> Callable[[int], T]:
     """A cached factory whose name tells it from that of other materials: names decide what is compiled together."""
-    cached = functools.cache(factory)
+    cached: Any = functools.cache(factory)
     cached.__module__, cached.__name__ = energy.__module__, f"{energy.__name__}_{what}"
     cached.__qualname__ = f"{energy.__qualname__}.{what}"
-    return cached
+    return cached  # type: ignore[no-any-return]
 
 
 @functools.cache
-def principal_tangent(bits):
+def principal_tangent(bits: int) -> wp.Function:
     """Function (G, N11, N12, N22, h) -> T of the derivatives N_ij of the principal stresses S_i by C_j.
 
     h = (S1 - S2) / (C1 - C2) is what a shear of the principal axes meets. C1 is the larger.
@@ -79,7 +82,7 @@ def principal_tangent(bits):
 
 
 @functools.cache
-def principal_strains(bits):
+def principal_strains(bits: int) -> wp.Function:
     """Function G -> larger and smaller eigenvalue."""
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
@@ -95,7 +98,7 @@ def principal_strains(bits):
 
 
 @functools.cache
-def incompressible(energy_of):
+def incompressible(energy_of: FunctionFactory) -> Incompressible:
     """Everything that is asked of a material, from the factory of its energy, see above."""
 
     def stress_functions(bits):
@@ -186,7 +189,7 @@ def incompressible(energy_of):
 
 
 @functools.cache
-def mooney_rivlin(bits):
+def mooney_rivlin(bits: int) -> wp.Function:
     """Psi = c10 (I1 - 3) + c01 (I2 - 3); constants: c10, c01 [Pa]."""
     types = numeric(bits)
     real, vec6, parameters = types.real, types.vec6, types.parameters
@@ -200,7 +203,7 @@ def mooney_rivlin(bits):
 
 
 @functools.cache
-def yeoh(bits):
+def yeoh(bits: int) -> wp.Function:
     """Psi = c10 (I1 - 3) + c20 (I1 - 3)^2 + c30 (I1 - 3)^3; constants: c10, c20, c30 [Pa]."""
     types = numeric(bits)
     real, vec6, parameters = types.real, types.vec6, types.parameters
@@ -219,7 +222,7 @@ def yeoh(bits):
 
 
 @functools.cache
-def arruda_boyce(bits):
+def arruda_boyce(bits: int) -> wp.Function:
     """Five terms of the eight-chain model; constants: mu [Pa], locking stretch lm [-].
 
     Psi = mu sum_k a_k / lm^(2k-2) (I1^k - 3^k), a = 1/2, 1/20, 11/1050, 19/7000, 519/673750; I1^k - 3^k is a
@@ -247,182 +250,3 @@ def arruda_boyce(bits):
         return vec6(c[0] * x * (a1 + value), c[0] * (a1 + slope), zero, c[0] * curve, zero, zero)
 
     return energy
-
-
-@functools.cache
-def logarithmic_strains(bits):
-    """Function G -> mean and half difference of the logarithmic principal strains; keeps the digits of G."""
-    types = numeric(bits)
-    real, mat22 = types.real, types.mat22
-    small = 1e-2 if bits == 32 else 1e-4
-
-    @wp.func
-    def log_one_plus(x: real):
-        answer = real(0.0)
-        if wp.abs(x) < real(small):
-            answer = x * (
-                real(1.0)
-                - x * (real(0.5) - x * ((real(1.0) / real(3.0)) - x * (real(0.25) - x * real(1.0) / real(5.0))))
-            )
-        else:
-            answer = wp.log(real(1.0) + x)
-        return answer
-
-    @wp.func
-    def strains(G: mat22):
-        mean = real(0.5) * (G[0, 0] + G[1, 1])
-        half = real(0.5) * (G[0, 0] - G[1, 1])
-        radius = wp.sqrt(half * half + G[0, 1] * G[0, 1])
-        middle = real(0.25) * log_one_plus(real(2.0) * mean + wp.determinant(G))
-        # atanh of radius / (1 + mean), whose argument keeps its digits.
-        share = real(2.0) * radius / (real(1.0) + mean - radius)
-        return middle, real(0.25) * log_one_plus(share), mean, radius
-
-    return strains
-
-
-@functools.cache
-def exponential(bits):
-    """Function x -> exp(x) - 1, with the digits of x."""
-    real = numeric(bits).real
-    small = 2e-2 if bits == 32 else 1e-3
-
-    @wp.func
-    def exp_minus_one(x: real):
-        answer = real(0.0)
-        if wp.abs(x) < real(small):
-            fourth = (real(1.0) / real(24.0)) + x * ((real(1.0) / real(120.0)) + x * (real(1.0) / real(720.0)))
-            answer = x * (real(1.0) + x * (real(0.5) + x * ((real(1.0) / real(6.0)) + x * fourth)))
-        else:
-            answer = wp.exp(x) - real(1.0)
-        return answer
-
-    return exp_minus_one
-
-
-@functools.cache
-def ogden_parts(bits):
-    """Functions of the Ogden material: strains, principal stresses and their shear modulus h."""
-    types = numeric(bits)
-    real, parameters = types.real, types.parameters
-    strains, exp_minus_one = logarithmic_strains(bits), exponential(bits)
-
-    @wp.func
-    def ratio(k: real, spread: real):
-        """Sinh(k spread) / sinh(spread)."""
-        answer = k
-        if spread > real(0.0):
-            answer = (exp_minus_one(k * spread) - exp_minus_one(-k * spread)) / (
-                exp_minus_one(spread) - exp_minus_one(-spread)
-            )
-        return answer
-
-    @wp.func
-    def principal_stress(strain: real, middle: real, c: parameters):
-        """S of a principal direction: sum_p mu_p (l^a - (l1 l2)^-a) / l^2."""
-        total = real(0.0)
-        for p in range(2):
-            a = c[2 * p + 1]
-            total += c[2 * p] * (exp_minus_one(a * strain) - exp_minus_one(-real(2.0) * a * middle))
-        return total * wp.exp(-real(2.0) * strain)
-
-    @wp.func
-    def shear(middle: real, half: real, c: parameters):
-        """(S1 - S2) / (C1 - C2)."""
-        spread = real(2.0) * half
-        total = real(0.0)
-        for p in range(2):
-            a = c[2 * p + 1]
-            term = wp.exp((a - real(4.0)) * middle) * ratio(real(0.5) * a - real(1.0), spread)
-            total += c[2 * p] * (term + wp.exp(-real(4.0) * middle - real(2.0) * a * middle))
-        return total
-
-    return strains, exp_minus_one, principal_stress, shear
-
-
-@functools.cache
-def ogden(bits):
-    """Ogden's material of two terms; constants: mu1 [Pa], a1, mu2 [Pa], a2.
-
-    Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
-    """
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    strains, exp_minus_one, principal_stress, shear = ogden_parts(bits)
-
-    @wp.func
-    def stress(G: mat22, constants: parameters):
-        middle, half, mean, _radius = strains(G)
-        h = shear(middle, half, constants)
-        # The mean of the principal stresses, and what turns with G about it.
-        centre = real(0.5) * (
-            principal_stress(middle + half, middle, constants) + principal_stress(middle - half, middle, constants)
-        )
-        across = h * G[0, 1]
-        return mat22(centre + h * (G[0, 0] - mean), across, across, centre + h * (G[1, 1] - mean))
-
-    @wp.func
-    def energy(G: mat22, constants: parameters):
-        middle, half, _mean, _radius = strains(G)
-        total = real(0.0)
-        for p in range(2):
-            a = constants[2 * p + 1]
-            if a != real(0.0):
-                total += (constants[2 * p] / a) * (
-                    exp_minus_one(a * (middle + half))
-                    + exp_minus_one(a * (middle - half))
-                    + exp_minus_one(-real(2.0) * a * middle)
-                )
-        return total
-
-    return stress, energy
-
-
-@functools.cache
-def ogden_near(bits):
-    """Function (G, constants, guess) -> (S, guess) of the Ogden material."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    stress, _ = ogden(bits)
-
-    @wp.func
-    def stress_near(G: mat22, constants: parameters, guess: real):
-        return stress(G, constants), guess
-
-    return stress_near
-
-
-@functools.cache
-def ogden_response(bits):
-    """Stress and moduli of the Ogden material."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    stress, _ = ogden(bits)
-    strains, _, _, shear = ogden_parts(bits)
-    turned = principal_tangent(bits)
-
-    @wp.func
-    def own(strain: real, middle: real, c: parameters):
-        """Change of a principal stress with its own principal value."""
-        total = real(0.0)
-        for p in range(2):
-            a = c[2 * p + 1]
-            total += c[2 * p] * (
-                (real(0.5) * a - real(1.0)) * wp.exp(a * strain)
-                + (real(0.5) * a + real(1.0)) * wp.exp(-real(2.0) * a * middle)
-            )
-        return total * wp.exp(-real(4.0) * strain)
-
-    @wp.func
-    def response(G: mat22, constants: parameters):
-        middle, half, _mean, _radius = strains(G)
-        N12 = real(0.0)
-        for p in range(2):
-            a = constants[2 * p + 1]
-            N12 += constants[2 * p] * real(0.5) * a * wp.exp(-real(2.0) * (a + real(2.0)) * middle)
-        return stress(G, constants), turned(
-            G, own(middle + half, middle, constants), N12, own(middle - half, middle, constants),
-            shear(middle, half, constants),
-        )  # fmt: skip
-
-    return response

@@ -2,7 +2,6 @@
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
@@ -18,17 +17,19 @@ class Kinematics:
 
     Attributes:
         green: (H1, H2) -> C - I.
-        inverse_shape: K (11, 12, 22) -> its inverse, or zero where degenerate.
+        determines_gradient: K (11, 12, 22) -> whether it can be inverted: the one test of a degenerate shape tensor.
+        inverse_shape: K -> its inverse, or zero where degenerate.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
     """
 
-    green: Any
-    inverse_shape: Any
-    stress_on_members: Any
+    green: wp.Function
+    determines_gradient: wp.Function
+    inverse_shape: wp.Function
+    stress_on_members: wp.Function
 
 
 @functools.cache
-def kinematics(bits):
+def kinematics(bits: int) -> Kinematics:
     """The functions of a precision."""
     types = numeric(bits)
     real, vec3, mat22 = types.real, types.vec3, types.mat22
@@ -41,11 +42,16 @@ def kinematics(bits):
         return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
 
     @wp.func
+    def determines_gradient(shape: vec3):
+        """Whether the points behind a shape tensor (11, 12, 22) are far enough from one line."""
+        half_trace = real(0.5) * (shape[0] + shape[2])
+        return shape[0] * shape[2] - shape[1] * shape[1] > real(degenerate) * half_trace * half_trace
+
+    @wp.func
     def inverse_shape(shape: vec3):
         """Inverse of the symmetric tensor (11, 12, 22), or zero where it is degenerate."""
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
-        half_trace = real(0.5) * (shape[0] + shape[2])
-        if determinant > real(degenerate) * half_trace * half_trace:
+        if determines_gradient(shape):
             return vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
         else:
             return vec3(real(0.0), real(0.0), real(0.0))
@@ -59,4 +65,4 @@ def kinematics(bits):
         P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
         return P1 * inverse[0] + P2 * inverse[1], P1 * inverse[1] + P2 * inverse[2]
 
-    return Kinematics(green, inverse_shape, stress_on_members)
+    return Kinematics(green, determines_gradient, inverse_shape, stress_on_members)

@@ -29,6 +29,7 @@ import functools
 
 import warp as wp
 
+from .factories import FunctionFactory
 from .numeric import numeric
 
 # Typical states take 2 or 3 steps, the worst found below the lock of a Gent sheet 19 (K / mu near 1). A guess that
@@ -42,7 +43,7 @@ SHRINK = 0.585
 
 
 @functools.cache
-def invariants(bits):
+def invariants(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
     """Functions of the strain that the materials share: area_change, excess_invariant, plane_stress."""
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
@@ -78,7 +79,7 @@ def invariants(bits):
 
 
 @functools.cache
-def condensation(bits):
+def condensation(bits: int) -> wp.Function:
     """Function that turns derivatives of an energy U1(I1b) + U2(ln q), q = J^2 = C33 det C, into moduli.
 
     With x = (C11, C22, C12, C33) and l = ln q, I1b = tau exp(-l/3), tau = tr C + C33:
@@ -135,7 +136,7 @@ def condensation(bits):
 
 
 @functools.cache
-def volume(bits):
+def volume(bits: int) -> wp.Function:
     """Function d -> z = J^2 - 1 of d = J^(2/3) - 1."""
     real = numeric(bits).real
 
@@ -147,7 +148,7 @@ def volume(bits):
 
 
 @functools.cache
-def volume_from(root, bits):
+def volume_from(root: FunctionFactory, bits: int) -> wp.Function:
     """Function (G, constants) -> z of the material whose factory of root_change is `root`."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
@@ -160,307 +161,3 @@ def volume_from(root, bits):
         return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
 
     return volume_change
-
-
-@functools.cache
-def neo_hookean_root(bits):
-    """Function (tr C - 2, det C - 1, constants, guess) -> d = J^(2/3) - 1 of the neo-Hookean material."""
-    types = numeric(bits)
-    real, parameters = types.real, types.parameters
-    volume_of = volume(bits)
-    tolerance = TOLERANCE[bits]
-    steps, restart, shrink = NEWTON_STEPS, RESTART, SHRINK
-
-    @wp.func
-    def root_change(trace: real, area: real, constants: parameters, guess: real):
-        # Zero of J^(2/3) sigma_33: the factor makes it rise strictly with d, whatever the state.
-        slope = real(1.0) / (real(1.0) + area)
-        third = constants[0] / real(3.0)
-        quarter = real(0.25) * constants[1]
-        d = guess
-        for step in range(steps):
-            if step == restart:
-                d = real(0.0)
-            root = real(1.0) + d
-            z = volume_of(d)
-            q = root * root * root
-            thinning = slope * (z - area)
-            r = real(1.0) / q
-            residual = third * (real(2.0) * thinning - trace) + quarter * root * z * (real(2.0) + z) * r
-            tangent = real(6.0) * third * slope * root * root + quarter * (real(4.0) * q + real(2.0) * r)
-            new = wp.max(d - residual / tangent, real(shrink) * root - real(1.0))
-            change = wp.abs(new - d)
-            d = new
-            if change <= real(tolerance) * root:
-                break
-        return d
-
-    return root_change
-
-
-@functools.cache
-def neo_hookean_volume(bits):
-    """Function (G, constants) -> z of the neo-Hookean material."""
-    return volume_from(neo_hookean_root, bits)
-
-
-@functools.cache
-def neo_hookean_near(bits):
-    """Function (G, constants, guess) -> (S, d) of the neo-Hookean material, see `stress_near` above."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, plane_stress = invariants(bits)
-    root_change = neo_hookean_root(bits)
-    volume_of = volume(bits)
-
-    @wp.func
-    def stress_near(G: mat22, constants: parameters, guess: real):
-        area = area_change(G)
-        trace = G[0, 0] + G[1, 1]
-        d = root_change(trace, area, constants, guess)
-        slope = real(1.0) / (real(1.0) + area)
-        thinning = slope * (volume_of(d) - area)
-        return plane_stress(G, slope, thinning, constants[0] / (real(1.0) + d)), d
-
-    return stress_near
-
-
-@functools.cache
-def neo_hookean(bits):
-    """Slightly compressible neo-Hookean material; constants: mu [Pa], K [Pa].
-
-    Psi = mu/2 (I1b - 3) + K/8 (J^2 + J^-2 - 2), I1b = J^(-2/3) (tr C + C33), J^2 = C33 det C.
-    Source: NN paper's neo-Hookean sheet.
-    """
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, _ = invariants(bits)
-    root_change = neo_hookean_root(bits)
-    volume_of = volume(bits)
-    stress_near = neo_hookean_near(bits)
-
-    @wp.func
-    def stress(G: mat22, constants: parameters):
-        S, _ = stress_near(G, constants, real(0.0))
-        return S
-
-    @wp.func
-    def energy(G: mat22, constants: parameters):
-        area = area_change(G)
-        trace = G[0, 0] + G[1, 1]
-        d = root_change(trace, area, constants, real(0.0))
-        z = volume_of(d)
-        thinning = (z - area) / (real(1.0) + area)
-        excess = (trace + thinning - real(3.0) * d) / (real(1.0) + d)
-        return real(0.5) * constants[0] * excess + constants[1] / real(8.0) * (z * z / (real(1.0) + z))
-
-    return stress, energy
-
-
-@functools.cache
-def neo_hookean_response(bits):
-    """Stress and moduli of the neo-Hookean material: U1 = mu/2 I1b, U2 = K/8 (q + 1/q)."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, plane_stress = invariants(bits)
-    volume_change = neo_hookean_volume(bits)
-    condensed = condensation(bits)
-
-    @wp.func
-    def response(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
-        area = area_change(G)
-        inverse_area = real(1.0) / (real(1.0) + area)
-        S = plane_stress(G, inverse_area, inverse_area * (z - area), constants[0] / wp.cbrt(real(1.0) + z))
-        q = real(1.0) + z
-        eighth = constants[1] / real(8.0)
-        slope = eighth * (z + z / q)
-        return S, condensed(G, z, real(0.5) * constants[0], real(0.0), slope, eighth * (q + real(1.0) / q))
-
-    return response
-
-
-@functools.cache
-def gent_root(bits):
-    """Function (tr C - 2, det C - 1, constants, guess) -> d = J^(2/3) - 1 of the Gent material."""
-    types = numeric(bits)
-    real, parameters = types.real, types.parameters
-    volume_of = volume(bits)
-    tolerance = TOLERANCE[bits]
-    steps, restart, shrink = NEWTON_STEPS, RESTART, SHRINK
-
-    @wp.func
-    def root_change(trace: real, area: real, constants: parameters, guess: real):
-        # Zero of (Jm - I1b + 3) J^(4/3) sigma_33, with room = (Jm - I1b + 3) J^(2/3).
-        lock = constants[2]
-        slope = real(1.0) / (real(1.0) + area)
-        third = constants[0] * lock / real(3.0)
-        half = real(0.5) * constants[1]
-        d = guess
-        doubt = real(0.0)
-        trust = real(1.0)
-        for step in range(steps):
-            if step == restart:
-                d = real(0.0)
-            root = real(1.0) + d
-            z = volume_of(d)
-            rise = real(3.0) * root * root
-            thinning = slope * (z - area)
-            # Held off the lock here so that an iterate beyond it can come back.
-            room = wp.max(lock * root - trace - thinning + real(3.0) * d, real(1.0e-3) * lock)
-            residual = third * (real(2.0) * thinning - trace) + half * z * room
-            floor = real(2.0) * third * slope * rise + half * rise * room
-            tangent = floor + half * z * (lock - slope * rise + real(3.0))
-            new = wp.max(d - residual / wp.max(tangent, real(0.25) * floor), real(shrink) * root - real(1.0))
-            change = wp.abs(new - d)
-            d = new
-            # The iteration converges quadratically only within a distance of the order of the room to the lock.
-            doubt = change * lock
-            trust = room
-            if doubt <= real(tolerance) * trust:
-                break
-        if doubt > real(0.1) * trust:
-            d = real(wp.nan)
-        return d
-
-    return root_change
-
-
-@functools.cache
-def gent_volume(bits):
-    """Function (G, constants) -> z of the Gent material."""
-    return volume_from(gent_root, bits)
-
-
-@functools.cache
-def gent_near(bits):
-    """Function (G, constants, guess) -> (S, d) of the Gent material, see `stress_near` above."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, plane_stress = invariants(bits)
-    root_change = gent_root(bits)
-    volume_of = volume(bits)
-
-    @wp.func
-    def stress_near(G: mat22, constants: parameters, guess: real):
-        area = area_change(G)
-        trace = G[0, 0] + G[1, 1]
-        d = root_change(trace, area, constants, guess)
-        slope = real(1.0) / (real(1.0) + area)
-        thinning = slope * (volume_of(d) - area)
-        room = constants[2] * (real(1.0) + d) - trace - thinning + real(3.0) * d
-        if room <= real(0.0):
-            room = real(wp.nan)
-        return plane_stress(G, slope, thinning, constants[0] * constants[2] / room), d
-
-    return stress_near
-
-
-@functools.cache
-def gent(bits):
-    """Slightly compressible Gent material; constants: mu [Pa], K = 2/D [Pa], Jm [-].
-
-    Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J).
-    Beyond the lock, I1b - 3 >= Jm at constant volume, the sheet can only swell: where no stress is found the
-    functions return NaN, which the run reports as the lock reached. Source: BA paper's Gent sheet.
-    """
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, _ = invariants(bits)
-    root_change = gent_root(bits)
-    volume_of = volume(bits)
-    stress_near = gent_near(bits)
-
-    @wp.func
-    def stress(G: mat22, constants: parameters):
-        S, _ = stress_near(G, constants, real(0.0))
-        return S
-
-    @wp.func
-    def energy(G: mat22, constants: parameters):
-        area = area_change(G)
-        trace = G[0, 0] + G[1, 1]
-        d = root_change(trace, area, constants, real(0.0))
-        z = volume_of(d)
-        thinning = (z - area) / (real(1.0) + area)
-        excess = (trace + thinning - real(3.0) * d) / (real(1.0) + d)
-        share = excess / constants[2]
-        logarithm = real(0.0)
-        if share >= real(1.0):
-            logarithm = real(wp.nan)
-        elif wp.abs(share) < real(1.0e-3):
-            logarithm = -share * (
-                real(1.0) + share * (real(0.5) + share * (real(1.0) / real(3.0) + real(0.25) * share))
-            )
-        else:
-            logarithm = wp.log(real(1.0) - share)
-        volume = real(0.0)
-        if wp.abs(z) < real(1.0e-2):
-            volume = (
-                z
-                * z
-                * (real(0.25) - z * (real(1.0) / real(6.0) - z * (real(0.125) - z * (real(0.1) - z / real(12.0)))))
-            )
-        else:
-            volume = real(0.5) * (z - wp.log(real(1.0) + z))
-        return -real(0.5) * constants[0] * constants[2] * logarithm + real(0.5) * constants[1] * volume
-
-    return stress, energy
-
-
-@functools.cache
-def gent_response(bits):
-    """Stress and moduli of the Gent material: U1 = -(mu Jm/2) ln(1 - (I1b - 3)/Jm), U2 = (K/4) (q - ln q)."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, excess_invariant, plane_stress = invariants(bits)
-    volume_change = gent_volume(bits)
-    condensed = condensation(bits)
-
-    @wp.func
-    def response(G: mat22, constants: parameters):
-        z = volume_change(G, constants)
-        area = area_change(G)
-        thinning = (z - area) / (real(1.0) + area)
-        room = constants[2] - excess_invariant(G[0, 0] + G[1, 1] + thinning, z)
-        if room <= real(0.0):
-            room = real(wp.nan)
-        first = real(0.5) * constants[0] * constants[2] / room
-        S = plane_stress(G, real(1.0) / (real(1.0) + area), thinning, real(2.0) * first / wp.cbrt(real(1.0) + z))
-        quarter = real(0.25) * constants[1]
-        return S, condensed(G, z, first, first / room, quarter * z, quarter * (real(1.0) + z))
-
-    return response
-
-
-@functools.cache
-def neo_hookean_membrane(bits):
-    """For force laws that write the first Piola stress as g (F - C33 F^-T): (G, constants) -> z, and g.
-
-    The second function is (tr C - 2, C33 - 1, z, constants) -> g [Pa].
-    """
-    types = numeric(bits)
-    real, parameters = types.real, types.parameters
-
-    @wp.func
-    def shear(trace: real, thinning: real, z: real, constants: parameters):
-        return constants[0] / wp.cbrt(real(1.0) + z)
-
-    return neo_hookean_volume(bits), shear
-
-
-@functools.cache
-def gent_membrane(bits):
-    """The same two functions as `neo_hookean_membrane`, of the Gent material; NaN at and beyond its lock."""
-    types = numeric(bits)
-    real, parameters = types.real, types.parameters
-    _, excess_invariant, _ = invariants(bits)
-
-    @wp.func
-    def shear(trace: real, thinning: real, z: real, constants: parameters):
-        room = constants[2] - excess_invariant(trace + thinning, z)
-        if room <= real(0.0):
-            room = real(wp.nan)
-        return constants[0] * constants[2] / (room * wp.cbrt(real(1.0) + z))
-
-    return gent_volume(bits), shear

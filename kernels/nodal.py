@@ -1,11 +1,11 @@
 """Nodal correspondence: one deformation gradient and one stress a point. It has zero-energy modes.
 
-With c_k = w_ik a_k over the standing bonds of the family H_i (Silling et al., J. Elast. 88, 2007; NN eqs. 2 to 5):
+With c_k = w_ik a_k over the intact bonds of the family H_i (Silling et al., J. Elast. 88, 2007; NN eqs. 2 to 5):
 
     K_i = sum c_k X_ik (x) X_ik,      F_i = I + [sum c_k U_ik (x) X_ik] K_i^-1,   U_ik = u_k - u_i,
     E = h sum_i a_i s_i Psi(F_i),     a_i a_k T_ik = a_i s_i c_k h P_i K_i^-1 X_ik,
 
-with s_i the share of the family's area that still stands: what broke carries nothing any more. The force is minus
+with s_i the share of the family's area that is still intact: broken bonds carry nothing. The force is minus
 the gradient of E. Opposite members with equal displacements leave F_i alone, so a lattice does not feel a
 checkerboard, nor a family the place of its own middle: the zero-energy modes that other laws are measured by.
 
@@ -14,32 +14,33 @@ A family whose points are (nearly) collinear determines no gradient and carries 
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
+from .bits import lowest_bit, without_lowest_bit
+from .bond_state import bond_state, energy_of_families, gather_pairs
+from .effects import Kernel, kernel
+from .factories import PairFactory
 from .families import WORD, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
-from .standing import energy_of_families, gather_pairs, standing_bonds
+from .pointwise import Pointwise
 
 
 @dataclass(frozen=True)
 class PointFamily:
-    """Warp functions of the whole family of a point; i is a point, k a member of its family.
+    """Warp functions of the family of a point; i is a point, k a member of its family.
 
     Attributes:
-        has: (family, alive, i, k) -> whether the bond stands.
-        gradient: (family, alive, displacement, velocity, back, i) -> displacement gradient times horizon (two
-            columns) of the displacement a time `back` ago, K^-1 (zero if degenerate), standing area.
+        is_intact: (family, intact, i, k) -> whether the bond is intact.
+        gradient: (family, intact, displacement, velocity, back, i) -> displacement gradient times horizon (two
+            columns) of the displacement a time `back` ago, K^-1 (zero if degenerate), intact area.
         green: (H1, H2) -> C - I.
-        gather: Kernel that sums bond_force [members, points] to the internal force [points], N.
     """
 
-    has: Any
-    gradient: Any
-    green: Any
-    gather: Any
+    is_intact: wp.Function
+    gradient: wp.Function
+    green: wp.Function
 
 
 @dataclass(frozen=True)
@@ -53,67 +54,65 @@ class NodalKernels:
         earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
     """
 
-    family_force: Any
-    gather: Any
-    strain_energy: Any
-    earlier_energy: Any
+    family_force: Kernel
+    gather: Pointwise
+    strain_energy: Kernel
+    earlier_energy: wp.Function
 
 
 @functools.cache
-def point_family(layout, bits, breakable, module):
-    """Functions of the whole family of a point; `breakable` says whether bonds can break."""
+def point_family(layout: str, bits: int, breakable: bool, module: str) -> PointFamily:
+    """Functions of the family of a point; `breakable` says whether bonds can break."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
     word_size = WORD
-    bonds = standing_bonds(layout, bits, breakable, module)
+    bonds = bond_state(layout, bits, breakable, module)
     green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
 
     @wp.func(module=module)
     def gradient(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
         i: int,
     ):
-        """Displacement gradient times horizon, K^-1 (zero if degenerate), standing area over the reference area."""
+        """Displacement gradient times horizon, K^-1 (zero if degenerate), intact area over the reference area."""
         ui = displacement[i]
         first = vec3(real(0.0), real(0.0), real(0.0))
         second = vec3(real(0.0), real(0.0), real(0.0))
         shape = vec3(real(0.0), real(0.0), real(0.0))
         size = real(0.0)
         for word in range(family.words):
-            members = bonds.present(family, alive, i, word)
-            k = word * word_size
+            members = bonds.intact_members(family, intact, i, word)
             while members != wp.uint32(0):
-                if (members & wp.uint32(1)) != wp.uint32(0):
-                    m = f.neighbour(family, i, k)
-                    a = f.area(family, m)
-                    xi = f.bond(family, i, k)
-                    cxi = f.influence(family, i, k) * a * xi
-                    stretch = displacement[m] - ui - back * (velocity[m] - velocity[i])
-                    first += cxi[0] * stretch
-                    second += cxi[1] * stretch
-                    if wp.static(breakable):
-                        shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
-                        size += a
-                members = members >> wp.uint32(1)
-                k += 1
+                k = word * word_size + lowest_bit(members)
+                members = without_lowest_bit(members)
+                m = f.neighbour(family, i, k)
+                a = f.area(family, m)
+                xi = f.bond(family, i, k)
+                cxi = f.influence(family, i, k) * a * xi
+                stretch = displacement[m] - ui - back * (velocity[m] - velocity[i])
+                first += cxi[0] * stretch
+                second += cxi[1] * stretch
+                if wp.static(breakable):
+                    shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                    size += a
         inverse = f.shape(family, i, 0)
-        if bonds.is_whole(family, alive, i):
+        if bonds.is_undamaged(family, intact, i):
             size = f.family_area(family, i)
         else:
             inverse = inverse_shape(shape)
         return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
 
-    return PointFamily(bonds.has, gradient, green, gather_pairs(layout, bits, breakable, module))
+    return PointFamily(bonds.is_intact, gradient, green)
 
 
 @functools.cache
-def nodal(layout, bits, material, breakable, module):
+def nodal(layout: str, bits: int, material: PairFactory, breakable: bool, module: str) -> NodalKernels:
     """Kernels of the nodal law.
 
     Args:
@@ -134,7 +133,7 @@ def nodal(layout, bits, material, breakable, module):
     @wp.func(module=module)
     def family_energy(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
@@ -143,7 +142,7 @@ def nodal(layout, bits, material, breakable, module):
         i: int,
     ):
         """Energy of the family of i over (thickness x reference area) [J/m^3]."""
-        G1, G2, inverse, size = point.gradient(family, alive, displacement, velocity, back, i)
+        G1, G2, inverse, size = point.gradient(family, intact, displacement, velocity, back, i)
         stored = real(0.0)
         if inverse[0] > real(0.0):
             share = size / f.family_area(family, i)
@@ -152,10 +151,10 @@ def nodal(layout, bits, material, breakable, module):
             )
         return stored
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def family_force(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -164,7 +163,7 @@ def nodal(layout, bits, material, breakable, module):
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        G1, G2, inverse, size = point.gradient(family, alive, displacement, displacement, real(0.0), i)
+        G1, G2, inverse, size = point.gradient(family, intact, displacement, displacement, real(0.0), i)
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         if inverse[0] > real(0.0):
@@ -175,11 +174,11 @@ def nodal(layout, bits, material, breakable, module):
             A1, A2 = stress_on_members(H1, H2, S, scale, inverse)
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if point.has(family, alive, i, k):
+            if point.is_intact(family, intact, i, k):
                 xi = f.bond(family, i, k)
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 force = c * (xi[0] * A1 + xi[1] * A2)
             bond_force[k, i] = force
 
     strain_energy = energy_of_families(layout, bits, family_energy, module)
-    return NodalKernels(family_force, point.gather, strain_energy, family_energy)
+    return NodalKernels(family_force, gather_pairs(layout, bits, breakable, module), strain_energy, family_energy)

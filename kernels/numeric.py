@@ -35,7 +35,7 @@ class Numeric:
 
 
 @functools.cache
-def numeric(bits):
+def numeric(bits: int) -> Numeric:
     """Types for `bits` = 32 or 64.
 
     Raises:

@@ -2,7 +2,7 @@
 
 A law is a cached factory, precision in bits -> Warp functions (force, slope, energy) of (strain, constants), all
 in Pa: the force f(s) at the strain s = |Y|/|X| - 1, its derivative by s, and the integral of f from 0. The force law
-(kernels/bond_based.py) multiplies them by what the bond stands for.
+(kernels/bond_based.py) multiplies them by what the bond is intact for.
 """
 
 import functools
@@ -13,7 +13,7 @@ from .numeric import numeric
 
 
 @functools.cache
-def bimodular(bits):
+def bimodular(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
     """Bimodular law (IM, section 4): f = E+ s in tension, E- s in compression; constants E+, E-."""
     types = numeric(bits)
     real, parameters = types.real, types.parameters

@@ -10,13 +10,24 @@ import functools
 
 import warp as wp
 
+from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
+from .effects import Kernel, kernel
+from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions
 from .numeric import numeric
 
 
 @functools.cache
-def row_sums(layout, bits, material, response, breakable, form, module):
+def row_sums(
+    layout: str,
+    bits: int,
+    material: PairFactory,
+    response: FunctionFactory,
+    breakable: str | None,
+    form: str,
+    module: str,
+) -> tuple[Kernel, Kernel]:
     """Kernels `family_rows` and `sum_rows`; arguments as `bond_associated_tangent`.
 
     family_rows fills row [members, points] with what the family of a point adds to the rows of its members, and
@@ -28,15 +39,20 @@ def row_sums(layout, bits, material, response, breakable, form, module):
     f = family_functions(layout, bits, module)
     Family = f.struct
     law = bond_associated(layout, bits, material, breakable, form, module).mechanics
-    present, is_whole, has, intersection = law.present, law.is_whole, law.has, law.intersection
+    intact_members, is_undamaged, is_intact, intersection = (
+        law.intact_members,
+        law.is_undamaged,
+        law.is_intact,
+        law.intersection,
+    )
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
     response_of = response(bits)
     word_size = WORD
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def family_rows(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -48,17 +64,19 @@ def row_sums(layout, bits, material, response, breakable, form, module):
         i = wp.tid() + first
         for k in range(family.members):
             row[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        whole = is_whole(family, alive, i)
+        undamaged = is_undamaged(family, intact, i)
         total = real(0.0)
         centre_row = real(0.0)
         for j in range(family.members):
-            if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+            if is_intact(family, intact, i, j):
+                G1, G2, inverse, size = intersection(
+                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
+                )
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
                     S, T = response_of(green(H1, H2), constants)
-                    weight = area_weight(family, i, j, whole, size)
+                    weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
                     F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
@@ -69,45 +87,41 @@ def row_sums(layout, bits, material, response, breakable, form, module):
                     c1 = real(0.0)
                     c2 = real(0.0)
                     for word in range(family.words):
-                        members = f.common(family, i, j, word) & present(family, alive, i, word)
-                        k = word * word_size
+                        members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
                         while members != wp.uint32(0):
-                            if (members & wp.uint32(1)) != wp.uint32(0):
-                                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                                xi = f.bond(family, i, k)
-                                g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
-                                g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
-                                c1 -= g1
-                                c2 -= g2
-                                sizes += wp.sqrt(g1 * g1 + g2 * g2)
-                            members = members >> wp.uint32(1)
-                            k += 1
+                            k = word * word_size + lowest_bit(members)
+                            members = without_lowest_bit(members)
+                            c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+                            xi = f.bond(family, i, k)
+                            g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
+                            g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
+                            c1 -= g1
+                            c2 -= g2
+                            sizes += wp.sqrt(g1 * g1 + g2 * g2)
                     centre = wp.sqrt(c1 * c1 + c2 * c2)
                     sizes += centre
                     share = weight * bound * sizes
                     centre_row += share * centre
                     for word in range(family.words):
-                        members = f.common(family, i, j, word) & present(family, alive, i, word)
-                        k = word * word_size
+                        members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
                         while members != wp.uint32(0):
-                            if (members & wp.uint32(1)) != wp.uint32(0):
-                                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                                xi = f.bond(family, i, k)
-                                g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
-                                g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
-                                gained = share * wp.sqrt(g1 * g1 + g2 * g2)
-                                row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
-                            members = members >> wp.uint32(1)
-                            k += 1
-        scale = unit_stiffness * family_scale(family, i, whole, total)
+                            k = word * word_size + lowest_bit(members)
+                            members = without_lowest_bit(members)
+                            c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+                            xi = f.bond(family, i, k)
+                            g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
+                            g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
+                            gained = share * wp.sqrt(g1 * g1 + g2 * g2)
+                            row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
+        scale = unit_stiffness * family_scale(family, i, undamaged, total)
         own[i] = scale * centre_row
         for k in range(family.members):
             row[k, i] = scale * row[k, i]
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("row",))
     def sum_rows(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         row: wp.array2d(dtype=vec3),
         own: wp.array(dtype=real),
         least: real,
@@ -118,8 +132,8 @@ def row_sums(layout, bits, material, response, breakable, form, module):
         i = wp.tid() + first
         total = own[i]
         for k in range(family.members):
-            if has(family, alive, i, k):
-                total += row[f.mate(family, i, k), f.neighbour(family, i, k)][0]
+            if is_intact(family, intact, i, k):
+                total += row[f.reverse(family, i, k), f.neighbour(family, i, k)][0]
         density[i] = wp.max(total, least)
 
     return family_rows, sum_rows

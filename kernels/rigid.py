@@ -9,11 +9,12 @@ import functools
 
 import warp as wp
 
+from .effects import Kernel, kernel
 from .numeric import numeric
 
 
 @functools.cache
-def rigid_inclusions(bits, loaded, damped, module):
+def rigid_inclusions(bits: int, loaded: bool, damped: bool, module: str) -> tuple[Kernel, Kernel]:
     """Kernels `move_bodies` (before the drift) and `kick_bodies` (after the force)."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -57,7 +58,7 @@ def rigid_inclusions(bits, loaded, damped, module):
         w = wp.skew(dt * omega)
         return rotation + a * (w * rotation) + b * (w * (w * rotation))
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, per="body")
     def move_bodies(
         begins: wp.array(dtype=wp.int32),
         members: wp.array(dtype=wp.int32),
@@ -98,7 +99,7 @@ def rigid_inclusions(bits, loaded, damped, module):
             v = shift / dt
             velocity[i] = vec3(real(v[0]), real(v[1]), real(v[2]))
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, per="body")
     def kick_bodies(
         begins: wp.array(dtype=wp.int32),
         members: wp.array(dtype=wp.int32),

@@ -20,11 +20,12 @@ A force at a displacement off the path, as the stable step asks for, answers wit
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
 from .bond_associated import bond_associated
+from .effects import Kernel, kernel
+from .factories import PairFactory
 from .families import family_functions
 from .incompressible import incompressible, yeoh
 from .kinematics import kinematics
@@ -35,7 +36,7 @@ SEARCH, ENOUGH = 60, 1e-11
 
 
 @functools.cache
-def relaxation_factors(bits):
+def relaxation_factors(bits: int) -> wp.Function:
     """Function x -> (1 - exp(-x)) / x of x >= 0, with all digits of small x."""
     real = numeric(bits).real
 
@@ -64,13 +65,13 @@ class ViscoKernels:
         stored_energy: Stored energy of each family and what its Prony terms dissipated so far [points], J.
     """
 
-    update: Any
-    visco_force: Any
-    stored_energy: Any
+    update: Kernel
+    visco_force: Kernel
+    stored_energy: Kernel
 
 
 @functools.cache
-def visco(layout, bits, material, breakable, module):
+def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> ViscoKernels:
     """Kernels of the law; arguments as of `bond_associated`, `material` is the one at equilibrium."""
     types = numeric(bits)
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
@@ -79,7 +80,7 @@ def visco(layout, bits, material, breakable, module):
     stress, _ = material(bits)
     prony_stress = incompressible(yeoh).functions(bits)[0]
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    is_whole, has, intersection = law.is_whole, law.has, law.intersection
+    is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
     add_to_members, stress_on_members = law.add_to_members, kinematics(bits).stress_on_members
     retained = relaxation_factors(bits)
@@ -102,10 +103,10 @@ def visco(layout, bits, material, breakable, module):
         thinning = (change[0, 0] + change[1, 1] + wp.determinant(G) - wp.determinant(old)) / (area * old_area)
         return wp.sqrt(wp.ddot(change, change) + thinning * thinning) / step
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def update(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         inverse_horizon: real,
         step: wp.array(dtype=real),
@@ -117,17 +118,19 @@ def visco(layout, bits, material, breakable, module):
         viscous_work: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        whole = is_whole(family, alive, i)
+        undamaged = is_undamaged(family, intact, i)
         dt = step[0]
         total = real(0.0)
         work = wp.float64(0.0)
         for j in range(family.members):
-            if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+            if is_intact(family, intact, i, j):
+                G1, G2, inverse, size = intersection(
+                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
+                )
                 if inverse[0] > real(0.0):
                     G = green(inverse_horizon * G1, inverse_horizon * G2)
                     old = tensor(strain[j, i])
-                    weight = area_weight(family, i, j, whole, size)
+                    weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     rate = rate_of(G, old, dt)
                     for p in range(prony.shape[0]):
@@ -147,12 +150,12 @@ def visco(layout, bits, material, breakable, module):
                         power += real(2.0) * mean[2] * (G[0, 1] - old[0, 1])
                         work += wp.float64(real(0.25) * weight * power)
                     strain[j, i] = vec3(G[0, 0], G[1, 1], G[0, 1])
-        viscous_work[i] = viscous_work[i] + wp.float64(unit_volume * family_scale(family, i, whole, total)) * work
+        viscous_work[i] = viscous_work[i] + wp.float64(unit_volume * family_scale(family, i, undamaged, total)) * work
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def visco_force(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -166,11 +169,13 @@ def visco(layout, bits, material, breakable, module):
         i = wp.tid() + first
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        whole = is_whole(family, alive, i)
+        undamaged = is_undamaged(family, intact, i)
         total = real(0.0)
         for j in range(family.members):
-            if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+            if is_intact(family, intact, i, j):
+                G1, G2, inverse, size = intersection(
+                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
+                )
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
@@ -181,20 +186,20 @@ def visco(layout, bits, material, breakable, module):
                         own = term_constants(prony[p])
                         S += tensor(overstress[p * family.members + j, i])
                         S += prony_stress(G, own) - prony_stress(old, own)
-                    weight = area_weight(family, i, j, whole, size)
+                    weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
-                    add_to_members(family, alive, i, j, A1, A2, bond_force)
-        scale = unit_force * family_scale(family, i, whole, total)
+                    add_to_members(family, intact, i, j, A1, A2, bond_force)
+        scale = unit_force * family_scale(family, i, undamaged, total)
         for k in range(family.members):
-            if has(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 share = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = (scale * share) * bond_force[k, i]
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def stored_energy(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -208,16 +213,18 @@ def visco(layout, bits, material, breakable, module):
         dissipated: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
-        whole = is_whole(family, alive, i)
+        undamaged = is_undamaged(family, intact, i)
         elastic = wp.float64(0.0)
         viscous = wp.float64(0.0)
         total = real(0.0)
         for j in range(family.members):
-            if has(family, alive, i, j):
-                G1, G2, inverse, size = intersection(family, alive, displacement, displacement, real(0.0), i, j, whole)
+            if is_intact(family, intact, i, j):
+                G1, G2, inverse, size = intersection(
+                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
+                )
                 if inverse[0] > real(0.0):
                     G = green(inverse_horizon * G1, inverse_horizon * G2)
-                    weight = area_weight(family, i, j, whole, size)
+                    weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))
                     c = wp.vec4d(
@@ -239,7 +246,7 @@ def visco(layout, bits, material, breakable, module):
                             ),
                             wp.vec4d(wp.float64(term[0]), wp.float64(term[1]), wp.float64(0.0), wp.float64(0.0)),
                         )  # fmt: skip
-        scale = wp.float64(unit_volume * family_scale(family, i, whole, total))
+        scale = wp.float64(unit_volume * family_scale(family, i, undamaged, total))
         out[i] = scale * (elastic + viscous)
         dissipated[i] = viscous_work[i] - scale * viscous
 
@@ -247,7 +254,7 @@ def visco(layout, bits, material, breakable, module):
 
 
 @functools.cache
-def prony_energy(module):
+def prony_energy(module: str) -> wp.Function:
     """Function (G, H, constants) -> stored energy of a Prony term [J/m^3], in float64."""
     made = incompressible(yeoh)
     _, energy = made.functions(64)

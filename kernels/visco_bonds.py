@@ -15,14 +15,15 @@ a_k / sum_k w xi^2 a_k.
 
 import functools
 from dataclasses import dataclass
-from typing import Any
 
 import warp as wp
 
 from .bond_based import bond_functions
+from .bond_state import energy_of_families, gather_pairs
+from .effects import Kernel, kernel
 from .families import family_functions
 from .numeric import numeric
-from .standing import energy_of_families, gather_pairs
+from .pointwise import Pointwise
 from .visco import relaxation_factors
 
 
@@ -38,15 +39,15 @@ class ViscoBondKernels:
         earlier_energy: Warp function of that energy a moment ago.
     """
 
-    half_forces: Any
-    gather: Any
-    update: Any
-    strain_energy: Any
-    earlier_energy: Any
+    half_forces: Kernel
+    gather: Pointwise
+    update: Kernel
+    strain_energy: Kernel
+    earlier_energy: wp.Function
 
 
 @functools.cache
-def visco_bonds(layout, bits, breakable, terms, series, module):
+def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bool, module: str) -> ViscoBondKernels:
     """Kernels of the law.
 
     Args:
@@ -61,13 +62,13 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    standing, strain_of, image = bond_functions(layout, bits, breakable, module)
+    is_intact, strain_of, image = bond_functions(layout, bits, breakable, module)
     retained = relaxation_factors(bits)
 
     @wp.func(module=module)
     def excess(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
@@ -77,7 +78,7 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
         """I1 - 2 of the displacement a time `back` ago; |Y|^2 - |X|^2 = X^2 s (2 + s)."""
         total = real(0.0)
         for k in range(family.members):
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
                 xi = f.bond(family, i, k)
                 U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
@@ -85,10 +86,10 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
                 total += f.weight(family, i, k) * wp.length_sq(xi) * s * (real(2.0) + s)
         return real(0.5) * total / f.area(family, i)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def half_forces(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
@@ -100,11 +101,11 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        J = excess(family, alive, displacement, displacement, real(0.0), inverse_horizon, i)
+        J = excess(family, intact, displacement, displacement, real(0.0), inverse_horizon, i)
         modulus = constants[0] + real(2.0) * constants[1] * J
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 xi = f.bond(family, i, k)
                 U = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 Y = image(xi, U)
@@ -118,10 +119,10 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
                 force = (unit_force * f.weight(family, i, k) * factor) * Y
             bond_force[k, i] = force
 
-    @wp.kernel(module=module, enable_backward=False)
+    @kernel(module, gathers=("displacement",))
     def update(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         inverse_horizon: real,
         step: wp.array(dtype=real),
@@ -133,7 +134,7 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
         i = wp.tid() + first
         dt = step[0]
         for k in range(family.members):
-            if standing(family, alive, i, k):
+            if is_intact(family, intact, i, k):
                 xi = f.bond(family, i, k)
                 s = strain_of(xi, inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i]))
                 change = s - strain[k, i]
@@ -158,7 +159,7 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
     @wp.func(module=module)
     def earlier_energy(
         family: Family,
-        alive: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
@@ -167,7 +168,7 @@ def visco_bonds(layout, bits, breakable, terms, series, module):
         i: int,
     ):
         """Energy c10 J + c20 J^2 of the family of i over (thickness x reference area) a time `back` ago [J/m^3]."""
-        J = excess(family, alive, displacement, velocity, back, inverse_horizon, i)
+        J = excess(family, intact, displacement, velocity, back, inverse_horizon, i)
         return f.area(family, i) * J * (constants[0] + constants[1] * J)
 
     return ViscoBondKernels(

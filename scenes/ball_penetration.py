@@ -30,7 +30,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import count, positive
-from warp_pd.forces import force_law
+from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
 
 

@@ -30,8 +30,8 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.checks import InputError, one_of, positive
-from warp_pd.loads import stretching_edges
 from warp_pd.measures import time_above
+from warp_pd.parts import stretching_edges
 from warp_pd.solvers import Solver
 
 SIZE, THICKNESS, RADIUS, CRACK = 0.5, 0.01, 0.0625, 0.1

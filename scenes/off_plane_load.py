@@ -19,7 +19,7 @@ import numpy as np
 from warp_pd import BondAssociated, BoundaryForce, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
 from warp_pd.checks import positive
 from warp_pd.measures import largest, support_force, worst_balance
-from warp_pd.off_plane import distance_from_local_plane
+from warp_pd.out_of_plane import distance_from_local_plane
 
 
 def build(

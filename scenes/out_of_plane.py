@@ -8,7 +8,7 @@ right edge move by u1 = 0.025 t, u3 = 0.05 t until 2 s, and then stay. The paper
 import numpy as np
 
 from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Sheet, Simulation
-from warp_pd.forces import force_law
+from warp_pd.laws import force_law
 from warp_pd.measures import support_force
 
 SHOWN = (1.5, 2.5, 3.5, 4.5)

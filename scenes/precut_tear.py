@@ -28,7 +28,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import InputError, positive, resolved
-from warp_pd.forces import force_law
+from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, growth_rate, largest, support_force, time_above, time_below, worst_balance
 
 # Within this distance of the pulled points [m] torn faces belong to the grip.

@@ -7,7 +7,7 @@ elements (100 x 100, lumped mass) give 0.0633, 0.2592, 0.634 and 0.432 m as the 
 """
 
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, Pressure, Sheet, Simulation
-from warp_pd.forces import force_law
+from warp_pd.laws import force_law
 from warp_pd.measures import at_time
 
 LARGEST = {0.25: 0.06334, 0.5: 0.25916, 0.75: 0.6338, 1.0: 0.4318}

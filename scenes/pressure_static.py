@@ -19,7 +19,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import one_of
-from warp_pd.forces import force_law
+from warp_pd.laws import force_law
 from warp_pd.solvers import Solver
 
 CENTRE = {20.0: 0.302585}

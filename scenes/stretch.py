@@ -39,7 +39,7 @@ from warp_pd import (
 )
 from warp_pd.bond_neo_hookean import MODES, exact_traction
 from warp_pd.checks import finite, one_of, positive
-from warp_pd.forces import ForceLaw
+from warp_pd.laws import ForceLaw
 from warp_pd.measures import support_force
 from warp_pd.solvers import Solver
 

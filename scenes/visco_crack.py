@@ -38,8 +38,8 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.checks import InputError, not_negative, one_of, positive
-from warp_pd.loads import stretching_edges
 from warp_pd.measures import TearLine, time_above
+from warp_pd.parts import stretching_edges
 from warp_pd.solvers import Solver
 
 SIZE, THICKNESS, CRACK = 0.5, 0.01, 0.1

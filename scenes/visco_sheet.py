@@ -19,10 +19,10 @@ import math
 import numpy as np
 
 from warp_pd import Explicit, Measure, Outcome, Prony, Sheet, Simulation, Visco, ViscoBondBased, Yeoh
+from warp_pd.analytic_response import nominal_stress, published_stress
 from warp_pd.checks import InputError, one_of, positive
-from warp_pd.homogeneous import nominal_stress, published_stress
-from warp_pd.loads import stretching_edges
 from warp_pd.measures import virial_stress, worst_balance
+from warp_pd.parts import stretching_edges
 
 SIZE, THICKNESS = 0.5, 0.01
 POLYUREA = Yeoh(c10=0.1996e6, c20=0.0170e6)

@@ -5,13 +5,12 @@
 See README.md and the files in `scenes/`, which are meant to be read and changed.
 """
 
+from . import _moved
 from .bond_neo_hookean import BondNeoHookean
+from .built import Built
 from .checks import InputError
-from .contact import RigidBall
-from .damage import CriticalEnergy, CriticalStretch
-from .forces import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
 from .frame import Frame, Surface
-from .loads import BodyForce, BoundaryForce, Fixed, Motion, PointForce, Pressure
+from .laws import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
 from .materials import (
     ArrudaBoyce,
     Bimodular,
@@ -25,12 +24,26 @@ from .materials import (
     Prony,
     Yeoh,
 )
-from .runner import Result
+from .parts import (
+    BodyForce,
+    BoundaryForce,
+    CriticalEnergy,
+    CriticalStretch,
+    Fixed,
+    Motion,
+    PointForce,
+    Pressure,
+    RigidBall,
+)
+from .run.runner import Result
+from .scene import Measure, Outcome
 from .sheet import Sheet
-from .simulation import Built, Measure, Outcome, Simulation
+from .simulation import Simulation
 from .solvers import Explicit, Newton, Relaxation
 
 __version__ = "0.1.0"
+
+_moved.install()
 
 __all__ = [
     "ArrudaBoyce",

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from .bonds import unpack
+from .built import Built
 from .checks import InputError, finite, one_of
-from .contact import RigidBall
-from .damage import CriticalStretch
-from .forces import BondAssociated, BondBased, ForceLaw
-from .loads import Fixed, Load, Pressure
+from .families import unpack
+from .interfaces import Law, Part
+from .laws import BondAssociated, BondBased
 from .materials import Bimodular, Gent
+from .parts import CriticalStretch, Fixed, Pressure, RigidBall
 from .sheet import Sheet
-from .simulation import Built, Simulation
+from .simulation import Simulation
 from .solvers import Explicit
 
 FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
@@ -72,7 +72,7 @@ class Case:
         sheet = Sheet.rectangle(1.0, 1.0, thickness=1e-2, density=1000.0, points=self.points)
         if self.layout == "cloud":
             sheet = sheet.as_cloud()
-        loads: list[Load] = []
+        loads: list[Part] = []
         if "supports" in self.features:
             loads.append(Fixed(sheet.edges("all")))
         if "pressure" in self.features:
@@ -89,7 +89,7 @@ class Case:
             initial_displacement=_rough(sheet),
         )
 
-    def force(self) -> ForceLaw:
+    def force(self) -> Law:
         """The force law."""
         if self.law == "bond_based":
             return BondBased(Bimodular(3e3), horizon=self.horizon)
@@ -144,9 +144,9 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
     built = case.simulation().build(device, case.precision)
     if case.damaged > 0.0:
         break_some(built, case.damaged)
-    wp.synchronize_device(built.workspace.device)
+    wp.synchronize_device(built.context.device)
     setup = perf_counter() - begin
-    compiling = built.workspace.compile()
+    compiling = built.context.compile()
     median, spread = time_step(built, seconds, repeats)
     return Timing(
         case=case,
@@ -154,7 +154,7 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
         bonds=built.force.families.bond_count,
         step=median,
         spread=spread,
-        array_bytes=built.workspace.array_bytes(),
+        array_bytes=built.context.fields.nbytes,
         setup=setup,
         compile=compiling,
         multiply_adds=multiply_adds(built),
@@ -163,9 +163,10 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
 
 def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, float]:
     """Median time of a step [s] of a sheet that hardly moves, and half the range of the middle half over it."""
-    built.step.fill_(STEP)
+    assert built.state.step is not None
+    built.state.step.fill_(STEP)
     built.set_clock(STEP, 1.0)
-    built.workspace.sequence("setup").run()
+    built.context.sequence("setup").run()
     times = _clock(built, seconds / repeats, repeats)
     ordered = sorted(times)
     middle = ordered[len(ordered) // 4 : -(len(ordered) // 4) or None]
@@ -175,8 +176,8 @@ def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, fl
 
 def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
     """Times of a step [s]."""
-    device = built.workspace.device
-    one = built.workspace.sequence("step")
+    device = built.context.device
+    one = built.context.sequence("step")
     one.run()
     wp.synchronize_device(device)
     begin = perf_counter()
@@ -184,7 +185,7 @@ def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
     wp.synchronize_device(device)
     once = max(perf_counter() - begin, 1e-7)
     inner = int(min(max(1.0, seconds / once), 100.0))
-    many = built.workspace.sequence("step", repeat=inner)
+    many = built.context.sequence("step", repeat=inner)
     many.run()
     wp.synchronize_device(device)
     begin = perf_counter()
@@ -203,22 +204,18 @@ def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
 
 def break_some(built: Built, share: float, seed: int = 0) -> None:
     """Break one bond, at both ends, of so many points that about `share` of all have lost one."""
-    families, rng = built.force.families, np.random.default_rng(seed)
-    assert built.force.alive is not None
-    alive = built.force.alive.numpy()
+    families, rng = built.law.families, np.random.default_rng(seed)
+    assert built.law.intact is not None
+    intact = built.law.intact.numpy()
     count = built.simulation.sheet.size
     tail = rng.permutation(count)[: max(1, round((1.0 if share >= 1.0 else 0.5 * share) * count))]
     member = rng.integers(0, families.members, len(tail))
     exists = families.rows_of_points(families.exists)[tail, member]
     tail, member = tail[exists], member[exists]
-    if families.neighbours is None:
-        assert families.shift is not None
-        head, mate = tail + families.shift[member], families.mates[member]
-    else:
-        head, mate = families.neighbours[tail, member], families.mates[tail, member]
-    for points, bits in ((tail, member), (head, mate)):
-        np.bitwise_and.at(alive, (bits // 32, points), ~(np.uint32(1) << (bits % 32).astype(np.uint32)))
-    built.force.alive.assign(alive)
+    heads, reverses = families.heads(tail, member), families.reverse_members(tail, member)
+    for points, bits in ((tail, member), (heads, reverses)):
+        np.bitwise_and.at(intact, (bits // 32, points), ~(np.uint32(1) << (bits % 32).astype(np.uint32)))
+    built.law.intact.assign(intact)
 
 
 def multiply_adds(built: Built) -> float:
@@ -229,11 +226,11 @@ def multiply_adds(built: Built) -> float:
     """
     families = built.force.families
     if families.common.size == 0:
-        return 20.0 * families.bond_count
+        return float(20.0 * families.bond_count)
     members = int(
         unpack(families.common, families.members).sum(axis=-1).reshape(-1, families.members).sum(axis=-1).max()
     )
-    return float(built.simulation.sheet.size) * (24.0 * members + 100.0 * families.members)
+    return float(float(built.simulation.sheet.size) * (24.0 * members + 100.0 * families.members))
 
 
 def arithmetic_rate(device: Any, bits: int) -> float:
@@ -241,7 +238,7 @@ def arithmetic_rate(device: Any, bits: int) -> float:
 
     On a CPU it says little: there the compiler finds vectors in some kernels, and none in these sums.
     """
-    from .kernels.rates import multiply_add
+    from .kernels.peak_flops import multiply_add
 
     kernel, rounds = multiply_add(bits), 4096
     threads = 2**18 if device.is_cuda else 256
@@ -250,7 +247,7 @@ def arithmetic_rate(device: Any, bits: int) -> float:
     for _ in range(4):
         wp.synchronize_device(device)
         begin = perf_counter()
-        wp.launch(kernel, dim=threads, inputs=[rounds, 0, out], device=device)
+        wp.launch(kernel.kernel, dim=threads, inputs=[rounds, 0, out], device=device)
         wp.synchronize_device(device)
         best = max(best, 8.0 * rounds * threads / (perf_counter() - begin))
     return best

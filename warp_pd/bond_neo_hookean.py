@@ -116,7 +116,7 @@ def bond_traction(p: Coefficients, directions: np.ndarray, along_x: float, along
     """What bonds add to the first Piola stress along x and y, over mu and their share, shape (..., 2)."""
     s, cosine = deformed(directions, along_x, along_y)
     pull = np.tensordot(p, terms(s), 1) * cosine**2 / s
-    return 2.0 * directions**2 * (along_x, along_y) * pull[..., None]
+    return np.asarray(2.0 * directions**2 * (along_x, along_y) * pull[..., None])
 
 
 def round_family() -> np.ndarray:
@@ -126,7 +126,7 @@ def round_family() -> np.ndarray:
 
 def tractions(p: Coefficients, along_x: float, along_y: float) -> np.ndarray:
     """First Piola stress along x and y over mu under uniform stretch, in the limit of many bonds, shape (2,)."""
-    return bond_traction(p, round_family(), along_x, along_y).mean(axis=0)
+    return np.asarray(bond_traction(p, round_family(), along_x, along_y).mean(axis=0))
 
 
 def free_width(p: Coefficients, stretch: float) -> float:

@@ -1,4 +1,4 @@
-"""Checks of what a user passes in: each raises one line that names the argument, its value, what is allowed."""
+"""Checks of what a user passes in: each raises one line that names the argument, its value, what is expected."""
 
 import contextlib
 import difflib
@@ -10,11 +10,11 @@ import numpy as np
 
 
 class InputError(ValueError):
-    """Wrong input: the message names the argument, its value and what is allowed."""
+    """Wrong input: the message names the argument, its value and what is expected."""
 
 
 @contextlib.contextmanager
-def code_of_a_user(said: Callable[[Exception], str]) -> Iterator[None]:
+def user_code(said: Callable[[Exception], str]) -> Iterator[None]:
     """Where code runs that came with the input; `said` makes one line of what it raises.
 
     Raises:
@@ -45,9 +45,9 @@ def finite(name: str, value: Any) -> float:
         number = None
     # Text that reads like a number, too: the first sum that it stands in would end with a traceback.
     if number is None or isinstance(value, str):
-        raise InputError(f"{name} = {value!r}: allowed is a number")
+        raise InputError(f"{name} = {value!r}: expected a number")
     if not math.isfinite(number):
-        raise InputError(f"{name} = {value!r}: allowed is a finite number")
+        raise InputError(f"{name} = {value!r}: expected a finite number")
     return number
 
 
@@ -59,7 +59,7 @@ def positive(name: str, value: Any) -> float:
     """
     number = finite(name, value)
     if number <= 0.0:
-        raise InputError(f"{name} = {value!r}: allowed is a number above 0")
+        raise InputError(f"{name} = {value!r}: expected a positive number")
     return number
 
 
@@ -71,7 +71,7 @@ def not_negative(name: str, value: Any) -> float:
     """
     number = finite(name, value)
     if number < 0.0:
-        raise InputError(f"{name} = {value!r}: allowed is 0 or a number above it")
+        raise InputError(f"{name} = {value!r}: expected 0 or a positive number")
     return number
 
 
@@ -82,7 +82,7 @@ def count(name: str, value: Any, least: int) -> int:
         InputError: otherwise.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name} = {value!r}: allowed is a whole number of {least} or more")
+        raise InputError(f"{name} = {value!r}: expected a whole number of {least} or more")
     return int(value)
 
 
@@ -94,7 +94,7 @@ def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> fl
     """
     if length < least * spacing:
         raise InputError(
-            f"{name} = {length!r}: allowed is {least:g} spacings or more, {least * spacing:.3g} m; take more points"
+            f"{name} = {length!r}: expected {least:g} spacings or more, {least * spacing:.3g} m; take more points"
         )
     return length
 
@@ -111,7 +111,7 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     words = [c for c in choices if isinstance(c, str)]
     nearest = difflib.get_close_matches(str(value), words, n=1, cutoff=0.5)
     hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
-    raise InputError(f"{name} = {value!r}: allowed are {', '.join(repr(c) for c in choices)}{hint}")
+    raise InputError(f"{name} = {value!r}: expected one of {', '.join(repr(c) for c in choices)}{hint}")
 
 
 def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
@@ -125,7 +125,7 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != length or not all(math.isfinite(n) for n in numbers):
-        raise InputError(f"{name} = {value!r}: allowed are {length} finite numbers")
+        raise InputError(f"{name} = {value!r}: expected {length} finite numbers")
     return numbers
 
 
@@ -138,11 +138,11 @@ def numbers(name: str, value: Any) -> np.ndarray:
     try:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r}: allowed are numbers") from None
+        raise InputError(f"{name} = {value!r}: expected numbers") from None
     bad = np.argwhere(~np.isfinite(found))
     if len(bad):
         place = "" if found.ndim == 0 else f"[{', '.join(map(str, bad[0]))}]"
-        raise InputError(f"{name}{place} = {found[tuple(bad[0])]}: allowed are finite numbers")
+        raise InputError(f"{name}{place} = {found[tuple(bad[0])]}: expected finite numbers")
     return found
 
 
@@ -156,11 +156,11 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
     if given.dtype == bool and given.shape == (points,):
         given = np.flatnonzero(given)
     if given.size and given.dtype.kind not in "iu":
-        raise InputError(f"{name} = {value!r}: allowed are point numbers, or a mask of {points} truth values")
+        raise InputError(f"{name} = {value!r}: expected point indices, or a mask of {points} truth values")
     indices = np.unique(given.astype(np.int64))
     if indices.size == 0:
-        raise InputError(f"{name} = {value!r}: allowed is at least one point")
+        raise InputError(f"{name} = {value!r}: expected at least one point")
     if indices[0] < 0 or indices[-1] >= points:
         bad = int(indices[0]) if indices[0] < 0 else int(indices[-1])
-        raise InputError(f"{name} holds point {bad}: allowed are 0 to {points - 1}")
+        raise InputError(f"{name} holds point {bad}: expected 0 to {points - 1}")
     return indices.astype(np.int32)

@@ -17,7 +17,7 @@ from typing import Any
 
 import click
 
-from .checks import InputError, code_of_a_user, kind_and_text, one_of
+from .checks import InputError, kind_and_text, one_of, user_code
 from .simulation import Simulation
 
 WRONG_INPUT, DIVERGED = 2, 3
@@ -72,7 +72,7 @@ def _load_file(path: Path) -> Any:
     folder = str(path.resolve().parent)
     if folder not in sys.path:
         sys.path.insert(0, folder)
-    with code_of_a_user(functools.partial(_said_in, path)):
+    with user_code(functools.partial(_said_in, path)):
         try:
             spec.loader.exec_module(module)
         except SyntaxError as error:
@@ -100,7 +100,7 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     parameters = inspect.signature(scene.build).parameters
     values = {key: _convert(key, value, parameters) for key, value in settings.items()}
     own = name.endswith(".py")
-    with code_of_a_user(functools.partial(_said_in, Path(name))) if own else contextlib.nullcontext():
+    with user_code(functools.partial(_said_in, Path(name))) if own else contextlib.nullcontext():
         simulation = scene.build(**values)
     if not isinstance(simulation, Simulation):
         raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; allowed is a Simulation")
@@ -206,8 +206,8 @@ def run(
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
-    from .runner import DIVERGED as RUN_DIVERGED
-    from .runner import NOT_CONVERGED, STOPPED, DivergedError
+    from .run.runner import DIVERGED as RUN_DIVERGED
+    from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
     simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
     folder = Path("runs") / simulation.scene if out is None else out
@@ -268,7 +268,8 @@ def plan(
 @click.option("--scene", help="The scene's file, where it is not any more where it was.")
 def draw_again(folder: Path, scene: str | None) -> None:
     """Draw the pictures of a run from its FOLDER, for runs made with --no-pictures or changed pictures."""
-    from .runner import draw, read_history
+    from .run.folder import read_history
+    from .run.runner import draw
 
     summary = _read_summary(folder / "summary.json")
     if scene is not None and Path(scene).stem != summary["scene"]:
@@ -318,7 +319,7 @@ def bench(
     """Time the steps of a sheet, and print a table."""
     from .bench import FEATURES, Case, arithmetic_rate, copy_rate, measure, table
     from .checks import count, positive
-    from .simulation import find_device
+    from .device.context import find_device
 
     one_of("precision", precision, (32, 64))
     positive("seconds", seconds)

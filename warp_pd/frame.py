@@ -10,8 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def moment(time: float, load_duration: float | None) -> str:
-    """Words for when a frame is: its time [s], or at rest its share of the load, for a load time of `load_duration`."""
+def format_time(time: float, load_duration: float | None) -> str:
+    """Words for when a frame is: its time [s], or with a static solver the load factor.
+
+    Args:
+        time: Time, or load time of a static solver [s].
+        load_duration: Load time of the whole load of a static solver [s]; None in dynamics.
+    """
     return f"t = {time:.4g} s" if load_duration is None else f"{100.0 * time / load_duration:.4g} % of the load"
 
 
@@ -37,20 +42,20 @@ class Surface:
     def __post_init__(self) -> None:
         """Refuse shapes and point numbers that no writer could draw."""
         if np.ndim(self.points) != 2 or self.points.shape[1] != 3 or len(self.points) == 0:
-            raise ValueError(f"points has shape {np.shape(self.points)}; allowed: (N, 3) with N > 0")
+            raise ValueError(f"points has shape {np.shape(self.points)}; expected (N, 3) with N > 0")
         if not np.all(np.isfinite(self.points)):
-            raise ValueError(f"points holds {_first_bad(self.points)}; allowed: finite positions [m]")
+            raise ValueError(f"points holds {_first_bad(self.points)}; expected finite positions [m]")
         if np.ndim(self.faces) != 2 or self.faces.shape[1] != 3:
-            raise ValueError(f"faces has shape {np.shape(self.faces)}; allowed: (F, 3), one triangle a row")
+            raise ValueError(f"faces has shape {np.shape(self.faces)}; expected (F, 3), one triangle a row")
         if not np.issubdtype(np.asarray(self.faces).dtype, np.integer):
-            raise ValueError(f"faces has type {self.faces.dtype}; allowed: integers")
+            raise ValueError(f"faces has type {self.faces.dtype}; expected integers")
         if self.faces.size and not (0 <= self.faces.min() and self.faces.max() < len(self.points)):
             raise ValueError(
                 f"faces holds point numbers {self.faces.min()} to {self.faces.max()}; "
-                f"allowed: 0 to {len(self.points) - 1}"
+                f"expected 0 to {len(self.points) - 1}"
             )
         if self.ball_diameter is not None and not self.ball_diameter > 0.0:
-            raise ValueError(f"ball_diameter is {self.ball_diameter}; allowed: > 0 m, or None for no ball")
+            raise ValueError(f"ball_diameter is {self.ball_diameter}; expected > 0 m, or None for no ball")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +64,7 @@ class Frame:
 
     Attributes:
         index: Number of the frame; the first is 0.
-        time: Simulated time [s]; at rest the load time, see `moment`.
+        time: Simulated time [s]; with a static solver the load time, see `format_time`.
         displacement: Displacement from the reference positions [m], shape (N, 3).
         velocity: Velocity [m/s], shape (N, 3).
         intact_faces: Which faces no crack has cut, shape (F,); None where nothing can break.
@@ -103,7 +108,7 @@ class Frame:
     def require_fits(self, surface: Surface) -> None:
         """Raise a ValueError of one line unless every array belongs to this surface.
 
-        Displacement, velocity, damage and the ball must be finite: a run that stopped being finite has no
+        Displacement, velocity, damage and the ball must be finite: a run that became NaN or Inf has no
         frame to show. Further fields may hold NaN, the usual mark for "has no value here".
         """
         points, faces = len(surface.points), len(surface.faces)
@@ -113,34 +118,34 @@ class Frame:
             self._require_array("intact_faces", self.intact_faces, (faces,))
             if np.asarray(self.intact_faces).dtype != np.bool_:
                 raise ValueError(
-                    f"intact_faces of frame {self.index} has type {self.intact_faces.dtype}; allowed: bool"
+                    f"intact_faces of frame {self.index} has type {self.intact_faces.dtype}; expected bool"
                 )
         if self.damage is not None:
             self._require_array("damage", self.damage, (points,))
             if self.damage.min() < 0.0 or self.damage.max() > 1.0:
                 raise ValueError(
                     f"damage of frame {self.index} spans {self.damage.min():g} to {self.damage.max():g}; "
-                    "allowed: 0 to 1"
+                    "expected 0 to 1"
                 )
         self._require_ball(surface)
         for name, values in self.point_data.items():
             if np.shape(values) not in ((points,), (points, 3)):
                 raise ValueError(
                     f"point_data['{name}'] of frame {self.index} has shape {np.shape(values)}; "
-                    f"allowed: ({points},) or ({points}, 3)"
+                    f"expected ({points},) or ({points}, 3)"
                 )
 
     def _require_array(self, name: str, values: NDArray[Any], shape: tuple[int, ...]) -> None:
         if np.shape(values) != shape:
-            raise ValueError(f"{name} of frame {self.index} has shape {np.shape(values)}; allowed: {shape}")
+            raise ValueError(f"{name} of frame {self.index} has shape {np.shape(values)}; expected {shape}")
         if not np.all(np.isfinite(values)):
-            raise ValueError(f"{name} of frame {self.index} holds {_first_bad(values)}; allowed: finite numbers")
+            raise ValueError(f"{name} of frame {self.index} holds {_first_bad(values)}; expected finite numbers")
 
     def _require_ball(self, surface: Surface) -> None:
         if (self.ball_center is None) != (surface.ball_diameter is None):
             raise ValueError(
                 f"ball_center of frame {self.index} is {self.ball_center} and ball_diameter of the surface "
-                f"is {surface.ball_diameter}; allowed: both given, or both None"
+                f"is {surface.ball_diameter}; expected both given, or both None"
             )
         if self.ball_center is not None:
             self._require_array("ball_center", self.ball_center, (3,))

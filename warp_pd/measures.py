@@ -11,8 +11,8 @@ from .checks import InputError
 from .sheet import Sheet
 
 if TYPE_CHECKING:
+    from .built import Built
     from .frame import Frame
-    from .simulation import Built
 
 # Rounds of averaging along a crack face, enough to take the stairs of the triangulation out of its length:
 # straight cracks at any angle to any grid then measure within 3 % (tests/test_measures.py).
@@ -117,7 +117,7 @@ class TearLine:
         label, area = self._joined(~intact)
         whole = intact | (area[label] < PATCH * unit)
         label, area = self._joined(whole)
-        return whole & (area[label] >= SHRED * unit)
+        return np.asarray(whole & (area[label] >= SHRED * unit))
 
     def _joined(self, intact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Piece of each face, shape (F,), and area of each piece [m^2]; the other faces are in pieces of no area."""
@@ -155,12 +155,12 @@ def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
         np.add.at(around, a, place[b])
         np.add.at(around, b, place[a])
         place[chain] = 0.5 * place[chain] + 0.25 * around[chain]
-    return place[b] - place[a]
+    return np.asarray(place[b] - place[a])
 
 
 def support_force(built: Built, points: np.ndarray) -> np.ndarray:
     """Force of a support on the points that it holds [N], shape (3,); their inertia left out."""
-    return -built.to_numpy(built.state.force)[points].sum(axis=0)
+    return np.asarray(-built.to_numpy(built.state.force)[points].sum(axis=0))
 
 
 def virial_stress(built: Built, point: int) -> np.ndarray:
@@ -169,12 +169,12 @@ def virial_stress(built: Built, point: int) -> np.ndarray:
     Half the sum of (force of the pair) (x) X over the volume of the point; for laws that keep `bond_force`.
     """
     force, sheet = built.force, built.simulation.sheet
-    families, halves = force.families, built.to_numpy(force.bond_force)[:, :, :2]
-    stands = families.rows_of_points(families.exists)[point]
-    k = np.flatnonzero(stands)
-    pair = halves[k, point] - halves[families.mates[k], point + families.shift[k]]
+    families, halves = force.families, built.to_numpy(force.bond_force())[:, :, :2]
+    exists = families.rows_of_points(families.exists)[point]
+    k = np.flatnonzero(exists)
+    pair = halves[k, point] - halves[families.reverse_members(point, k), families.heads(point, k)]
     volume = sheet.areas[point] * sheet.thickness
-    return 0.5 * pair.T @ (families.bonds[k] * families.horizon) / volume
+    return np.asarray(0.5 * pair.T @ (families.bonds[k] * families.horizon) / volume)
 
 
 def torn(frame: Frame) -> np.ndarray:

@@ -5,50 +5,39 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from .simulation import Built
-
-STAGES = {
-    "start": "once at the start",
-    "setup": "once at the start or a restart",
-    "clock": "whenever the host moves the time or the step",
-    "step": "every step",
-    "estimate": "each iteration of the stable step",
-    "density": "every 300 steps of relaxation",
-    "residual": "every 50 steps of relaxation",
-    "rupture": "whenever the sheet is at rest",
-    "evaluate": "every residual of Newton",
-    "linearise": "every tangent of Newton",
-    "product": "every iteration of the linear solve",
-    "down 0": "every V-cycle, downwards",
-    "up 0": "every V-cycle, upwards",
-    "frame": "every frame",
-}
+from .built import Built
 
 
 def describe(built: Built) -> str:
-    """Two tables: arrays (name, shape, type, bytes, owner) and launches (name, threads, owner, how often)."""
-    points = built.simulation.sheet.size
-    lines = [f"{built.simulation.scene}: {points} points, float{built.types.bits}", "", "arrays"]
+    """Two tables: arrays (name, shape, type, bytes, owner, what for) and launches (name, threads, owner, how often)."""
+    context, points = built.context, built.context.sheet.size
+    lines = [f"{built.simulation.scene}: {points} points, float{context.bits}", "", "arrays"]
     rows = [
-        (use.name, "x".join(map(str, use.array.shape)), _type_name(use.array.dtype), f"{use.nbytes}", use.owner)
-        for use in built.workspace.arrays
-    ]
-    lines += _table(("name", "shape", "type", "bytes", "asked for by"), rows)
-    total = built.workspace.array_bytes()
-    lines += [f"  {total} bytes, {total / points:.1f} a point", "", "launches"]
+        (
+            s.name, "x".join(map(str, s.array.shape)), _type_name(s.array.dtype), f"{s.nbytes}", s.field.per,
+            "yes" if s.field.restart else "", s.owner,
+        )
+        for s in context.fields
+    ]  # fmt: skip
+    lines += _table(("name", "shape", "type", "bytes", "per", "in restart", "asked for by"), rows)
+    total = context.fields.nbytes
+    lines += [f"  {total} bytes, {total / points:.1f} per point", "", "launches"]
     launches = []
-    for stage, when in STAGES.items():
-        counted = Counter((x.name, x.threads, x.owner) for x in built.workspace.stages.get(stage, []))
+    for stage in context.stages.values():
+        counted = Counter((x.name, x.threads, x.owner) for x in stage)
         for (name, threads, owner), times in counted.items():
-            launches.append((name, f"{threads}", owner, when if times == 1 else f"{when}, {times} times"))
-    for turn in built.workspace.turns.values():
-        launches.append((turn.name, f"{turn.threads}", turn.owner, "between two steps, for the end and the beginning"))
-    lines += _table(("kernel", "threads", "asked for by", "how often"), launches)
+            often = stage.when if times == 1 else f"{stage.when}, {times} times"
+            launches.append((stage.name, name, f"{threads}", owner, often))
+        if stage.wraparound is not None:
+            joined = stage.wraparound
+            when = "between two steps, for the end and the beginning"
+            launches.append((stage.name, joined.name, f"{joined.threads}", joined.owner, when))
+    lines += _table(("stage", "kernel", "threads", "asked for by", "how often"), launches)
     return "\n".join(lines)
 
 
 def _type_name(dtype: object) -> str:
-    name = getattr(dtype, "__name__", str(dtype))
+    name = str(getattr(dtype, "__name__", dtype))
     length = getattr(dtype, "_shape_", None)
     if length is not None:
         scalar = getattr(dtype, "_wp_scalar_type_", None)

@@ -410,7 +410,7 @@ class Sheet:
         middle = 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
 
         def turn(p: np.ndarray) -> np.ndarray:
-            return (p - middle) @ rotation.T + middle
+            return np.asarray((p - middle) @ rotation.T + middle)
 
         cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
         return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
@@ -447,7 +447,7 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
     share = above / np.where(differ, above - below, 1.0)
     meeting = tail + share[..., None] * (head - tail) - start
     place = (meeting @ along) / length_squared
-    return differ & (place >= -1e-12) & (place <= 1.0 + 1e-12)
+    return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
 
 
 def _cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
@@ -463,7 +463,7 @@ def _cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
 
 def _whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
     kept = ~inside.reshape(lattice.rows, lattice.columns)
-    return kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:]
+    return np.asarray(kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:])
 
 
 def _cell_areas(lattice: Lattice, whole: np.ndarray) -> np.ndarray:
@@ -475,7 +475,7 @@ def _cell_areas(lattice: Lattice, whole: np.ndarray) -> np.ndarray:
 
 def _signed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     a, b, c = (points[triangles[:, k]] for k in range(3))
-    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    return np.asarray(0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]))
 
 
 def _counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -512,7 +512,7 @@ def _delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
         spacing = float(np.sqrt(2.0 * np.median(signed)))
     radius = sides[0] * sides[1] * sides[2] / np.maximum(4.0 * signed, 1e-300)
     # Slivers along a straight edge have a huge circle and no area.
-    return triangles[radius < 2.5 * spacing]
+    return np.asarray(triangles[radius < 2.5 * spacing])
 
 
 def _refuse_coincident(points: np.ndarray) -> None:

@@ -95,12 +95,12 @@ class RectangleWeights:
     def at(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
         """Weights [m^2] of the points in lattice places (column, row), each of shape (P,); shape (P, n)."""
         x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
-        return self.table[x[column], y[row]]
+        return np.asarray(self.table[x[column], y[row]])
 
     def kinds(self) -> np.ndarray:
         """Row of `table.reshape(-1, n)` of each point, shape (N,); point = column + row * columns."""
         x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
-        return (x[None, :] * self.table.shape[1] + y[:, None]).ravel()
+        return np.asarray((x[None, :] * self.table.shape[1] + y[:, None]).ravel())
 
 
 def clipped_index(length: int, depth: int) -> np.ndarray:
@@ -159,7 +159,7 @@ def plain_weights(
         sizes = np.einsum("ijk,ik->ij", common, member_areas)
     sizes = np.where(usable, sizes, 0.0)
     total = sizes.sum(axis=1, keepdims=True)
-    return areas[:, None] * sizes / np.where(total > 0.0, total, 1.0)
+    return np.asarray(areas[:, None] * sizes / np.where(total > 0.0, total, 1.0))
 
 
 def reached_points(neighbours: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -462,7 +462,7 @@ class _Dual(NamedTuple):
 
     def left(self, ratio: np.ndarray) -> np.ndarray:
         """The gap that the ratios leave, shape (M,)."""
-        return self.gap - self.matrix @ (self.plain * (ratio - 1.0))
+        return np.asarray(self.gap - self.matrix @ (self.plain * (ratio - 1.0)))
 
     def value(self, multiplier: np.ndarray, softness: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """The dual's value, the ratios s with phi'(s) = z, z = G lambda, and ds / dz, shape (U,)."""

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from ..checks import InputError
-from ..frame import moment
+from ..frame import format_time
 
 
 def describe(path: Path) -> str:
@@ -40,7 +40,7 @@ def _vtkhdf(path: Path) -> str:
         raise InputError(str(error)) from None
     lines = [f"{path}: {series.frames} frames of {series.points} points"]
     if series.frames:
-        first, last = (moment(float(t), series.metadata.get("load_duration")) for t in series.times[[0, -1]])
+        first, last = (format_time(float(t), series.metadata.get("load_duration")) for t in series.times[[0, -1]])
         lines.append(f"  {first} to {last}")
     lines.append(f"  fields {', '.join(series.fields)}")
     lines += [f"  {key} {value}" for key, value in series.metadata.items()]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..frame import moment
+from ..frame import format_time
 from .vtkhdf import read_ball, read_frame, read_series
 
 COLOURS = "inferno_r"
@@ -56,7 +56,7 @@ def _shown(path: Path, index: int, load_duration: float | None) -> Shown:
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]
-    when = moment(time, load_duration)
+    when = format_time(time, load_duration)
     return Shown(when, points, points - fields["displacement"], triangles, fields, read_ball(path, index))
 
 
@@ -294,7 +294,7 @@ def _shade(frame: Shown) -> np.ndarray:
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = normal / np.where(length > 0.0, length, 1.0)
     light = np.array([-0.4, -0.5, 0.77])
-    return 0.45 + 0.55 * np.abs(normal @ light)
+    return np.asarray(0.45 + 0.55 * np.abs(normal @ light))
 
 
 def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:

@@ -1,22 +1,18 @@
-"""Progress on the terminal: a bar where there is a terminal, one line a frame now and then elsewhere."""
+"""Progress on the terminal: a bar where there is a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tqdm import tqdm
 
-from ..frame import moment
-
-if TYPE_CHECKING:
-    from ..runner import Recorder
-    from ..simulation import Built
+from ..interfaces import FrameReport
 
 
 class Progress:
-    """Shows simulated time (at rest the share of the load), step rate, energy balance and time left, on stderr.
+    """Shows simulated time (load factor of static solvers), step rate, energy balance and time left, on stderr.
 
     Args:
         quiet: Show nothing.
@@ -27,13 +23,9 @@ class Progress:
         self._bar: Any = None
         self._rounds = 0
 
-    def begin(self, built: Built) -> None:
+    def begin(self, headline: str) -> None:
         """Say what runs where, before the kernels are compiled."""
-        s = built.simulation
-        self._say(
-            f"{s.scene}: {s.sheet.size} points, {built.force.families.bond_count} bonds, horizon {s.force.horizon:g} "
-            f"spacings, {built.force.weights} weights, float{built.types.bits}, on {built.workspace.device.name}"
-        )
+        self._say(headline)
         self._say("compiling kernels (only the first time; then they come from Warp's cache) ...")
 
     def compiled(self, seconds: float) -> None:
@@ -48,18 +40,14 @@ class Progress:
             bar_format="{l_bar}{bar}| {postfix} [{elapsed}<{remaining}]",
         )
 
-    def frame(self, recorder: Recorder) -> None:
+    def frame(self, report: FrameReport) -> None:
         """A frame."""
-        solver = recorder.built.simulation.solver
-        share = 100.0 * min(1.0, recorder.time / solver.duration)
-        row = recorder.history[-1]
-        rate = recorder.steps / recorder.step_seconds if recorder.step_seconds > 0.0 else 0.0
-        text = f"{moment(recorder.time, recorder.built.load_duration)}, {rate:.0f} steps/s"
+        row, text = report.row, f"{report.when}, {report.steps_per_second:.0f} steps/s"
         if "balance_error" in row:
             text += f", energy balance {100.0 * row['balance_error']:+.2f} %"
         if "largest_damage" in row:
             text += f", damage {row['largest_damage']:.2f}"
-        self._show(share, text, every=max(1, solver.frame_count // 10))
+        self._show(100.0 * report.share, text, every=max(1, report.frames // 10))
 
     def residual(self, steps: int, residual: float, tolerance: float) -> None:
         """A quasi-static run on its way: the share is that of the decades to go."""

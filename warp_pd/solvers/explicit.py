@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..checks import InputError, count, not_negative, numbers, positive
+from ..device.context import Context
+from ..device.fields import assign
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, StepLimit, System
+from ..phases import STEP, Phase
+from ..schedules import Schedule
+from .integrator import add_motion
 from .stable_step import StableStep
-
-if TYPE_CHECKING:
-    from ..runner import Recorder
-    from ..simulation import Built, Simulation
 
 # Iterations of the first estimate of the stable step, and of later ones, made so rarely that they cost
 # a few per cent of the steps between them.
 FIRST_ITERATIONS = 120
 LATER_ITERATIONS = 10
 STEPS_BETWEEN = 400
-# Power iteration comes to omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
+# Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
 SHORTFALL = 0.02
-# Most that a ball moves in a step, over the spacing or its radius: at more it can pass points unnoticed.
-BALL_TRAVEL = 0.25
 
 
 @dataclass(frozen=True)
@@ -48,9 +49,9 @@ class Explicit:
     step: float | None = None
     precision: int = 32
 
-    adaptive_damping = False
-    in_time = True
-    steps_explicitly = True
+    dynamic: ClassVar[bool] = True
+    steps_explicitly: ClassVar[bool] = True
+    default_ramp: ClassVar[Schedule | None] = None
 
     def __post_init__(self) -> None:
         positive("duration", self.duration)
@@ -58,14 +59,14 @@ class Explicit:
             times = numbers("frames", self.frames)
             if times.size == 0 or not (np.diff(times, prepend=0.0) > 0.0).all() or times[-1] != self.duration:
                 raise InputError(
-                    f"frames = {list(self.frames)!r}: allowed are rising times above 0, the last one the duration, "
+                    f"frames = {list(self.frames)!r}: expected rising times above 0, the last one the duration, "
                     f"{self.duration!r}"
                 )
         else:
             count("frames", self.frames, 1)
         not_negative("damping", self.damping)
         if not 0.0 < positive("safety", self.safety) <= 1.2:
-            raise InputError(f"safety = {self.safety!r}: allowed is a share above 0, up to 1.2")
+            raise InputError(f"safety = {self.safety!r}: expected a number above 0, up to 1.2")
         if self.step is not None:
             positive("step", self.step)
 
@@ -74,48 +75,76 @@ class Explicit:
         """Number of frames after the first one."""
         return len(self.frames) if isinstance(self.frames, Sequence) else self.frames
 
+    @property
+    def equal_frames(self) -> bool:
+        """Whether the frames are equally spaced."""
+        return self.frame_count == 1 or not isinstance(self.frames, Sequence)
+
+    @property
+    def mass_damping(self) -> float | None:
+        """The damping, unless it is zero [1/s]."""
+        return self.damping if self.damping > 0.0 else None
+
     def frame_time(self, index: int) -> float:
         """Time of a frame [s]; that of frame 0 is 0."""
         if isinstance(self.frames, Sequence):
             return float(self.frames[index - 1]) if index > 0 else 0.0
         return self.duration * index / self.frames
 
-    def check(self, simulation: Simulation) -> None:
-        """Nothing: any parts will do."""
+    def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
+        """The solver on a device."""
+        return BuiltExplicit(self, context)
 
-    def inertia(self, built: Built) -> Any:
-        """The mass [kg]."""
-        return built.mass
 
-    def add(self, built: Built) -> None:
-        """Add what this solver needs besides the common step."""
-        built.stable_step = StableStep(built)
+class BuiltExplicit(BuiltSolver):
+    """Explicit dynamics on a device.
 
-    def add_before_kick(self, built: Built) -> None:
-        """Nothing: the damping is constant."""
+    Attributes:
+        stable_step: Estimate of the stable step.
+    """
 
-    def march(self, built: Built, recorder: Recorder) -> str:
-        """Run to the end, handing every frame to the recorder; returns the final status."""
-        one, ten = built.workspace.sequence("step"), built.workspace.sequence("step", repeat=10)
-        since, ball_step = 0, _ball_step(built)
-        if recorder.stable_dt is None:
-            recorder.stable_dt = self.estimate(built, FIRST_ITERATIONS)
-            self._check_step(built, recorder.stable_dt)
-        else:
-            since = recorder.since_estimate
-        for index in range(recorder.frame_index + 1, self.frame_count + 1):
-            now, end = self.frame_time(index - 1), self.frame_time(index)
+    label = "solver = Explicit"
+    system: System
+    stable_step: StableStep
+
+    def __init__(self, solver: Explicit, context: Context) -> None:
+        self.solver, self.context = solver, context
+        self._since_estimate = 0
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add drift and kick."""
+        add_motion(phase, stage, self.context, self.context.state.mass)
+
+    def prepare(self, system: System) -> None:
+        """Compose the step."""
+        self.system = system
+        step = self.context.stage("step", "every step")
+        system.add(STEP, step)
+        step.fuse_wraparound()
+        self.stable_step = StableStep(system, self.context.state.mass)
+        limits = [limit for part in system.parts if (limit := part.step_limit()) is not None]
+        self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
+
+    def run(self, sink: FrameSink) -> str:
+        """Run to the end, handing every frame to the sink; returns the final status."""
+        one, ten = self.context.sequence("step"), self.context.sequence("step", repeat=10)
+        since = self._since_estimate
+        if sink.stable_dt is None:
+            sink.stable_dt = self.estimate(FIRST_ITERATIONS)
+            self._check_step(sink.stable_dt)
+        for index in range(sink.frame_index + 1, self.solver.frame_count + 1):
+            now, end = self.solver.frame_time(index - 1), self.solver.frame_time(index)
             taken, dt = 0, 0.0
             while now < end:
                 if since >= STEPS_BETWEEN:
-                    recorder.stable_dt = self.estimate(built, LATER_ITERATIONS)
+                    sink.stable_dt = self.estimate(LATER_ITERATIONS)
                     since = 0
-                wanted = self.step if self.step is not None else self.safety * recorder.stable_dt
-                left = max(1, math.ceil((end - now) / min(wanted, ball_step) * (1.0 - 1e-12)))
+                wanted = self.solver.step if self.solver.step is not None else self.solver.safety * sink.stable_dt
+                left = max(1, math.ceil((end - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
                 # A frame may be long: a sheet that stiffens within it must not outrun the step.
                 steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
                 dt = (end - now) / left
-                self._set_step(built, dt, now)
+                self._set_step(dt, now)
                 for _ in range(steps // 10):
                     ten.run()
                 for _ in range(steps % 10):
@@ -123,34 +152,32 @@ class Explicit:
                 since += steps
                 taken += steps
                 now = end if steps == left else now + steps * dt
-            recorder.since_estimate = since
-            recorder.frame(index, end, taken, dt)
+            self._since_estimate = since
+            sink.frame(index, end, taken, dt)
         return "finished"
 
-    def estimate(self, built: Built, iterations: int) -> float:
+    def estimate(self, iterations: int) -> float:
         """Stable step [s], a bound of it from below; infinite if nothing resists."""
-        assert built.stable_step is not None
-        omega = built.stable_step.omega(iterations)
+        omega = self.stable_step.omega(iterations)
         return 2.0 / ((1.0 + SHORTFALL) * omega) if omega > 0.0 else math.inf
 
-    def _check_step(self, built: Built, stable: float) -> None:
-        if self.step is not None and self.step > stable:
-            raise InputError(f"step = {self.step!r} s: allowed is at most the stable step, {stable:.4g} s")
-        if self.step is not None and self.step > _ball_step(built):
-            raise InputError(
-                f"step = {self.step!r} s: allowed is at most {_ball_step(built):.4g} s, "
-                f"in which the ball moves {BALL_TRAVEL} spacings"
-            )
+    def _check_step(self, stable: float) -> None:
+        step = self.solver.step
+        if step is not None and step > stable:
+            raise InputError(f"step = {step!r} s: expected at most the stable step, {stable:.4g} s")
+        if step is not None and step > self._limit.seconds:
+            raise InputError(f"step = {step!r} s: expected at most {self._limit.seconds:.4g} s, {self._limit.reason}")
 
-    def _set_step(self, built: Built, dt: float, begin: float) -> None:
-        built.step.assign(np.array([dt], dtype=built.step.numpy().dtype))
-        built.set_clock(dt, self.duration, begin)
+    def _set_step(self, dt: float, begin: float) -> None:
+        assert self.context.state.step is not None
+        assign(self.context.state.step, np.array([dt]))
+        self.system.set_clock(dt, self.solver.duration, begin)
 
+    def host_state(self) -> dict[str, Any]:
+        """Steps since the last estimate, and the noise of the next one."""
+        return {"since_estimate": self._since_estimate, "noise": self.stable_step.host_state()}
 
-def _ball_step(built: Built) -> float:
-    """Longest step [s] in which the ball cannot pass points unnoticed; infinite without a ball, or for one at rest."""
-    ball = built.simulation.contact
-    speed = 0.0 if ball is None else math.hypot(*ball.velocity)
-    if ball is None or speed == 0.0:
-        return math.inf
-    return BALL_TRAVEL * min(built.simulation.sheet.spacing, 0.5 * ball.diameter) / speed
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Put back what `host_state` gave."""
+        self._since_estimate = state["since_estimate"]
+        self.stable_step.restore(state["noise"])

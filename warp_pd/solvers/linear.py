@@ -7,20 +7,19 @@ restarts, and with the few vectors that makes affordable it did not converge on 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import warp as wp
 
-from .bond_tangent import BondTangent
-from .equilibrium import OWNER, assign
-from .tangent import Tangent
-
-if TYPE_CHECKING:
-    from .newton import Search
+from ..device.fields import Array, assign
+from ..device.graph import launch_now
+from ..interfaces import Solve
+from .level import OWNER, Level
+from .multigrid import Hierarchy
 
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
-MOST_ITERATIONS = {"multigrid": 60, "direct": 60, "jacobi": 4000}
+MAX_ITERATIONS = {"multigrid": 60, "direct": 60, "jacobi": 4000}
 RESTART = 60
 
 
@@ -31,21 +30,33 @@ class LinearSolver:
         products: Stiffness products so far, those of the preconditioner included.
     """
 
-    def __init__(self, search: Search, index: int) -> None:
-        self.search, self.index = search, index
-        self.level: Tangent | BondTangent = search.levels[index]
-        self.kind = search.preconditioner
-        self.products = 0
-        self._factors: Any = None
-        self._sparse = self.level.sparse() if self.kind == "direct" else None
-        if self._stays_on_device:
-            w, n = self.level.workspace, self.level.points
-            self._right_side = w.array("krylov_right_side", OWNER, self.level.types.vec3, shape=n)
-            self._preconditioned = w.array("preconditioned", OWNER, self.level.types.vec3, shape=n)
+    def __init__(self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None) -> None:
+        """Prepare for the solves of a level.
 
-    @property
-    def _stays_on_device(self) -> bool:
-        return not (self.level.workspace.device.is_cpu or self.level.follower)
+        Args:
+            level: The level.
+            index: Its place in the hierarchy.
+            kind: Preconditioner, "multigrid", "direct" or "jacobi".
+            hierarchy: All levels, for "multigrid".
+        """
+        self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
+        self.products = 0
+        self._factors: Solve | None = None
+        self._sparse = level.tangent.sparse() if kind == "direct" else None
+        self.on_device = not (level.context.device.is_cpu or level.following)
+        if self.on_device:
+            self._allocate()
+
+    def _allocate(self) -> None:
+        """Vectors and launches of the solve on the device; Warp's solver calls the latter with vectors of its own."""
+        level, context, n = self.level, self.level.context, self.level.points
+        self._right_side = context.array("krylov_right_side", OWNER, context.types.vec3, shape=n)
+        self._preconditioned = context.array("preconditioned", OWNER, context.types.vec3, shape=n)
+        stage = context.stage("krylov", "every iteration of the linear solve")
+        vectors: dict[str, Any] = {"x": self._right_side, "z": self._preconditioned}
+        stage.launch(OWNER, level.kernels.combine, n, **vectors, alpha=1.0, y=self._right_side, beta=0.0)
+        stage.launch(OWNER, level.kernels.scale_blocks, n, **vectors, inverse_blocks=level.tangent.inverse_blocks)
+        self._combination, self._block_scaling = stage.launches()
 
     def prepare(self) -> bool:
         """Factorise if that is the preconditioner; whether the tangent allows it."""
@@ -59,9 +70,9 @@ class LinearSolver:
 
         A solve that does not get there is left as it is: the line search judges the direction.
         """
-        if self._sparse is not None and not self.level.follower:
+        if self._factors is not None and not self.level.following:
             assign(self.level.direction, self._factors(right_side))
-        elif self._stays_on_device:
+        elif self.on_device:
             self._on_device(right_side, accuracy)
         else:
             self._on_host(right_side, accuracy)
@@ -75,8 +86,8 @@ class LinearSolver:
         A = LinearOperator((size, size), matvec=self._product, dtype=np.float64)
         M = LinearOperator((size, size), matvec=self._precondition, dtype=np.float64)
         b = np.ascontiguousarray(right_side).ravel()
-        most = MOST_ITERATIONS[self.kind]
-        if self.level.follower:
+        most = MAX_ITERATIONS[self.kind]
+        if self.level.following:
             x, _ = gmres(A, b, rtol=accuracy, restart=RESTART, maxiter=-(-most // RESTART), M=M)
         else:
             x, _ = cg(A, b, rtol=accuracy, maxiter=most, M=M)
@@ -86,21 +97,20 @@ class LinearSolver:
         assign(self.level.vector, x.reshape(-1, 3))
         self.level.run("product")
         self.products += 1
-        return self.level.image.numpy().astype(np.float64).ravel()
+        return np.asarray(self.level.image.numpy().astype(np.float64).ravel())
 
     def _precondition(self, r: np.ndarray) -> np.ndarray:
         r = r.reshape(-1, 3)
-        if self.kind == "direct":
+        if self._factors is not None:
             return self._factors(r).ravel()
-        if self.kind == "jacobi":
-            return np.einsum("iab,ib->ia", self.level.inverse_blocks.numpy(), r).ravel()
-        hierarchy = self.search.hierarchy
-        assert hierarchy is not None
+        hierarchy = self.hierarchy
+        if hierarchy is None:
+            return np.asarray(np.einsum("iab,ib->ia", self.level.tangent.inverse_blocks.numpy(), r).ravel())
         side, solution = hierarchy.sides(self.index)
         assign(side, r)
         hierarchy.cycle(self.index)
         self.products += hierarchy.products_per_cycle(self.index)
-        return solution.numpy().astype(np.float64).ravel()
+        return np.asarray(solution.numpy().astype(np.float64).ravel())
 
     # Warp ----------------------------------------------------------------------------------------------
 
@@ -108,45 +118,38 @@ class LinearSolver:
         from warp.optim.linear import LinearOperator, cg
 
         level, n = self.level, self.level.points
-        device, vec3 = level.workspace.device, level.types.vec3
+        device, vec3 = level.context.device, level.context.types.vec3
         A = LinearOperator((n, n), vec3, device, self._device_product)
         M = LinearOperator((n, n), vec3, device, self._device_precondition)
         assign(self._right_side, right_side)
         level.direction.zero_()
         # Warp's absolute tolerance would else be the relative one, in newtons far above any force here.
         cg(
-            A, self._right_side, level.direction, tol=accuracy, atol=0.0, maxiter=MOST_ITERATIONS[self.kind], M=M,
+            A, self._right_side, level.direction, tol=accuracy, atol=0.0, maxiter=MAX_ITERATIONS[self.kind], M=M,
             check_every=5, use_cuda_graph=False,
         )  # fmt: skip
 
-    def _device_product(self, x: Any, y: Any, z: Any, alpha: float, beta: float) -> None:
+    def _device_product(self, x: Array, y: Array, z: Array, alpha: float, beta: float) -> None:
         wp.copy(self.level.vector, x)
         self.level.run("product")
         self.products += 1
         self._combine(self.level.image, alpha, y, beta, z)
 
-    def _device_precondition(self, x: Any, y: Any, z: Any, alpha: float, beta: float) -> None:
-        hierarchy = self.search.hierarchy
+    def _device_precondition(self, x: Array, y: Array, z: Array, alpha: float, beta: float) -> None:
+        hierarchy = self.hierarchy
         if hierarchy is not None:
             side, solution = hierarchy.sides(self.index)
             wp.copy(side, x)
             hierarchy.cycle(self.index)
             self.products += hierarchy.products_per_cycle(self.index)
-        elif self._sparse is not None:
+        elif self._factors is not None:
             solution = self._preconditioned
             assign(solution, self._factors(x.numpy().astype(np.float64)))
         else:
             solution = self._preconditioned
-            wp.launch(
-                self.level.fields.scale_blocks, dim=self.level.points,
-                inputs=[self.level.inverse_blocks, x, 0, solution], device=self.level.workspace.device,
-                block_dim=self.level.workspace.block_dim,
-            )  # fmt: skip
+            launch_now(self._block_scaling, self.level.context.device, x=x)
         self._combine(solution, alpha, y, beta, z)
 
-    def _combine(self, x: Any, alpha: float, y: Any, beta: float, z: Any) -> None:
-        wp.launch(
-            self.level.fields.combine, dim=self.level.points,
-            inputs=[x, float(alpha), y, float(beta), 0, z], device=self.level.workspace.device,
-            block_dim=self.level.workspace.block_dim,
-        )  # fmt: skip
+    def _combine(self, x: Array, alpha: float, y: Array, beta: float, z: Array) -> None:
+        device = self.level.context.device
+        launch_now(self._combination, device, x=x, alpha=float(alpha), y=y, beta=float(beta), z=z)

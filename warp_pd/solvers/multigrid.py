@@ -8,115 +8,165 @@ number of iterations independent of the number of points.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
+import warp as wp
 
-from ..forces.bond_associated import BondAssociatedForce
-from ..launches import Workspace
+from ..device.context import Context, Features, State
+from ..device.fields import Array, assign
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltLoad, Solve, System
+from ..kernels.equilibrium import lattice_transfer
+from ..kernels.loads import begin_loads
 from ..sheet import Lattice, Sheet
-from .equilibrium import OWNER, assign
-from .tangent import SparseTangent, Tangent
-
-if TYPE_CHECKING:
-    from ..simulation import Built
+from .level import OWNER, Level
 
 # The coarsest lattice has at most this many points, and every lattice this many along each side.
-COARSEST = 300
-FEWEST = 7
+MAX_COARSEST = 300
+MIN_SIDE = 7
 # Chebyshev sweeps before and after the coarse correction, over this share of the spectrum of D^-1 K.
 SWEEPS = 2
 SPECTRUM_SHARE = 5.0
 POWER_ITERATIONS = 12
 SAFETY = 1.1
-COARSE_HORIZON = 1.5
+MIN_HORIZON = 1.5
+
+
+class CoarseLoads:
+    """Loads on a coarser lattice: dead ones restricted from the finest, those that follow the displacement its own.
+
+    Attributes:
+        dead: Forces of the dead loads [N], (N,) vec3.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self.dead = context.array("dead_loads", OWNER, context.types.vec3, shape=context.sheet.size)
+
+    def add_force(self, stage: Stage, following: list[BuiltLoad], displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the external force [N]."""
+        begin = begin_loads(self.context.bits, True, self.context.module)
+        stage.pointwise(OWNER, begin, self.context.sheet.size, constant=self.dead, external=out)
+        for load in following:
+            load.add_force(stage, displacement, out)
 
 
 class Hierarchy:
     """Levels of one sheet, finest first, and the V-cycle between them.
 
     Attributes:
-        levels: The tangents.
+        levels: The levels.
         lattices: Their lattices.
     """
 
-    def __init__(self, finest: Tangent, built: Built) -> None:
-        sheet = built.simulation.sheet
+    def __init__(self, finest: Level, system: System) -> None:
+        """Build the coarser levels.
+
+        Args:
+            finest: The sheet itself, an uncut rectangle, with a law and loads that exist on coarser ones.
+            system: Its law and parts.
+        """
+        context = finest.context
+        sheet = context.sheet
         assert sheet.lattice is not None
         self.levels, self.lattices = [finest], [sheet.lattice]
-        for lattice in coarser(sheet.lattice):
-            self.levels.append(_coarse_tangent(finest, sheet, lattice, self.lattices[0]))
-            self.lattices.append(lattice)
-        self._omegas: list[Any] = []
-        self._sides: list[tuple[Any, Any]] = []
+        self._loads: list[CoarseLoads | None] = [None]
+        self._dead: Array | None = None
+        coarser_lattices = coarser(sheet.lattice)
+        if context.features.loaded and coarser_lattices:
+            self._dead = context.array("dead_loads", OWNER, context.types.vec3, shape=sheet.size)
+            stage = context.stage("dead loads", "every load step, for the coarser lattices")
+            system.external.add_dead(stage, self._dead)
+        for depth, lattice in enumerate(coarser_lattices, 1):
+            self._add_coarser(finest, depth, lattice)
+        self._omegas: list[Array] = []
+        self._sides: list[tuple[Array, Array]] = []
         for level in self.levels:
-            self._add_level(level)
+            self._add_vectors(level)
         for fine in range(len(self.levels) - 1):
             self._add_transfer(fine)
-        self._sparse = SparseTangent(self.levels[-1])
-        self._coarsest: Any = None
+        self._sparse = self.levels[-1].tangent.sparse()
+        self._coarsest: Solve | None = None
 
-    def _add_level(self, level: Tangent) -> None:
-        w, t, n = level.workspace, level.types, level.points
-        right_side = w.array("right_side", OWNER, t.vec3, shape=n)
-        solution = w.array("correction", OWNER, t.vec3, shape=n)
+    def _add_coarser(self, finest: Level, depth: int, lattice: Lattice) -> None:
+        context = coarse_context(finest.context, depth, lattice, self.lattices[0])
+        law = coarse_law(finest.law, context, lattice)
+        following = [found for load in finest.following if (found := load.on_coarser(context, law)) is not None]
+        level = Level(context, law, law.tangent(context, True), following)
+        stage, state = context.stage("evaluate", "every residual of Newton"), context.state
+        law.add_force(stage, state.displacement, state.force)
+        loads = None
+        if state.external is not None:
+            loads = CoarseLoads(context)
+            loads.add_force(stage, following, state.displacement, state.external)
+        level.add_residual(stage)
+        self._loads.append(loads)
+        self.levels.append(level)
+        self.lattices.append(lattice)
+
+    def set_loads(self, index: int) -> None:
+        """Restrict the dead loads of the finest lattice, as its schedules say now, to a coarser one."""
+        loads = self._loads[index]
+        if loads is not None and self._dead is not None:
+            self.levels[0].run("dead loads")
+            dead = self._dead.numpy().astype(np.float64)
+            assign(loads.dead, restrict_loads(dead, self.lattices[0], self.lattices[index]))
+
+    def _add_vectors(self, level: Level) -> None:
+        context, t, n = level.context, level.context.types, level.points
+        right_side = context.array("right_side", OWNER, t.vec3, shape=n)
+        solution = context.array("correction", OWNER, t.vec3, shape=n)
         self._sides.append((right_side, solution))
-        self._omegas.append(w.array("sweep_factors", OWNER, t.real, shape=SWEEPS))
+        self._omegas.append(context.array("sweep_factors", OWNER, t.real, shape=SWEEPS, per="once"))
 
-    def _sweep(self, stage: str, index: int, sweep: int, fresh: bool) -> None:
+    def _sweep(self, stage: Stage, index: int, sweep: int, fresh: bool) -> None:
         level, (right_side, solution) = self.levels[index], self._sides[index]
         if not fresh:
-            level.add_product(stage, solution, level.image, follower=False)
-        level.workspace.launch(
-            stage, OWNER, level.fields.smooth, level.points,
-            inverse_blocks=level.inverse_blocks, right_side=right_side, image=level.image,
+            level.add_product(stage, solution, level.image, following=False)
+        stage.launch(
+            OWNER, level.kernels.smooth, level.points,
+            inverse_blocks=level.tangent.inverse_blocks, right_side=right_side, image=level.image,
             omegas=self._omegas[index], sweep=sweep, fresh=int(fresh), solution=solution,
         )  # fmt: skip
 
     def _add_transfer(self, index: int) -> None:
-        from ..kernels.equilibrium import lattice_transfer
-
         fine, coarse = self.levels[index], self.levels[index + 1]
         a, b = self.lattices[index], self.lattices[index + 1]
-        w = fine.workspace
-        interpolate, smoothly, restrict = lattice_transfer(w.bits, fine.held_mask is not None, w.module)
+        context = fine.context
+        interpolate, smoothly, restrict = lattice_transfer(context.bits, context.features.held, context.module)
         (right_side, solution), (coarse_side, coarse_solution) = self._sides[index], self._sides[index + 1]
-        down, up = f"down {index}", f"up {index}"
+        down = context.stage("down", "every V-cycle, downwards")
         for sweep in range(SWEEPS):
             self._sweep(down, index, sweep, fresh=sweep == 0)
-        fine.add_product(down, solution, fine.image, follower=False)
-        w.launch(
-            down, OWNER, restrict, coarse.points,
+        fine.add_product(down, solution, fine.image, following=False)
+        down.launch(
+            OWNER, restrict, coarse.points,
             right_side=right_side, image=fine.image, columns=a.columns, rows=a.rows, coarse_columns=b.columns,
-            coarse_rows=b.rows, held_mask=coarse.held_mask, coarse=coarse_side,
+            coarse_rows=b.rows, held_mask=coarse.context.state.held_mask, coarse=coarse_side,
         )  # fmt: skip
-        w.launch(
-            up, OWNER, interpolate, fine.points,
+        up = context.stage("up", "every V-cycle, upwards")
+        up.launch(
+            OWNER, interpolate, fine.points,
             source=coarse_solution, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
-            held_mask=fine.held_mask, target=solution,
-        )  # fmt: skip
-        w.launch(
-            f"start {index}", OWNER, smoothly, fine.points,
-            source=coarse.displacement, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
-            target=fine.displacement,
-        )  # fmt: skip
-        w.launch(
-            f"sample {index}", OWNER, smoothly, coarse.points,
-            source=fine.displacement, source_columns=a.columns, source_rows=a.rows, columns=b.columns, rows=b.rows,
-            target=coarse.displacement,
+            held_mask=context.state.held_mask, target=solution,
         )  # fmt: skip
         for sweep in reversed(range(SWEEPS)):
             self._sweep(up, index, sweep, fresh=False)
-
-    def _run(self, stage: str, index: int) -> None:
-        self.levels[index].run(f"{stage} {index}")
+        context.stage("start from coarser", "every load step").launch(
+            OWNER, smoothly, fine.points,
+            source=coarse.displacement, source_columns=b.columns, source_rows=b.rows, columns=a.columns, rows=a.rows,
+            target=fine.displacement,
+        )  # fmt: skip
+        context.stage("sample", "every load step and tangent, for the coarser lattice").launch(
+            OWNER, smoothly, coarse.points,
+            source=fine.displacement, source_columns=a.columns, source_rows=a.rows, columns=b.columns, rows=b.rows,
+            target=coarse.displacement,
+        )  # fmt: skip
 
     def linearise(self, finest: int, tension: float) -> None:
         """Take the tangents of `finest` and all coarser levels, at its displacement; set the smoothers up."""
         self.levels[finest].linearise(tension)
         for index in range(finest, len(self.levels) - 1):
-            self._run("sample", index)
+            self.levels[index].run("sample")
             self.levels[index + 1].linearise(tension)
         self._coarsest = self._sparse.factorise()
         if finest < len(self.levels) - 1:
@@ -129,7 +179,7 @@ class Hierarchy:
     def _largest_eigenvalue(self, index: int) -> float:
         """Of D^-1 K, by power iteration on a small level: D and K scale alike, so it holds for all."""
         level = self.levels[index]
-        blocks = level.inverse_blocks.numpy().astype(np.float64)
+        blocks = level.tangent.inverse_blocks.numpy().astype(np.float64)
         v = np.random.default_rng(0).normal(size=(level.points, 3))
         largest = 1.0
         for _ in range(POWER_ITERATIONS):
@@ -144,7 +194,7 @@ class Hierarchy:
         """Whether the coarsest tangent could be factorised."""
         return self._coarsest is not None
 
-    def sides(self, index: int) -> tuple[Any, Any]:
+    def sides(self, index: int) -> tuple[Array, Array]:
         """Right side and solution of the V-cycle that begins at a level, (N,) vec3."""
         return self._sides[index]
 
@@ -152,27 +202,33 @@ class Hierarchy:
         """One V-cycle from the level `finest` down and back."""
         last = len(self.levels) - 1
         for index in range(finest, last):
-            self._run("down", index)
+            self.levels[index].run("down")
         side, solution = self._sides[last]
+        assert self._coarsest is not None
         assign(solution, self._coarsest(side.numpy().astype(np.float64)))
         for index in reversed(range(finest, last)):
-            self._run("up", index)
+            self.levels[index].run("up")
 
     def products_per_cycle(self, finest: int) -> int:
         """Stiffness products that one V-cycle makes on its finest level."""
         return 2 * SWEEPS if finest < len(self.levels) - 1 else 0
 
+    def sample(self) -> None:
+        """Interpolate the displacement of the finest level to all coarser ones."""
+        for level in self.levels[:-1]:
+            level.run("sample")
+
     def start(self, index: int) -> None:
         """Interpolate the displacement of the next coarser level to level `index`."""
-        self._run("start", index)
+        self.levels[index].run("start from coarser")
 
 
 def coarser(lattice: Lattice) -> list[Lattice]:
     """Lattices over the same rectangle, each with half the spacings of the one before."""
     result = []
-    while lattice.columns * lattice.rows > COARSEST:
+    while lattice.columns * lattice.rows > MAX_COARSEST:
         columns, rows = lattice.columns // 2 + 1, lattice.rows // 2 + 1
-        if min(columns, rows) < FEWEST:
+        if min(columns, rows) < MIN_SIDE:
             break
         width, height = lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)
         lattice = Lattice(columns, rows, width / (columns - 1), height / (rows - 1))
@@ -184,14 +240,14 @@ def coarse_points(lattice: Lattice, finest: Lattice) -> np.ndarray:
     """The point of the finest lattice nearest to each point of a coarser one."""
     columns = np.round(np.arange(lattice.columns) * (finest.columns - 1) / (lattice.columns - 1)).astype(int)
     rows = np.round(np.arange(lattice.rows) * (finest.rows - 1) / (lattice.rows - 1)).astype(int)
-    return (columns[None, :] + rows[:, None] * finest.columns).ravel()
+    return np.asarray((columns[None, :] + rows[:, None] * finest.columns).ravel())
 
 
 def restrict_loads(forces: np.ndarray, finest: Lattice, lattice: Lattice) -> np.ndarray:
     """Forces on the points of a coarser lattice that do the same work [N], shape (N, 3)."""
     along_x, along_y = _hats(finest.columns, lattice.columns), _hats(finest.rows, lattice.rows)
     grid = forces.reshape(finest.rows, finest.columns, 3)
-    return np.einsum("Yy,yxc,Xx->YXc", along_y, grid, along_x, optimize=True).reshape(-1, 3)
+    return np.asarray(np.einsum("Yy,yxc,Xx->YXc", along_y, grid, along_x, optimize=True).reshape(-1, 3))
 
 
 def _hats(fine: int, coarse: int) -> np.ndarray:
@@ -200,25 +256,33 @@ def _hats(fine: int, coarse: int) -> np.ndarray:
     return np.maximum(0.0, 1.0 - np.abs(place[None, :] - np.arange(coarse)[:, None]))
 
 
-def _coarse_tangent(finest: Tangent, sheet: Sheet, lattice: Lattice, finest_lattice: Lattice) -> Tangent:
-    w, t = finest.workspace, finest.types
+def coarse_context(context: Context, depth: int, lattice: Lattice, finest: Lattice) -> Context:
+    """Context of a coarser lattice over the same rectangle, with the state that equilibrium needs."""
+    sheet = context.sheet
     width, height = lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)
     coarse = Sheet.rectangle(
         width, height, thickness=sheet.thickness, density=sheet.density, points=(lattice.columns, lattice.rows)
     )
-    own = Workspace(w.device, w.bits, w.module, w.block_dim, arrays=w.arrays)
-    law = finest.force.law
-    ratio = max(COARSE_HORIZON, 1.001 * float(np.hypot(lattice.dx, lattice.dy)) / coarse.spacing)
-    force = BondAssociatedForce(replace(law, weights="plain", horizon=ratio), own, coarse, False)
-    n = coarse.size
-    return Tangent(
-        own,
-        force,
-        finest.held[coarse_points(lattice, finest_lattice)],
-        finest.loaded,
-        finest.follower,
-        own.array("displacement", OWNER, t.vec3, shape=n),
-        own.array("force", OWNER, t.vec3, shape=n),
-        own.array("external", OWNER, t.vec3, shape=n) if finest.loaded else None,
-        finest.assembled,
+    held = context.held[coarse_points(lattice, finest)]
+    features = Features(held=bool(held.any()), loaded=context.features.loaded)
+    made = context.on(coarse, f"lattice {depth} ", features, held)
+    vec3, n = made.types.vec3, coarse.size
+    # A coarser lattice is only ever in equilibrium: no point of it has a velocity or a mass.
+    nothing = wp.zeros(0, dtype=vec3, device=made.device)
+    made.state = State(
+        displacement=made.array("displacement", OWNER, vec3, shape=n),
+        velocity=nothing,
+        force=made.array("force", OWNER, vec3, shape=n),
+        mass=nothing,
+        external=made.array("external", OWNER, vec3, shape=n) if features.loaded else None,
+        held_mask=made.array("held", OWNER, wp.uint8, held) if features.held else None,
     )
+    return made
+
+
+def coarse_law(law: BuiltLaw, context: Context, lattice: Lattice) -> BuiltLaw:
+    """The law on a coarser lattice: at least its diagonal neighbours belong to a family."""
+    ratio = max(MIN_HORIZON, 1.001 * float(np.hypot(lattice.dx, lattice.dy)) / context.sheet.spacing)
+    found = law.on_coarser(context, ratio)
+    assert found is not None
+    return found

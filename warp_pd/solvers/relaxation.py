@@ -1,24 +1,29 @@
-"""Rest under load by adaptive dynamic relaxation."""
+"""Static equilibrium by adaptive dynamic relaxation."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
 import numpy as np
+import warp as wp
 
 from ..checks import count, positive
-from ..forces.bond_associated import BondAssociated
-from ..forces.bond_based import BondBasedForce
-from ..forces.hyperelastic_bonds import HyperelasticBondsForce
-from .rupture import LEAST_LOAD, MOST_ROUNDS, Rupture
+from ..device.context import Context
+from ..device.fields import Array, assign
+from ..device.graph import LaunchSequence
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
+from ..kernels.adaptive_damping import adaptive_damping
+from ..kernels.residual import residual
+from ..phases import STEP, Phase
+from ..schedules import Schedule
+from .integrator import add_motion
 from .stable_step import BLOCK, StableStep
-
-if TYPE_CHECKING:
-    from ..runner import Recorder
-    from ..simulation import Built, Simulation
+from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -26,6 +31,8 @@ CHECK_EVERY = 50
 STEPS_BETWEEN = 300
 FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
 FINISHED, NOT_CONVERGED = "finished", "not converged"
+# Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
+STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
 
 
 @dataclass(frozen=True)
@@ -40,15 +47,14 @@ class Relaxation:
     case of equal points. A law without a tangent, a material without `response`, and a sheet with rigid
     inclusions, whose bodies have true masses, keep it.
 
-    With a rupture criterion every load step relaxes, breaks what is over-stretched, and relaxes again until
-    nothing breaks.
+    With a rupture criterion every load step relaxes, breaks what exceeds it, and relaxes again until nothing breaks.
 
     Schedules run in a load time from 0 to `duration`; every load step ramps over `ramp_steps` steps, then rests.
 
     Attributes:
-        tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is at
-            rest; by default 1e-6 in float64 and 1e-4 in float32, whose round-off allows no better.
-        load_steps: Equal load steps, each brought to rest and recorded as a frame.
+        tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is in
+            equilibrium; by default 1e-6 in float64 and 1e-4 in float32, whose round-off allows no better.
+        load_steps: Equal load steps, each brought to equilibrium and recorded as a frame.
         ramp_steps: Steps over which a load step is applied.
         most_steps: Steps after which the run gives up, with status "not converged" and the last good load step.
         safety: Step over the estimated stable step.
@@ -62,10 +68,12 @@ class Relaxation:
     duration: float = 1.0
     precision: int = 64
 
-    damping = 0.0
-    adaptive_damping = True
-    in_time = False
-    steps_explicitly = True
+    dynamic: ClassVar[bool] = False
+    steps_explicitly: ClassVar[bool] = True
+    equal_frames: ClassVar[bool] = False
+    # Set anew in every step.
+    mass_damping: ClassVar[float | None] = 0.0
+    default_ramp: ClassVar[Schedule | None] = None
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:
@@ -77,108 +85,143 @@ class Relaxation:
 
     @property
     def frame_count(self) -> int:
-        """One a load step."""
+        """One per load step."""
         return self.load_steps
 
-    def check(self, simulation: Simulation) -> None:
-        """Nothing: any parts will do."""
+    def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
+        """The solver on a device."""
+        return BuiltRelaxation(self, context, law)
 
-    def inertia(self, built: Built) -> Any:
-        """The fictitious density [N/m], shape (N,), and the launches that renew it; the mass without `response`."""
-        from ..kernels.relaxation import row_sums
 
-        simulation, force, w, t = built.simulation, built.force, built.workspace, built.types
-        law = simulation.force
-        if simulation.sheet.inclusions:
-            return built.mass
-        if isinstance(force, BondBasedForce | HyperelasticBondsForce):
-            density = w.array("density", OWNER, t.real, shape=simulation.sheet.size)
-            force.add_density("density", built.state.displacement, density)
-            return density
-        if not isinstance(law, BondAssociated) or not hasattr(law.material, "response"):
-            return built.mass
-        layout, material, broken, form = law.signature(force.families.layout, built.breakable)
-        rows, total = row_sums(layout, t.bits, material, law.material.response, broken, form, w.module)
-        n = simulation.sheet.size
-        density = w.array("density", OWNER, t.real, shape=n)
-        own = w.array("own_row", OWNER, t.real, shape=n)
-        family = {"family": force.struct, "alive": force.alive}
-        w.launch(
-            "density", OWNER, rows, n,
-            **family, displacement=built.state.displacement, constants=force.constants,
-            inverse_horizon=force.inverse_horizon, unit_stiffness=force.unit_volume * force.inverse_horizon**2,
-            row=force.bond_force, own=own,
+class BuiltRelaxation(BuiltSolver):
+    """Dynamic relaxation on a device."""
+
+    label = "solver = Relaxation"
+    system: System
+    stable_step: StableStep
+    rupture: StaticRupture
+
+    def __init__(self, solver: Relaxation, context: Context, law: BuiltLaw) -> None:
+        self.solver, self.context, self.law = solver, context, law
+        n, types = context.sheet.size, context.types
+        self._blocks = -(-n // BLOCK)
+        self._sums = context.array("motion_sums", OWNER, wp.float64, shape=(2, self._blocks), per="block")
+        self._previous = context.array("previous_force", OWNER, types.vec3, shape=n, restart=True)
+        self._unbalanced = context.array("unbalanced", OWNER, types.vec3, shape=n)
+        self._squared = context.array("squared_unbalanced", OWNER, wp.float64, shape=n)
+        self._reaction = context.array("reaction", OWNER, wp.float64, shape=n)
+        self._inertia: Array | None = None
+        self._dt = 0.0
+        # Squared loads and reactions of a state in equilibrium.
+        self._largest = 0.0
+
+    def inertia(self) -> Array:
+        """The fictitious mass, and the launches that renew it; the true mass where there is none."""
+        if self._inertia is None:
+            stage = self.context.stage("fictitious mass", f"every {STEPS_BETWEEN} steps of relaxation")
+            found = None if self.context.sheet.inclusions else self.law.fictitious_mass(stage)
+            self._inertia = self.context.state.mass if found is None else found
+        return self._inertia
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add drift, kick, and the damping of the step."""
+        context, state = self.context, self.context.state
+        add_motion(phase, stage, context, self.inertia())
+        if phase is Phase.DAMPING:
+            measure_motion, set_damping = adaptive_damping(context.bits, context.module)
+            stage.launch(
+                OWNER, measure_motion, self._blocks,
+                mass=self.inertia(), held_mask=state.held_mask, velocity=state.velocity, force=state.force,
+                block=BLOCK, previous=self._previous, sums=self._sums,
+            )  # fmt: skip
+            stage.launch(OWNER, set_damping, 1, sums=self._sums, step=state.step, damping=state.damping)
+
+    def prepare(self, system: System) -> None:
+        """Compose the step, the residual and the stable step.
+
+        Raises:
+            InputError: for parts that need time.
+        """
+        self.system, context, state = system, self.context, self.context.state
+        system.refuse_phases("Relaxation", [Phase.INTERNAL_VARIABLES, Phase.BOND_WORK])
+        step = context.stage("step", "every step")
+        system.add(STEPPED, step)
+        step.fuse_wraparound()
+        self.rupture = StaticRupture(system)
+        self.stable_step = StableStep(system, self.inertia())
+        self._mass_launches = context.sequence("fictitious mass")
+        f = context.features
+        context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(
+            OWNER, residual(context.bits, f.held, f.loaded, context.module), context.sheet.size,
+            held_mask=state.held_mask, force=state.force, external=state.external, unbalanced=self._unbalanced,
+            squared=self._squared, reaction=self._reaction,
         )  # fmt: skip
-        scale = law.material.constants[0] * simulation.sheet.thickness
-        w.launch(
-            "density", OWNER, total, n, **family, row=force.bond_force, own=own, least=1e-3 * scale, density=density
-        )
-        return density
 
-    def add_before_kick(self, built: Built) -> None:
-        """Add the launches that set the damping of this step."""
-        import warp as wp
+    def run(self, sink: FrameSink) -> str:
+        """Bring every load step to equilibrium, each a frame; returns the final status."""
+        return Relaxing(self, sink).run()
 
-        from ..kernels.integrate import adaptive_damping
+    def set_step(self) -> float:
+        """Renew the fictitious mass and set the step; the stable step [s]."""
+        self._mass_launches.run()
+        omega = self.stable_step.omega(FIRST_ITERATIONS if self._dt == 0.0 else LATER_ITERATIONS)
+        stable = 2.0 / omega if omega > 0.0 else math.inf
+        self._dt = self.solver.safety * stable if omega > 0.0 else 1.0
+        assert self.context.state.step is not None
+        assign(self.context.state.step, np.array([self._dt]))
+        return stable
 
-        w, n, state = built.workspace, built.simulation.sheet.size, built.state
-        measure_motion, set_damping = adaptive_damping(built.types.bits, w.module)
-        blocks = -(-n // BLOCK)
-        sums = w.array("motion_sums", OWNER, wp.float64, shape=(2, blocks))
-        previous = w.array("previous_force", OWNER, built.types.vec3, shape=n)
-        w.launch(
-            "step", OWNER, measure_motion, blocks,
-            mass=built.inertia, held_mask=built.held_mask, velocity=state.velocity, force=state.force, block=BLOCK,
-            previous=previous, sums=sums,
-        )  # fmt: skip
-        w.launch("step", OWNER, set_damping, 1, sums=sums, step=built.step, damping=built.damping)
+    def residual(self) -> float:
+        """Unbalanced force over loads and reactions, as the stage "residual" left them."""
+        unbalanced, reaction = float(self._squared.numpy().sum()), float(self._reaction.numpy().sum())
+        reaction = max(reaction, MIN_LOAD**2 * self._largest)
+        if unbalanced == 0.0:
+            return 0.0
+        return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf
 
-    def add(self, built: Built) -> None:
-        """Add the residual, the stable step and the last good load step."""
-        import warp as wp
+    def settled(self) -> None:
+        """Remember what a state in equilibrium carries."""
+        self._largest = max(self._largest, float(self._reaction.numpy().sum()))
 
-        w, n, state = built.workspace, built.simulation.sheet.size, built.state
-        built.stable_step = StableStep(built)
-        built.unbalanced = w.array("unbalanced", OWNER, wp.float64, shape=n)
-        built.reaction = w.array("reaction", OWNER, wp.float64, shape=n)
-        w.launch(
-            "residual", OWNER, built.integration.residual, n,
-            held_mask=built.held_mask, force=state.force, external=state.external,
-            unbalanced=built.unbalanced, reaction=built.reaction,
-        )  # fmt: skip
+    @property
+    def dt(self) -> float:
+        """The present step [s]; 0 before the first."""
+        return self._dt
 
-    def march(self, built: Built, recorder: Recorder) -> str:
-        """Bring every load step to rest, each a frame; returns the final status."""
-        return Relaxing(self, built, recorder).run()
+    def host_state(self) -> dict[str, Any]:
+        """The step, the largest load, and the noise of the next estimate."""
+        return {"dt": self._dt, "largest": self._largest, "noise": self.stable_step.host_state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Put back what `host_state` gave."""
+        self._dt, self._largest = state["dt"], state["largest"]
+        self.stable_step.restore(state["noise"])
 
 
 class Relaxing:
     """One run of the relaxation."""
 
-    def __init__(self, solver: Relaxation, built: Built, recorder: Recorder) -> None:
-        self.solver, self.built, self.recorder = solver, built, recorder
-        self.tolerance = solver.tolerance or (1e-6 if built.types.bits == 64 else 1e-4)
-        sequence = built.workspace.sequence
-        self.ten, self.residual_launches = sequence("step", repeat=10), sequence("residual")
-        self.density, self.rupture = sequence("density"), Rupture(built)
+    def __init__(self, built: BuiltRelaxation, sink: FrameSink) -> None:
+        self.built, self.solver, self.sink, context = built, built.solver, sink, built.context
+        self.tolerance = self.solver.tolerance or (1e-6 if context.bits == 64 else 1e-4)
+        self.ten = context.sequence("step", repeat=10)
+        self.residual_launches: LaunchSequence = context.sequence("residual")
         # A resumed run reports the load steps before it, too, but may take most_steps of its own.
-        earlier = recorder.solve or {"iterations": 0, "seconds": 0.0, "load_steps": []}
+        earlier = sink.solve or {"iterations": 0, "seconds": 0.0, "load_steps": []}
         self.done, self.earlier = 0, earlier["iterations"]
         self.begin = perf_counter() - earlier["seconds"]
-        self.dt = 0.0
-        self.largest = 0.0  # squared loads and reactions of a state at rest
         self.entries: list[dict[str, Any]] = list(earlier["load_steps"])
 
     def run(self) -> str:
         """Follow the load path; returns the final status."""
-        recorder = self.recorder
+        sink, built = self.sink, self.built
         load_steps, duration = self.solver.load_steps, self.solver.duration
-        for index in range(round(recorder.time / duration * load_steps) + 1, load_steps + 1):
+        for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
             before = self.done
             good = self._remember()
             converged = self._load_step(index)
-            recorder.residual = self.entries[-1]["residuals"][-1]
-            recorder.solve = {
+            sink.residual = self.entries[-1]["residuals"][-1]
+            sink.solve = {
                 "solver": "Relaxation",
                 "iterations": self.earlier + self.done,
                 "residuals": [r for entry in self.entries for r in entry["residuals"]],
@@ -192,22 +235,22 @@ class Relaxing:
                 if index > 1:
                     self._restore(good)
                 else:
-                    recorder.frame(recorder.frame_index + 1, 0.0, self.done - before, self.dt)
+                    sink.frame(sink.frame_index + 1, 0.0, self.done - before, built.dt)
                 return NOT_CONVERGED
-            recorder.frame(recorder.frame_index + 1, duration * index / load_steps, self.done - before, self.dt)
+            sink.frame(sink.frame_index + 1, duration * index / load_steps, self.done - before, built.dt)
         return FINISHED
 
     def _load_step(self, index: int) -> bool:
-        """Apply a load step and relax, break, relax; whether it came to rest with nothing left to break."""
+        """Apply a load step and relax, break, relax; whether it reached equilibrium with nothing left to break."""
         entry: dict[str, Any] = {"share": index / self.solver.load_steps, "steps": self.done, "residuals": []}
         self.entries.append(entry)
         self._advance_clock(index)
         converged = self._relax(entry, ramp=True)
         rounds = 0
-        while converged and self.rupture.breaks() and rounds < MOST_ROUNDS:
+        while converged and self.built.rupture.breaks() and rounds < MAX_ROUNDS:
             rounds += 1
             converged = self._relax(entry, ramp=False)
-        entry.update(steps=self.done - entry["steps"], rounds=rounds, converged=converged and rounds < MOST_ROUNDS)
+        entry.update(steps=self.done - entry["steps"], rounds=rounds, converged=converged and rounds < MAX_ROUNDS)
         return bool(entry["converged"])
 
     def _relax(self, entry: dict[str, Any], ramp: bool) -> bool:
@@ -217,53 +260,38 @@ class Relaxing:
         while self.done == start or self.done < solver.most_steps:
             since = self.done - start
             if since % STEPS_BETWEEN == 0 or since < ramp_steps:
-                self._set_step()
+                self.sink.stable_dt = self.built.set_step()
             for _ in range(CHECK_EVERY // 10):
                 self.ten.run()
             self.done += CHECK_EVERY
             self.residual_launches.run()
-            residual = self._residual()
+            residual = self.built.residual()
             entry["residuals"].append(residual)
-            self.recorder.progress(self.done, residual, self.tolerance)
+            self.sink.progress(self.done, residual, self.tolerance)
             if not math.isfinite(residual):
                 return False
             if residual <= self.tolerance and self.done - start >= ramp_steps:
-                self.largest = max(self.largest, float(self.built.reaction.numpy().sum()))
+                self.built.settled()
                 return True
         return False
 
     def _advance_clock(self, index: int) -> None:
         duration, load_steps = self.solver.duration, self.solver.load_steps
-        self.built.set_clock(duration / (load_steps * self.solver.ramp_steps), duration * index / load_steps)
+        self.built.system.set_clock(duration / (load_steps * self.solver.ramp_steps), duration * index / load_steps)
 
-    def _residual(self) -> float:
-        unbalanced, reaction = float(self.built.unbalanced.numpy().sum()), float(self.built.reaction.numpy().sum())
-        reaction = max(reaction, LEAST_LOAD**2 * self.largest)
-        if unbalanced == 0.0:
-            return 0.0
-        return math.sqrt(unbalanced / reaction) if reaction > 0.0 else math.inf
-
-    def _set_step(self) -> None:
-        built = self.built
-        assert built.stable_step is not None
-        self.density.run()
-        omega = built.stable_step.omega(FIRST_ITERATIONS if self.dt == 0.0 else LATER_ITERATIONS)
-        self.recorder.stable_dt = 2.0 / omega if omega > 0.0 else math.inf
-        self.dt = self.solver.safety * self.recorder.stable_dt if omega > 0.0 else 1.0
-        built.step.assign(np.array([self.dt], dtype=built.step.numpy().dtype))
+    def _kept(self) -> dict[str, Array]:
+        context = self.built.context
+        arrays = {
+            "displacement": context.state.displacement, "intact": self.built.law.intact, "time": context.clock.time,
+        }  # fmt: skip
+        return {name: array for name, array in arrays.items() if array is not None}
 
     def _remember(self) -> dict[str, np.ndarray]:
-        state = self.built.state
-        arrays = {"displacement": state.displacement, "alive": self.built.force.alive, "time": state.time}
-        return {name: array.numpy().copy() for name, array in arrays.items() if array is not None}
+        return {name: array.numpy().copy() for name, array in self._kept().items()}
 
     def _restore(self, good: dict[str, np.ndarray]) -> None:
         """Put the last good load step back; its frame is written already, so nothing new is recorded."""
-        state = self.built.state
-        state.displacement.assign(good["displacement"])
-        state.velocity.zero_()
-        if "alive" in good:
-            self.built.force.alive.assign(good["alive"])
-        if "time" in good:
-            state.time.assign(good["time"])
-        self.recorder.steps += self.entries[-1]["steps"]
+        for name, array in self._kept().items():
+            array.assign(good[name])
+        self.built.context.state.velocity.zero_()
+        self.sink.steps += self.entries[-1]["steps"]

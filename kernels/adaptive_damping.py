@@ -1,0 +1,66 @@
+"""Mass damping of dynamic relaxation: critical for the motion that is left.
+
+Rayleigh's quotient of the last step, omega^2 = (v . K v) / (v . M v) with K v = -(change of force) / dt, tends to the
+lowest frequency still in motion, for which c = 2 omega is critical. Source: Underwood's adaptive dynamic relaxation,
+with the tangent along the motion in place of a diagonal.
+"""
+
+import functools
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .numeric import numeric
+
+
+@functools.cache
+def adaptive_damping(bits: int, module: str) -> tuple[Kernel, Kernel]:
+    """Kernels `measure_motion`, which sums blocks of points in order, and `set_damping`, one thread."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @kernel(module, per="block")
+    def measure_motion(
+        mass: wp.array(dtype=real),
+        held_mask: wp.array(dtype=wp.uint8),
+        velocity: wp.array(dtype=vec3),
+        force: wp.array(dtype=vec3),
+        block: int,
+        first: int,
+        previous: wp.array(dtype=vec3),
+        sums: wp.array2d(dtype=wp.float64),
+    ):
+        b = wp.tid() + first
+        inertia = wp.float64(0.0)
+        stiffness = wp.float64(0.0)
+        for i in range(b * block, wp.min((b + 1) * block, velocity.shape[0])):
+            v = velocity[i]
+            if held_mask:
+                for c in range(3):
+                    if (wp.int32(held_mask[i]) & (1 << c)) != 0:
+                        v[c] = real(0.0)
+            inertia += wp.float64(mass[i] * wp.dot(v, v))
+            stiffness += wp.float64(wp.dot(v, previous[i] - force[i]))
+            previous[i] = force[i]
+        sums[0, b] = inertia
+        sums[1, b] = stiffness
+
+    @kernel(module, per="once")
+    def set_damping(
+        sums: wp.array2d(dtype=wp.float64),
+        step: wp.array(dtype=real),
+        first: int,
+        damping: wp.array(dtype=real),
+    ):
+        inertia = wp.float64(0.0)
+        stiffness = wp.float64(0.0)
+        for b in range(sums.shape[1]):
+            inertia += sums[0, b]
+            stiffness += sums[1, b]
+        dt = wp.float64(step[0])
+        omega = wp.float64(0.0)
+        if inertia > wp.float64(0.0) and stiffness > wp.float64(0.0):
+            omega = wp.sqrt(stiffness / (dt * inertia))
+        damping[0] = real(wp.min(wp.float64(2.0) * omega, wp.float64(1.5) / dt))
+
+    return measure_motion, set_damping

@@ -1,0 +1,205 @@
+"""The state of bonds, intact or broken, and the kernels that add up what families contribute.
+
+`breakable` says whether bonds can break. Where they cannot, all bonds of the undamaged sheet are intact, and no kernel
+reads the bits `intact` [words, points].
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .bits import bit_of, lowest_bit, without_lowest_bit
+from .effects import Kernel, kernel
+from .families import WORD, family_functions
+from .numeric import numeric
+from .pointwise import Pointwise, pointwise
+
+
+@dataclass(frozen=True)
+class BondState:
+    """Warp functions; i is a point, k a member of its family.
+
+    Attributes:
+        intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
+        is_undamaged: (family, intact, i) -> whether no bond of i is broken: the tables of the undamaged sheet hold.
+        is_intact: (family, intact, i, k) -> whether the bond is intact.
+    """
+
+    intact_members: wp.Function
+    is_undamaged: wp.Function
+    is_intact: wp.Function
+
+
+@functools.cache
+def bond_state(layout: str, bits: int, breakable: bool, module: str) -> BondState:
+    """Functions of the state of the bonds."""
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    word_size = WORD
+
+    @wp.func(module=module)
+    def intact_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
+        if wp.static(breakable):
+            return intact[word, i]
+        else:
+            return f.initial(family, i, word)
+
+    @wp.func(module=module)
+    def is_undamaged(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
+        answer = bool(True)
+        if wp.static(breakable):
+            for word in range(family.words):
+                if intact[word, i] != f.initial(family, i, word):
+                    answer = False
+        return answer
+
+    @wp.func(module=module)
+    def is_intact(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, k: int):
+        word = k // word_size
+        return bit_of(intact_members(family, intact, i, word), k - word * word_size)
+
+    return BondState(intact_members, is_undamaged, is_intact)
+
+
+@functools.cache
+def gather_pairs(layout: str, bits: int, breakable: bool, module: str) -> Pointwise:
+    """Point function that sums bond_force [members, points], both ends of a bond, to the internal force [points], N."""
+    vec3, real = numeric(bits).vec3, numeric(bits).real
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    is_intact = bond_state(layout, bits, breakable, module).is_intact
+
+    @functools.partial(wp.struct, module=module)
+    class Gather:
+        family: Family
+        intact: wp.array2d(dtype=wp.uint32)
+        bond_force: wp.array2d(dtype=vec3)
+        force: wp.array(dtype=vec3)
+
+    @pointwise(module, Gather, writes=("force",), gathers=("bond_force",))
+    def gather(begin: int, end: int, a: Gather):
+        for i in range(begin, end):
+            pull = vec3(real(0.0), real(0.0), real(0.0))
+            for k in range(a.family.members):
+                if is_intact(a.family, a.intact, i, k):
+                    m = f.neighbour(a.family, i, k)
+                    pull += a.bond_force[k, i] - a.bond_force[f.reverse(a.family, i, k), m]
+            a.force[i] = pull
+
+    return gather
+
+
+@functools.cache
+def energy_of_families(layout: str, bits: int, family_energy: wp.Function, module: str) -> Kernel:
+    """Kernel that fills `out` [points] with the energy of each family, J.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
+            energy over (thickness x reference area), of the displacement a time `back` ago [J/m^3].
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    Family = family_functions(layout, bits, module).struct
+
+    @kernel(module, gathers=("displacement",))
+    def strain_energy(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        density = family_energy(family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i)
+        out[i] = wp.float64(unit_volume * density)
+
+    return strain_energy
+
+
+@functools.cache
+def sums_of_bonds(
+    layout: str,
+    bits: int,
+    breakable: bool,
+    Constants: Any,
+    force_of: wp.Function,
+    stiffness_of: wp.Function,
+    module: str,
+) -> tuple[Kernel, Kernel]:
+    """Kernels `pair_force` and `row_sums` of a law whose bonds pull their two points against each other.
+
+    pair_force sums the internal force [points], N; row_sums the fictitious density of dynamic relaxation [points],
+    N/m: the row of the stiffness (HE eqs. 86 to 93), the point's own block included. A point that nothing holds keeps
+    the density `least`.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        breakable: Whether bonds can break.
+        Constants: Type of the law's constants.
+        force_of: Warp function (family, constants, i, k, m, xi, U) -> force of bond k of point i, to point m, over
+            `unit_force`, vec3; U is the relative displacement over the horizon.
+        stiffness_of: Warp function of the same -> the most that the bond resists, over `unit_stiffness`.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    bonds = bond_state(layout, bits, breakable, module)
+    word_size = WORD
+
+    @kernel(module, gathers=("displacement",))
+    def pair_force(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: Constants,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        ui = displacement[i]
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for word in range(family.words):
+            members = bonds.intact_members(family, intact, i, word)
+            while members != wp.uint32(0):
+                k = word * word_size + lowest_bit(members)
+                members = without_lowest_bit(members)
+                m = f.neighbour(family, i, k)
+                U = inverse_horizon * (displacement[m] - ui)
+                pull += force_of(family, constants, i, k, m, f.bond(family, i, k), U)
+        force[i] = unit_force * pull
+
+    @kernel(module, gathers=("displacement",))
+    def row_sums(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: Constants,
+        inverse_horizon: real,
+        unit_stiffness: real,
+        least: real,
+        first: int,
+        density: wp.array(dtype=real),
+    ):
+        i = wp.tid() + first
+        total = real(0.0)
+        for k in range(family.members):
+            if bonds.is_intact(family, intact, i, k):
+                m = f.neighbour(family, i, k)
+                U = inverse_horizon * (displacement[m] - displacement[i])
+                total += stiffness_of(family, constants, i, k, m, f.bond(family, i, k), U)
+        density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
+
+    return pair_force, row_sums

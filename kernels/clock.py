@@ -1,0 +1,100 @@
+"""The clock, which evaluates schedules on the device, and the motions that they prescribe.
+
+A schedule is a piecewise linear function of time, three values a knot; schedule s owns the knots begins[s] to
+begins[s+1] - 1. Outside its knots it keeps its first or last value. `tick` moves the time by so many steps and
+evaluates every schedule s of S twice: scheduled[s] is now, scheduled[S + s] a step later, for what moves before the
+next tick.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .numeric import numeric
+from .pointwise import Pointwise, pointwise
+
+
+@dataclass(frozen=True)
+class ClockKernels:
+    """Kernels of one precision.
+
+    Attributes:
+        tick: Moves the time and evaluates the schedules.
+        prescribe: Pointwise: gives moved points the velocity that takes them to their scheduled place.
+    """
+
+    tick: Kernel
+    prescribe: Pointwise
+
+
+@functools.cache
+def clock(bits: int, module: str) -> ClockKernels:
+    """Kernels of a precision."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.func(module=module)
+    def evaluate(
+        time: wp.float64,
+        begins: wp.array(dtype=wp.int32),
+        knots: wp.array(dtype=wp.float64),
+        values: wp.array(dtype=wp.vec3d),
+        s: int,
+    ):
+        left = begins[s]
+        last = begins[s + 1] - 1
+        result = values[left]
+        if time >= knots[last]:
+            result = values[last]
+        else:
+            for k in range(left, last):
+                if time >= knots[k] and time < knots[k + 1]:
+                    share = (time - knots[k]) / (knots[k + 1] - knots[k])
+                    result = values[k] + share * (values[k + 1] - values[k])
+        return result
+
+    @kernel(module, per="once")
+    def tick(
+        advance: wp.array(dtype=wp.float64),
+        begins: wp.array(dtype=wp.int32),
+        knots: wp.array(dtype=wp.float64),
+        values: wp.array(dtype=wp.vec3d),
+        steps: int,
+        first: int,
+        time: wp.array(dtype=wp.float64),
+        scheduled: wp.array(dtype=vec3),
+    ):
+        now = wp.min(time[0] + wp.float64(steps) * advance[0], advance[1])
+        soon = wp.min(now + advance[0], advance[1])
+        time[0] = now
+        count = begins.shape[0] - 1
+        for s in range(count):
+            value = evaluate(now, begins, knots, values, s)
+            scheduled[s] = vec3(real(value[0]), real(value[1]), real(value[2]))
+            value = evaluate(soon, begins, knots, values, s)
+            scheduled[count + s] = vec3(real(value[0]), real(value[1]), real(value[2]))
+
+    @functools.partial(wp.struct, module=module)
+    class Prescribed:
+        rows: wp.array(dtype=wp.int32)
+        schedules: wp.array(dtype=wp.vec3i)
+        scheduled: wp.array(dtype=vec3)
+        step: wp.array(dtype=real)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+
+    @pointwise(module, Prescribed, writes=("velocity",))
+    def prescribe(begin: int, end: int, a: Prescribed):
+        for i in range(begin, end):
+            row = a.rows[i]
+            if row >= 0:
+                v = a.velocity[i]
+                for c in range(3):
+                    s = a.schedules[row][c]
+                    if s >= 0:
+                        v[c] = (a.scheduled[s][c] - a.displacement[i][c]) / a.step[0]
+                a.velocity[i] = v
+
+    return ClockKernels(tick, prescribe)

@@ -1,0 +1,77 @@
+"""Kernels and what they touch: which launches may share one, run side by side, or need a halo follows from this.
+
+Every kernel in this package takes `first`, the number of its first thread, and follows one rule: arrays before `first`
+are read, arrays after it are written (and perhaps read). What a kernel reads at other points than its own is declared
+with it as `gathers`. tests/unit/kernels/test_effects.py compares the declarations with what the kernels do.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+# What a thread works on.
+PER = ("point", "block", "list", "face", "body", "once")
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What a kernel touches, by the names of its arguments; tables that never change need no mention.
+
+    Attributes:
+        per: What a thread works on: its own "point", a "block" of points, an entry of a "list" of points, a "face", a
+            rigid "body", or everything ("once"). All but "point" count as gathering everything they read.
+        writes: Arrays that it writes, at its own point if it works on one.
+        gathers: Arrays that it reads at other points than its own.
+    """
+
+    per: str
+    writes: frozenset[str]
+    gathers: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if self.per not in PER:
+            raise ValueError(f"per = {self.per!r}: expected one of {PER}")
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A Warp kernel with its effects.
+
+    Attributes:
+        kernel: The Warp kernel.
+        effects: What it touches.
+    """
+
+    kernel: wp.Kernel
+    effects: Effects
+
+    @property
+    def name(self) -> str:
+        """Name of the function."""
+        return str(self.kernel.func.__name__)
+
+
+def kernel(
+    module: str, *, gathers: tuple[str, ...] = (), per: str = "point", launch_bounds: tuple[int, int] | None = None
+) -> Callable[[Callable[..., None]], Kernel]:
+    """Decorator that makes a kernel of the Warp module `module`.
+
+    Args:
+        module: Name of the Warp module.
+        gathers: Arguments that are read at other points than the thread's own.
+        per: What a thread works on, see Effects.
+        launch_bounds: Most threads of a block and least blocks of a processor, on CUDA.
+    """
+
+    def declare(function: Callable[..., None]) -> Kernel:
+        names = list(inspect.signature(function).parameters)
+        writes = frozenset(names[names.index("first") + 1 :])
+        made: Any = wp.kernel(function, module=module, enable_backward=False, launch_bounds=launch_bounds)
+        return Kernel(made, Effects(per, writes, frozenset(gathers)))
+
+    return declare

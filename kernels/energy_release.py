@@ -1,0 +1,49 @@
+"""Rupture by energy release rate (VE eqs. 64 to 68): the work of a bond over the crack surface that it stands for.
+
+Each step adds to a bond the work of the force between its two points, half of it for each, over h dx:
+
+    G = w V_i V_j / (h dx),     w = int t |X| ds,     t the mean of the force densities of the two ends,
+
+and the bond breaks for good when G passes the critical value of one interaction (kernels/rupture.py). Both ends
+compute the same number.
+"""
+
+import functools
+
+import warp as wp
+
+from .bond_state import bond_state
+from .effects import Kernel, kernel
+from .families import family_functions
+from .numeric import numeric
+
+
+@functools.cache
+def energy_release(layout: str, bits: int, module: str) -> Kernel:
+    """Kernel `add_release`."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    is_intact = bond_state(layout, bits, True, module).is_intact
+
+    @kernel(module, gathers=("velocity", "bond_force"))
+    def add_release(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        bond_force: wp.array2d(dtype=vec3),
+        inverse_surface: real,
+        first: int,
+        energy_release: wp.array2d(dtype=real),
+    ):
+        i = wp.tid() + first
+        for k in range(family.members):
+            if is_intact(family, intact, i, k):
+                m = f.neighbour(family, i, k)
+                pull = bond_force[k, i] - bond_force[f.reverse(family, i, k), m]
+                work = real(0.5) * step[0] * wp.dot(pull, velocity[m] - velocity[i])
+                energy_release[k, i] = energy_release[k, i] + inverse_surface * work
+
+    return add_release

@@ -1,0 +1,163 @@
+"""Follower pressure: it turns and grows with the surface. Its force, and how that changes with the displacement."""
+
+import functools
+
+import warp as wp
+
+from .bits import bit_of, lowest_bit, without_lowest_bit
+from .bond_state import bond_state
+from .effects import Kernel, kernel
+from .families import WORD, family_functions
+from .kinematics import kinematics
+from .numeric import numeric
+from .pointwise import Pointwise, pointwise
+
+
+@functools.cache
+def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.Function:
+    """Warp function of F e1 x F e2, with F of the whole family of a point: normal times area ratio (Nanson).
+
+    It is zero where the remaining family determines no F. The loop over members has no branches: a thread of a GPU
+    has the loads of several of them under way at once.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    intact_members = bond_state(layout, bits, breakable, module).intact_members
+    word_size = WORD
+    determines_gradient = kinematics(bits).determines_gradient
+
+    @wp.func(module=module)
+    def surface(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        i: int,
+    ):
+        ui = displacement[i]
+        G1 = vec3(real(0.0), real(0.0), real(0.0))
+        G2 = vec3(real(0.0), real(0.0), real(0.0))
+        shape = vec3(real(0.0), real(0.0), real(0.0))
+        for word in range(family.words):
+            members = intact_members(family, intact, i, word)
+            first = word * word_size
+            for k in range(first, wp.min(first + word_size, family.members)):
+                there = bit_of(members, k - first)
+                m = wp.where(there, f.neighbour(family, i, k), i)
+                xi = f.bond(family, i, k)
+                c = wp.where(there, f.influence(family, i, k) * f.area(family, m), real(0.0))
+                stretch = displacement[m] - ui
+                G1 += (c * xi[0]) * stretch
+                G2 += (c * xi[1]) * stretch
+                shape += c * vec3(xi[0] * xi[0], xi[0] * xi[1], xi[1] * xi[1])
+        determinant = shape[0] * shape[2] - shape[1] * shape[1]
+        answer = vec3(real(0.0), real(0.0), real(0.0))
+        if determines_gradient(shape):
+            scale = inverse_horizon / determinant
+            F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
+            F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
+            answer = wp.cross(F1, F2)
+        return answer
+
+    return surface
+
+
+@functools.cache
+def follower_pressure(layout: str, bits: int, breakable: bool, scheduled: bool, module: str) -> Pointwise:
+    """Pointwise stage that adds p a_i (F e1 x F e2), with F of the whole family of the point.
+
+    A point whose remaining family determines no F takes no pressure.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    surface = surface_vector(layout, bits, breakable, module)
+
+    @functools.partial(wp.struct, module=module)
+    class FollowerPressure:
+        family: Family
+        intact: wp.array2d(dtype=wp.uint32)
+        displacement: wp.array(dtype=vec3)
+        inverse_horizon: real
+        unit_pressure: real
+        factors: wp.array(dtype=vec3)
+        schedule: int
+        external: wp.array(dtype=vec3)
+
+    @pointwise(module, FollowerPressure, writes=("external",), gathers=("displacement",))
+    def add_follower_pressure(begin: int, end: int, a: FollowerPressure):
+        for i in range(begin, end):
+            p = a.unit_pressure * f.area(a.family, i)
+            if wp.static(scheduled):
+                p = p * a.factors[a.schedule][0]
+            a.external[i] = a.external[i] + p * surface(a.family, a.intact, a.displacement, a.inverse_horizon, i)
+
+    return add_follower_pressure
+
+
+@functools.cache
+def follower_pressure_tangent(layout: str, bits: int, breakable: bool, scheduled: bool, module: str) -> Kernel:
+    """Kernel that adds the change of follower pressure along a direction, p a_i (dF e1 x F e2 + F e1 x dF e2).
+
+    Not symmetric: a pressure has a potential only where the edge of the sheet is held, and its normals here are
+    averages over families.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    intact_members = bond_state(layout, bits, breakable, module).intact_members
+    word_size = WORD
+    determines_gradient = kinematics(bits).determines_gradient
+
+    @kernel(module, gathers=("displacement", "direction"))
+    def add_follower_tangent(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        unit_pressure: real,
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        change: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        zero = vec3(real(0.0), real(0.0), real(0.0))
+        G1 = zero
+        G2 = zero
+        D1 = zero
+        D2 = zero
+        shape = zero
+        for word in range(family.words):
+            members = intact_members(family, intact, i, word)
+            while members != wp.uint32(0):
+                k = word * word_size + lowest_bit(members)
+                members = without_lowest_bit(members)
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                cxi = f.influence(family, i, k) * f.area(family, m) * xi
+                stretch = displacement[m] - displacement[i]
+                turn = direction[m] - direction[i]
+                G1 += cxi[0] * stretch
+                G2 += cxi[1] * stretch
+                D1 += cxi[0] * turn
+                D2 += cxi[1] * turn
+                shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+        determinant = shape[0] * shape[2] - shape[1] * shape[1]
+        if determines_gradient(shape):
+            scale = inverse_horizon / determinant
+            F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
+            F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
+            dF1 = scale * (shape[2] * D1 - shape[1] * D2)
+            dF2 = scale * (shape[0] * D2 - shape[1] * D1)
+            p = unit_pressure * f.area(family, i)
+            if wp.static(scheduled):
+                p = p * factors[schedule][0]
+            change[i] = change[i] + p * (wp.cross(dF1, F2) + wp.cross(F1, dF2))
+
+    return add_follower_tangent

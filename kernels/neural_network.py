@@ -1,0 +1,145 @@
+"""The network of the neural law inside a kernel, and the data that it is trained with."""
+
+import functools
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .factories import PairFactory
+from .neural_functions import NeuralFunctions
+from .numeric import numeric
+
+Layers: TypeAlias = tuple[tuple[tuple[float, ...], ...], ...]
+
+
+@functools.cache
+def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
+    """Warp function from the inputs to the outputs of a network, whose weights are numbers in its code.
+
+    Args:
+        bits: 32 or 64.
+        layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
+            every other one 1 / (1 + exp y) of what the one before gives, in place of tanh
+            (`warp_pd.networks.Network.sigmoids`).
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec4 = types.real, types.parameters
+
+    @wp.func(module=module)
+    def entered(inputs: vec4):
+        return inputs
+
+    def bent(below: wp.Function, width: int) -> wp.Function:
+        @wp.func(module=module)
+        def sigmoids(inputs: vec4):
+            y = below(inputs)
+            for a in range(wp.static(width)):
+                y[wp.static(a)] = real(1.0) / (real(1.0) + wp.exp(y[wp.static(a)]))
+            return y
+
+        return sigmoids
+
+    def layer_on(below: wp.Function, columns: Sequence[Sequence[float]], bias: Sequence[float]) -> wp.Function:
+        vector = wp.types.vector(length=len(bias), dtype=real)
+        start, weights = vector(*bias), [vector(*column) for column in columns]
+
+        @wp.func(module=module)
+        def layer(inputs: vec4):
+            x = below(inputs)
+            y = wp.static(start)
+            for a in range(wp.static(len(weights))):
+                y += x[wp.static(a)] * wp.static(weights[a])
+            return y
+
+        return layer
+
+    found = entered
+    for depth, (*columns, bias) in enumerate(layers):
+        found = layer_on(bent(found, len(columns)) if depth else found, columns, bias)
+    return found
+
+
+def fused_force(bits: int, layers: Layers, law: NeuralFunctions, module: str, fused_module: str) -> Kernel:
+    """Kernel of the neural law with the network evaluated one bond after the other.
+
+    Args:
+        bits: 32 or 64.
+        layers: See `network_function`.
+        law: Functions of the law.
+        module: Name of the Warp module of the network.
+        fused_module: Name of the Warp module of the kernel.
+    """
+    types = numeric(bits)
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    evaluate = network_function(bits, layers, module)
+    Family = law.struct
+
+    @kernel(fused_module, gathers=("displacement",))
+    def fused_force(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        H, R, D, V, area, z = law.family_frame(family, intact, displacement, constants, inverse_horizon, i)
+        scale = law.family_scale(family, V, unit_force, i)
+        for k in range(family.members):
+            force = vec3(real(0.0), real(0.0), real(0.0))
+            if law.is_intact(family, intact, i, k) and scale > real(0.0):
+                x, u, share, direction, row = law.bond_seen(
+                    family, displacement, inverse_horizon, H, D, V, area, z, i, k
+                )
+                o = evaluate(law.logarithms(row))
+                force = scale * share * law.pull(x, u, direction, R, vec2(o[0], row[1] * o[1]))
+            bond_force[k, i] = force
+
+    return fused_force
+
+
+@functools.cache
+def training_samples(material: PairFactory, membrane: PairFactory, module: str) -> Kernel:
+    """Kernel that turns uniform states and bond directions into rows of training data (NN algorithm 1), float64.
+
+    Args:
+        material: Factory of (stress, energy).
+        membrane: Factory of (volume_change, shear).
+        module: Name of the Warp module.
+    """
+    types = numeric(64)
+    real, vec2, vec3, vec4, mat22 = types.real, types.vec2, types.vec3, types.parameters, types.mat22
+    stress, _ = material(64)
+    volume_change, _ = membrane(64)
+
+    @kernel(module)
+    def samples(
+        states: wp.array(dtype=vec3),
+        constants: vec4,
+        first: int,
+        features: wp.array(dtype=vec4),
+        pairs: wp.array(dtype=vec2),
+    ):
+        """States are (principal stretch 1, principal stretch 2, angle of the bond to direction 1)."""
+        i = wp.tid() + first
+        s = states[i]
+        x = vec2(wp.cos(s[2]), wp.sin(s[2]))
+        y = vec2(s[0] * x[0], s[1] * x[1])
+        zero = real(0.0)
+        G = mat22(s[0] * s[0] - real(1.0), zero, zero, s[1] * s[1] - real(1.0))
+        S = stress(G, constants)
+        P = vec2(s[0] * S[0, 0] * x[0], s[1] * S[1, 1] * x[1]) / constants[0]
+        det = s[0] * s[1]
+        c33 = (real(1.0) + volume_change(G, constants)) / (det * det)
+        stretch = wp.length(y)
+        angle = wp.atan2(x[0] * y[1] - x[1] * y[0], wp.dot(x, y))
+        features[i] = vec4(stretch, angle, c33, det)
+        pairs[i] = vec2(wp.dot(P, y) / stretch, (P[1] * y[0] - P[0] * y[1]) / stretch)
+
+    return samples

@@ -1,0 +1,187 @@
+"""Incompressible Ogden material in plane stress; constants mu_1, a_1, mu_2, a_2. Written in principal stretches."""
+
+import functools
+
+import warp as wp
+
+from .incompressible import principal_tangent
+from .numeric import numeric
+
+
+@functools.cache
+def logarithmic_strains(bits: int) -> wp.Function:
+    """Function G -> mean and half difference of the logarithmic principal strains; keeps the digits of G."""
+    types = numeric(bits)
+    real, mat22 = types.real, types.mat22
+    small = 1e-2 if bits == 32 else 1e-4
+
+    @wp.func
+    def log_one_plus(x: real):
+        answer = real(0.0)
+        if wp.abs(x) < real(small):
+            answer = x * (
+                real(1.0)
+                - x * (real(0.5) - x * ((real(1.0) / real(3.0)) - x * (real(0.25) - x * real(1.0) / real(5.0))))
+            )
+        else:
+            answer = wp.log(real(1.0) + x)
+        return answer
+
+    @wp.func
+    def strains(G: mat22):
+        mean = real(0.5) * (G[0, 0] + G[1, 1])
+        half = real(0.5) * (G[0, 0] - G[1, 1])
+        radius = wp.sqrt(half * half + G[0, 1] * G[0, 1])
+        middle = real(0.25) * log_one_plus(real(2.0) * mean + wp.determinant(G))
+        # atanh of radius / (1 + mean), whose argument keeps its digits.
+        share = real(2.0) * radius / (real(1.0) + mean - radius)
+        return middle, real(0.25) * log_one_plus(share), mean, radius
+
+    return strains
+
+
+@functools.cache
+def exponential(bits: int) -> wp.Function:
+    """Function x -> exp(x) - 1, with the digits of x."""
+    real = numeric(bits).real
+    small = 2e-2 if bits == 32 else 1e-3
+
+    @wp.func
+    def exp_minus_one(x: real):
+        answer = real(0.0)
+        if wp.abs(x) < real(small):
+            fourth = (real(1.0) / real(24.0)) + x * ((real(1.0) / real(120.0)) + x * (real(1.0) / real(720.0)))
+            answer = x * (real(1.0) + x * (real(0.5) + x * ((real(1.0) / real(6.0)) + x * fourth)))
+        else:
+            answer = wp.exp(x) - real(1.0)
+        return answer
+
+    return exp_minus_one
+
+
+@functools.cache
+def ogden_parts(bits: int) -> tuple[wp.Function, ...]:
+    """Functions of the Ogden material: strains, principal stresses and their shear modulus h."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    strains, exp_minus_one = logarithmic_strains(bits), exponential(bits)
+
+    @wp.func
+    def ratio(k: real, spread: real):
+        """Sinh(k spread) / sinh(spread)."""
+        answer = k
+        if spread > real(0.0):
+            answer = (exp_minus_one(k * spread) - exp_minus_one(-k * spread)) / (
+                exp_minus_one(spread) - exp_minus_one(-spread)
+            )
+        return answer
+
+    @wp.func
+    def principal_stress(strain: real, middle: real, c: parameters):
+        """S of a principal direction: sum_p mu_p (l^a - (l1 l2)^-a) / l^2."""
+        total = real(0.0)
+        for p in range(2):
+            a = c[2 * p + 1]
+            total += c[2 * p] * (exp_minus_one(a * strain) - exp_minus_one(-real(2.0) * a * middle))
+        return total * wp.exp(-real(2.0) * strain)
+
+    @wp.func
+    def shear(middle: real, half: real, c: parameters):
+        """(S1 - S2) / (C1 - C2)."""
+        spread = real(2.0) * half
+        total = real(0.0)
+        for p in range(2):
+            a = c[2 * p + 1]
+            term = wp.exp((a - real(4.0)) * middle) * ratio(real(0.5) * a - real(1.0), spread)
+            total += c[2 * p] * (term + wp.exp(-real(4.0) * middle - real(2.0) * a * middle))
+        return total
+
+    return strains, exp_minus_one, principal_stress, shear
+
+
+@functools.cache
+def ogden(bits: int) -> tuple[wp.Function, wp.Function]:
+    """Ogden's material of two terms; constants: mu1 [Pa], a1, mu2 [Pa], a2.
+
+    Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
+    """
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    strains, exp_minus_one, principal_stress, shear = ogden_parts(bits)
+
+    @wp.func
+    def stress(G: mat22, constants: parameters):
+        middle, half, mean, _radius = strains(G)
+        h = shear(middle, half, constants)
+        # The mean of the principal stresses, and what turns with G about it.
+        centre = real(0.5) * (
+            principal_stress(middle + half, middle, constants) + principal_stress(middle - half, middle, constants)
+        )
+        across = h * G[0, 1]
+        return mat22(centre + h * (G[0, 0] - mean), across, across, centre + h * (G[1, 1] - mean))
+
+    @wp.func
+    def energy(G: mat22, constants: parameters):
+        middle, half, _mean, _radius = strains(G)
+        total = real(0.0)
+        for p in range(2):
+            a = constants[2 * p + 1]
+            if a != real(0.0):
+                total += (constants[2 * p] / a) * (
+                    exp_minus_one(a * (middle + half))
+                    + exp_minus_one(a * (middle - half))
+                    + exp_minus_one(-real(2.0) * a * middle)
+                )
+        return total
+
+    return stress, energy
+
+
+@functools.cache
+def ogden_near(bits: int) -> wp.Function:
+    """Function (G, constants, guess) -> (S, guess) of the Ogden material."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    stress, _ = ogden(bits)
+
+    @wp.func
+    def stress_near(G: mat22, constants: parameters, guess: real):
+        return stress(G, constants), guess
+
+    return stress_near
+
+
+@functools.cache
+def ogden_response(bits: int) -> wp.Function:
+    """Stress and moduli of the Ogden material."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    stress, _ = ogden(bits)
+    strains, _, _, shear = ogden_parts(bits)
+    turned = principal_tangent(bits)
+
+    @wp.func
+    def own(strain: real, middle: real, c: parameters):
+        """Change of a principal stress with its own principal value."""
+        total = real(0.0)
+        for p in range(2):
+            a = c[2 * p + 1]
+            total += c[2 * p] * (
+                (real(0.5) * a - real(1.0)) * wp.exp(a * strain)
+                + (real(0.5) * a + real(1.0)) * wp.exp(-real(2.0) * a * middle)
+            )
+        return total * wp.exp(-real(4.0) * strain)
+
+    @wp.func
+    def response(G: mat22, constants: parameters):
+        middle, half, _mean, _radius = strains(G)
+        N12 = real(0.0)
+        for p in range(2):
+            a = constants[2 * p + 1]
+            N12 += constants[2 * p] * real(0.5) * a * wp.exp(-real(2.0) * (a + real(2.0)) * middle)
+        return stress(G, constants), turned(
+            G, own(middle + half, middle, constants), N12, own(middle - half, middle, constants),
+            shear(middle, half, constants),
+        )  # fmt: skip
+
+    return response

@@ -1,0 +1,89 @@
+"""Pointwise stages: parts of a step that write nothing but their own point.
+
+Stages that follow each other on the same points share a launch, so that a step of a small sheet waits for fewer of
+them and a large one passes its arrays through the processors less often. A stage works through a run of points: one
+on a GPU; many on a CPU, where a call copies its arguments.
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .effects import Effects
+
+
+@dataclass(frozen=True)
+class Pointwise:
+    """A pointwise stage.
+
+    Attributes:
+        function: Warp function (begin, end, arguments) of the points begin to end - 1.
+        arguments: Its Warp struct.
+        name: What it is called in the plan.
+        effects: What it touches, by the names in its struct.
+    """
+
+    function: wp.Function
+    arguments: Any
+    name: str
+    effects: Effects
+
+
+def pointwise(
+    module: str, arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = ()
+) -> Callable[[Callable[..., None]], Pointwise]:
+    """Decorator that makes a pointwise stage of a function (begin, end, arguments).
+
+    Args:
+        module: Name of the Warp module.
+        arguments: Warp struct of the arguments.
+        writes: Members of the struct that are written, at the own point alone.
+        gathers: Members of the struct that are read at other points.
+    """
+
+    def declare(function: Callable[..., None]) -> Pointwise:
+        effects = Effects("point", frozenset(writes), frozenset(gathers))
+        return Pointwise(wp.func(function, module=module), arguments, function.__name__, effects)
+
+    return declare
+
+
+@functools.cache
+def in_turn(first: Pointwise, second: Pointwise, module: str) -> Pointwise:
+    """Pointwise stage of one after the other; its struct holds theirs as `a` and `b`.
+
+    Its effects are not told by names: whoever joins two stages knows the arrays of both.
+    """
+    First, Second = first.arguments, second.arguments
+    do_first, do_second = first.function, second.function
+
+    @functools.partial(wp.struct, module=module)
+    class Both:
+        a: First
+        b: Second
+
+    @wp.func(module=module)
+    def both(begin: int, end: int, arguments: Both):
+        do_first(begin, end, arguments.a)
+        do_second(begin, end, arguments.b)
+
+    return Pointwise(both, Both, f"{first.name}, {second.name}", Effects("point", frozenset()))
+
+
+@functools.cache
+def every_point(stage: Pointwise, run: int, module: str) -> wp.Kernel:
+    """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them."""
+    Arguments, function = stage.arguments, stage.function
+
+    @wp.kernel(module=module, enable_backward=False)
+    def every_point(arguments: Arguments, first: int, stop: int):
+        begin = first + wp.tid() * wp.static(run)
+        if wp.static(run == 1):
+            function(begin, begin + 1, arguments)
+        else:
+            function(begin, wp.min(begin + wp.static(run), stop), arguments)
+
+    return every_point

@@ -1,0 +1,57 @@
+"""Unbalanced force of a sheet and what it is compared with.
+
+Free components keep what internal and external force leave unbalanced; held ones turn it into a reaction. Points of
+rigid inclusions are moved by the sum of their forces: their own count neither as unbalanced nor as a reaction.
+"""
+
+import functools
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .integrate import RIGID
+from .numeric import numeric
+
+
+@functools.cache
+def residual(bits: int, held: bool, loaded: bool, module: str) -> Kernel:
+    """Kernel that fills the unbalanced force [points], N, its square and the squared loads and reactions, N^2.
+
+    Args:
+        bits: 32 or 64.
+        held: Whether any component is held.
+        loaded: Whether external forces act.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    rigid = RIGID
+
+    @kernel(module)
+    def residual(
+        held_mask: wp.array(dtype=wp.uint8),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+        first: int,
+        unbalanced: wp.array(dtype=vec3),
+        squared: wp.array(dtype=wp.float64),
+        reaction: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        load = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(loaded):
+            load = external[i]
+        free = force[i] + load
+        support = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(held):
+            for c in range(3):
+                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
+                    support[c] = free[c]
+                    free[c] = real(0.0)
+                elif (wp.int32(held_mask[i]) & rigid) != 0:
+                    free[c] = real(0.0)
+        unbalanced[i] = free
+        squared[i] = wp.float64(wp.dot(free, free))
+        reaction[i] = wp.float64(wp.dot(support, support) + wp.dot(load, load))
+
+    return residual

@@ -1,0 +1,184 @@
+"""Rupture: bonds that exceed a criterion break for good.
+
+Both ends of a bond compute the same number from the same words, so their bits agree without being compared.
+
+The force changes between two steps, so the energy that breaking releases is taken half a step back: then the energy
+balance of central differences stays second order in the step through rupture.
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .families import WORD, family_functions
+from .numeric import numeric
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """When a bond breaks.
+
+    Attributes:
+        exceeds: Warp function (family, displacement, criterion, horizon, i, k, m) -> whether bond k of point i, to
+            point m, is past the criterion. Both ends of a bond must come to the same answer.
+        struct: Warp struct of its constants and arrays.
+        gathers: Arrays of the struct that it reads at other points than i.
+    """
+
+    exceeds: wp.Function
+    struct: Any
+    gathers: tuple[str, ...] = ()
+
+
+CriterionFactory = Callable[[str, int, str], Criterion]
+
+
+@functools.cache
+def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
+    """Critical stretch |Y|/|X|."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+
+    @functools.partial(wp.struct, module=module)
+    class CriticalStretch:
+        squared: real
+
+    @wp.func(module=module)
+    def exceeds_stretch(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        criterion: CriticalStretch,
+        horizon: real,
+        i: int,
+        k: int,
+        m: int,
+    ):
+        X = horizon * f.bond(family, i, k)
+        U = displacement[m] - displacement[i]
+        Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+        return wp.dot(Y, Y) > criterion.squared * wp.dot(X, X)
+
+    return Criterion(exceeds_stretch, CriticalStretch)
+
+
+@functools.cache
+def critical_energy(layout: str, bits: int, module: str) -> Criterion:
+    """Critical energy release rate of an interaction, see kernels/energy_release.py."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    Family = family_functions(layout, bits, module).struct
+
+    @functools.partial(wp.struct, module=module)
+    class CriticalEnergy:
+        energy_release: wp.array2d(dtype=real)
+        critical: real
+
+    @wp.func(module=module)
+    def exceeds_energy(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        criterion: CriticalEnergy,
+        horizon: real,
+        i: int,
+        k: int,
+        m: int,
+    ):
+        return criterion.energy_release[k, i] > criterion.critical
+
+    return Criterion(exceeds_energy, CriticalEnergy)
+
+
+@functools.cache
+def breaking(
+    layout: str, bits: int, criterion: Criterion, spared: bool, earlier_energy: wp.Function | None, module: str
+) -> Kernel:
+    """Kernel `break_bonds`.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        criterion: When a bond breaks.
+        spared: Whether the bonds of some points never break.
+        earlier_energy: Warp function of the force law's energy of a family a moment ago, where the energy that
+            breaking releases is summed up, per point; else None.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    exceeds, Constants = criterion.exceeds, criterion.struct
+    tracked = earlier_energy is not None
+    word_size = WORD
+
+    @wp.func(module=module)
+    def remaining(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        criterion: Constants,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        i: int,
+        word: int,
+        intact_bits: wp.uint32,
+    ):
+        """The bits of `intact_bits` whose bonds do not exceed the criterion.
+
+        Without branches: a thread of a GPU has the loads of several members under way at once.
+        """
+        left = intact_bits
+        bit = wp.uint32(1)
+        first_member = word * word_size
+        for k in range(first_member, wp.min(first_member + word_size, family.members)):
+            there = (intact_bits & bit) != wp.uint32(0)
+            m = wp.where(there, f.neighbour(family, i, k), i)
+            over = exceeds(family, displacement, criterion, horizon, i, k, m)
+            if wp.static(spared):
+                over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
+            left = left & ~wp.where(over, bit, wp.uint32(0))
+            bit = bit << wp.uint32(1)
+        return left
+
+    @kernel(module, gathers=("displacement", "velocity", *(f"criterion.{name}" for name in criterion.gathers)))
+    def break_bonds(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        criterion: Constants,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        first: int,
+        intact: wp.array2d(dtype=wp.uint32),
+        released: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        breaks = bool(False)
+        for word in range(family.words):
+            before_bits = intact[word, i]
+            if remaining(family, displacement, criterion, horizon, spared_mask, i, word, before_bits) != before_bits:
+                breaks = True
+        if breaks:
+            back = real(0.0)
+            before = real(0.0)
+            if wp.static(tracked):
+                back = real(0.5) * step[0]
+                before = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+            for word in range(family.words):
+                intact[word, i] = remaining(
+                    family, displacement, criterion, horizon, spared_mask, i, word, intact[word, i]
+                )
+            if wp.static(tracked):
+                after = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+                released[i] = released[i] + wp.float64(unit_volume * (before - after))
+
+    return break_bonds

@@ -1,0 +1,120 @@
+"""Power iteration for the largest natural frequency, by finite differences of the force.
+
+trial(s) = u + s e v, with e so that the fastest component of v moves by `reach`; the stiffness times v is the central
+difference of the force; v <- M^-1 K v. A thread of `respond` sums one block of points, in order, so the sums repeat
+bit for bit.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .integrate import RIGID
+from .numeric import numeric
+
+
+@dataclass(frozen=True)
+class PowerIteration:
+    """Kernels of one precision.
+
+    Attributes:
+        trial: Displacement plus or minus a small one along the direction.
+        respond: Response M^-1 K v, and per block: v M v, v K v, |response|^2 weighted by mass, max |response|.
+        summarise: Squared frequency from the sums of the blocks, and the scale of the next direction.
+        renew: The next direction.
+    """
+
+    trial: Kernel
+    respond: Kernel
+    summarise: Kernel
+    renew: Kernel
+
+
+@functools.cache
+def power_iteration(bits: int, module: str) -> PowerIteration:
+    """Kernels of a precision."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    rigid = RIGID
+
+    @kernel(module)
+    def trial(
+        displacement: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        reach: wp.array(dtype=real),
+        sign: real,
+        first: int,
+        out: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        out[i] = displacement[i] + (sign * reach[0]) * direction[i]
+
+    @kernel(module, per="block")
+    def respond(
+        mass: wp.array(dtype=real),
+        held_mask: wp.array(dtype=wp.uint8),
+        plus: wp.array(dtype=vec3),
+        minus: wp.array(dtype=vec3),
+        reach: wp.array(dtype=real),
+        direction: wp.array(dtype=vec3),
+        block: int,
+        first: int,
+        response: wp.array(dtype=vec3),
+        sums: wp.array2d(dtype=wp.float64),
+    ):
+        b = wp.tid() + first
+        norm = wp.float64(0.0)
+        product = wp.float64(0.0)
+        image = wp.float64(0.0)
+        largest = real(0.0)
+        for i in range(b * block, wp.min((b + 1) * block, direction.shape[0])):
+            r = (minus[i] - plus[i]) / (real(2.0) * reach[0] * mass[i])
+            if held_mask:
+                for c in range(3):
+                    if (wp.int32(held_mask[i]) & ((1 << c) | rigid)) != 0:
+                        r[c] = real(0.0)
+            response[i] = r
+            v = direction[i]
+            m = wp.float64(mass[i])
+            norm += m * wp.float64(wp.dot(v, v))
+            product += m * wp.float64(wp.dot(v, r))
+            image += m * wp.float64(wp.dot(r, r))
+            largest = wp.max(largest, wp.max(wp.max(wp.abs(r[0]), wp.abs(r[1])), wp.abs(r[2])))
+        sums[0, b] = norm
+        sums[1, b] = product
+        sums[2, b] = image
+        sums[3, b] = wp.float64(largest)
+
+    @kernel(module, per="once")
+    def summarise(
+        sums: wp.array2d(dtype=wp.float64),
+        first: int,
+        scale: wp.array(dtype=real),
+        squared_frequency: wp.array(dtype=wp.float64),
+    ):
+        norm = wp.float64(0.0)
+        product = wp.float64(0.0)
+        image = wp.float64(0.0)
+        largest = wp.float64(0.0)
+        for b in range(sums.shape[1]):
+            norm += sums[0, b]
+            product += sums[1, b]
+            image += sums[2, b]
+            largest = wp.max(largest, sums[3, b])
+        scale[0] = real(0.0)
+        if largest > wp.float64(0.0):
+            scale[0] = real(wp.float64(1.0) / largest)
+        squared_frequency[0] = wp.float64(0.0)
+        squared_frequency[1] = wp.float64(0.0)
+        if norm > wp.float64(0.0):
+            squared_frequency[0] = product / norm
+            squared_frequency[1] = wp.sqrt(image / norm)
+
+    @kernel(module)
+    def renew(response: wp.array(dtype=vec3), scale: wp.array(dtype=real), first: int, direction: wp.array(dtype=vec3)):
+        i = wp.tid() + first
+        direction[i] = scale[0] * response[i]
+
+    return PowerIteration(trial, respond, summarise, renew)

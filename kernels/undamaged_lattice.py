@@ -1,0 +1,221 @@
+"""Fast path of the variational bond-associated law: undamaged families inside a square lattice.
+
+They are all alike, so everything about their reference configuration is a number in the code. With
+    F_ij = I + sum_k U_ik (x) b_jk,    b_jk = c_k K_ij^-1 X_ik,    t_ik = h sum_j W_ij P_ij b_jk
+a member of an intersection costs twelve multiplications and additions. Where an intersection holds more than
+half of a large family, the sum runs over the members outside it and is taken from the sum over all.
+
+A quarter turn maps the stencil onto itself. The kernel therefore spells out the bonds of one quarter and goes
+around four times, each time with displacements and forces seen from axes turned by 90 degrees. So the family
+stays in registers, and the code in the instruction cache of a GPU. It takes an isotropic material.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .factories import FunctionFactory
+from .kinematics import kinematics
+from .numeric import numeric
+
+# From this many members on, sums over the members outside an intersection pay (measured on an H200).
+LARGE = 16
+# Most registers, of 255, that displacements and forces of a family may take together.
+MAX_REGISTERS = 200
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Undamaged family of a square lattice, in units of the horizon and of the area of an inner point.
+
+    Attributes:
+        steps: Lattice steps to each member.
+        turned: Member at which each member arrives when turned by 90 degrees.
+        moments: w_ik X_ik of each member.
+        quarter: Members of one quarter, from which turns by 90 degrees make all others.
+        inside: Whether each member (second index) belongs to the intersection of each bond of the quarter.
+        inverse: K_ij^-1 (11, 12, 22) of each bond of the quarter.
+        weights: W_ij of each bond of the quarter.
+    """
+
+    steps: tuple[tuple[int, int], ...]
+    turned: tuple[int, ...]
+    moments: tuple[tuple[float, float], ...]
+    quarter: tuple[int, ...]
+    inside: tuple[tuple[bool, ...], ...]
+    inverse: tuple[tuple[float, float, float], ...]
+    weights: tuple[float, ...]
+
+
+@functools.cache
+def undamaged_lattice_force(
+    bits: int, near: FunctionFactory, stencil: Stencil, breakable: bool, listed: bool, module: str
+) -> Kernel:
+    """Kernel that fills bond_force [members, ring] and force [points], their own half, of undamaged inner families.
+
+    Point i has column i % ring of `bond_force`: all points, or a ring that launches reuse.
+
+    Args:
+        bits: 32 or 64.
+        near: Factory of stress_near, called with `bits`.
+        stencil: Stencil.
+        breakable: Whether families may have lost bonds; those count as others.
+        listed: Whether the indices of all other points go to the list `others` (in any order).
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    stress_near = near(bits)
+    green = kinematics(bits).green
+    n, bonds = len(stencil.steps), len(stencil.quarter)
+    full = (1 << n) - 1
+    right = [step[0] for step in stencil.steps]
+    up = [step[1] for step in stencil.steps]
+    turned, inside = stencil.turned, stencil.inside
+    large = n > LARGE
+    most = [large and 2 * sum(members) > n for members in inside]
+    c1 = [real(moment[0]) for moment in stencil.moments]
+    c2 = [real(moment[1]) for moment in stencil.moments]
+    K11, K12, K22 = ([real(K[c]) for K in stencil.inverse] for c in range(3))
+    b1 = [[real(K[0] * x + K[1] * y) for x, y in stencil.moments] for K in stencil.inverse]
+    b2 = [[real(K[1] * x + K[2] * y) for x, y in stencil.moments] for K in stencil.inverse]
+    weights = [real(w) for w in stencil.weights]
+    Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
+    held = 6 * n * (bits // 32) <= MAX_REGISTERS
+
+    @wp.func(module=module)
+    def turn(v: vec3):
+        return vec3(v[1], -v[0], v[2])
+
+    @wp.func(module=module)
+    def seen(v: vec3, cosine: int, sine: int):
+        """A vector in axes turned by some quarters."""
+        c = real(cosine)
+        s = real(sine)
+        return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
+
+    @kernel(module, gathers=("displacement",))
+    def undamaged_family_force(
+        family_class: wp.array(dtype=wp.int32),
+        inner: int,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        columns: int,
+        turns: int,
+        constants: parameters,
+        inverse_horizon: real,
+        unit_force: real,
+        first: int,
+        others: wp.array(dtype=wp.int32),
+        other_count: wp.array(dtype=wp.int32),
+        bond_force: wp.array2d(dtype=vec3),
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        undamaged = family_class[i] == inner
+        if wp.static(breakable):
+            if intact[0, i] != wp.uint32(wp.static(full)):
+                undamaged = False
+        if not undamaged:
+            if wp.static(listed):
+                others[wp.atomic_add(other_count, 0, 1)] = i
+            return
+        origin = displacement[i]
+        T = Vectors()
+        U1 = vec3(real(0.0), real(0.0), real(0.0))
+        U2 = vec3(real(0.0), real(0.0), real(0.0))
+        T1 = vec3(real(0.0), real(0.0), real(0.0))
+        T2 = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(held):
+            U = Vectors()
+        if wp.static(held or large):
+            for k in range(wp.static(n)):
+                u = inverse_horizon * (displacement[i + wp.static(up[k]) * columns + wp.static(right[k])] - origin)
+                if wp.static(held):
+                    U[k] = u
+                if wp.static(large):
+                    U1 += wp.static(c1[k]) * u
+                    U2 += wp.static(c2[k]) * u
+        guess = real(0.0)
+        cosine = wp.int32(1)
+        sine = wp.int32(0)
+        for _turn in range(turns):
+            for j in range(wp.static(bonds)):
+                G1 = vec3(real(0.0), real(0.0), real(0.0))
+                G2 = vec3(real(0.0), real(0.0), real(0.0))
+                for k in range(wp.static(n)):
+                    if wp.static(inside[j][k] != most[j]):
+                        if wp.static(held):
+                            u = U[k]
+                        else:
+                            ahead = wp.static(up[k]) * columns + wp.static(right[k])
+                            aside = wp.static(right[k]) * columns - wp.static(up[k])
+                            u = inverse_horizon * (displacement[i + cosine * ahead + sine * aside] - origin)
+                        if wp.static(most[j]):
+                            G1 -= wp.static(c1[k]) * u
+                            G2 -= wp.static(c2[k]) * u
+                        else:
+                            G1 += wp.static(b1[j][k]) * u
+                            G2 += wp.static(b2[j][k]) * u
+                if wp.static(not held):
+                    G1 = seen(G1, cosine, sine)
+                    G2 = seen(G2, cosine, sine)
+                H1 = G1
+                H2 = G2
+                if wp.static(most[j]):
+                    G1 += U1
+                    G2 += U2
+                    H1 = wp.static(K11[j]) * G1 + wp.static(K12[j]) * G2
+                    H2 = wp.static(K12[j]) * G1 + wp.static(K22[j]) * G2
+                S, guess = stress_near(green(H1, H2), constants, guess)
+                F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
+                F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+                W = wp.static(weights[j])
+                P1 = (W * S[0, 0]) * F1 + (W * S[1, 0]) * F2
+                P2 = (W * S[0, 1]) * F1 + (W * S[1, 1]) * F2
+                if wp.static(most[j]):
+                    A1 = wp.static(K11[j]) * P1 + wp.static(K12[j]) * P2
+                    A2 = wp.static(K12[j]) * P1 + wp.static(K22[j]) * P2
+                    T1 += A1
+                    T2 += A2
+                    for k in range(wp.static(n)):
+                        if wp.static(not inside[j][k]):
+                            T[k] = T[k] - (wp.static(c1[k]) * A1 + wp.static(c2[k]) * A2)
+                else:
+                    for k in range(wp.static(n)):
+                        if wp.static(inside[j][k]):
+                            T[k] = T[k] + (wp.static(b1[j][k]) * P1 + wp.static(b2[j][k]) * P2)
+            T_seen = Vectors()
+            for k in range(wp.static(n)):
+                T_seen[k] = turn(T[wp.static(turned[k])])
+            T = T_seen
+            if wp.static(held):
+                U_seen = Vectors()
+                for k in range(wp.static(n)):
+                    U_seen[k] = turn(U[wp.static(turned[k])])
+                U = U_seen
+            else:
+                before_turn = cosine
+                cosine = -sine
+                sine = before_turn
+            if wp.static(large):
+                before = U1
+                U1 = turn(U2)
+                U2 = -turn(before)
+                before = T1
+                T1 = turn(T2)
+                T2 = -turn(before)
+        slot = i % bond_force.shape[1]
+        pull = vec3(real(0.0), real(0.0), real(0.0))
+        for k in range(wp.static(n)):
+            t = T[k]
+            if wp.static(large):
+                t += wp.static(c1[k]) * T1 + wp.static(c2[k]) * T2
+            t = unit_force * t
+            bond_force[wp.static(k), slot] = t
+            pull += t
+        force[i] = pull
+
+    return undamaged_family_force

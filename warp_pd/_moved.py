@@ -1,0 +1,54 @@
+"""Modules that moved: the old names import the new ones, with a warning, for one release."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.abc
+import importlib.machinery
+import sys
+import warnings
+from collections.abc import Sequence
+from types import ModuleType
+
+MOVED = {
+    "warp_pd.bonds": "warp_pd.families",
+    "warp_pd.contact": "warp_pd.parts",
+    "warp_pd.damage": "warp_pd.parts",
+    "warp_pd.forces": "warp_pd.laws",
+    "warp_pd.forces.network": "warp_pd.networks",
+    "warp_pd.forces.training": "warp_pd.torch_backend.training",
+    "warp_pd.homogeneous": "warp_pd.analytic_response",
+    "warp_pd.loads": "warp_pd.parts",
+    "warp_pd.off_plane": "warp_pd.out_of_plane",
+    "warp_pd.runner": "warp_pd.run.runner",
+}
+
+
+class MovedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds the modules of MOVED under their old names."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """A spec for an old name."""
+        if fullname not in MOVED:
+            return None
+        # A package, so that names below it are looked for.
+        return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
+        """A module with everything that the new one has."""
+        new = MOVED[spec.name]
+        warnings.warn(f"{spec.name} has moved to {new}; the old name goes with the next release", FutureWarning, 2)
+        module = ModuleType(spec.name)
+        module.__dict__.update({k: v for k, v in vars(importlib.import_module(new)).items() if not k.startswith("__")})
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Nothing: it is filled already."""
+
+
+def install() -> None:
+    """Let the old names be found."""
+    if not any(isinstance(finder, MovedModules) for finder in sys.meta_path):
+        sys.meta_path.append(MovedModules())

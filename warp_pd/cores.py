@@ -1,0 +1,21 @@
+"""The cores of this machine."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+_pool: ThreadPoolExecutor | None = None
+
+
+def available_cores() -> int:
+    """Number of CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def cores() -> ThreadPoolExecutor:
+    """Threads, one per core, for work that releases the interpreter lock."""
+    global _pool  # noqa: PLW0603 - one pool per process
+    if _pool is None:
+        _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")
+    return _pool

@@ -1,0 +1,1 @@
+"""What a simulation keeps on its device: arrays (fields), launches (stages), graphs. It knows nothing of mechanics."""

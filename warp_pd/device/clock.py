@@ -1,0 +1,91 @@
+"""The clock: time on the device, and the schedules that it evaluates there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import warp as wp
+
+from ..kernels.clock import ClockKernels, clock
+from ..kernels.numeric import Numeric
+from ..schedules import Schedule
+from .fields import Array, Field, FieldRegister
+from .graph import LaunchSequence
+from .launches import Stage
+
+OWNER = "schedules"
+
+
+@dataclass(eq=False)
+class Clock:
+    """Time and schedules of one simulation. Parts register schedules while they are built, then arrays are allocated.
+
+    Attributes:
+        duration: Time to simulate, or load time of the whole load [s].
+        default_ramp: Schedule of the factor of loads that have none of their own; None if those are constant.
+        schedules: All schedules.
+        scheduled: Value of every schedule now, then of every schedule a step later, vec3; None without schedules.
+        time: [s], one float64; None without schedules.
+        advance: Time per step and the last time [s], two float64; None without schedules.
+    """
+
+    duration: float
+    default_ramp: Schedule | None = None
+    schedules: list[Schedule] = field(default_factory=list)
+    scheduled: Array | None = None
+    time: Array | None = None
+    advance: Array | None = None
+
+    def register(self, schedule: Schedule | None) -> int | None:
+        """Index of a schedule among all; None stays None."""
+        if schedule is None:
+            return None
+        self.schedules.append(schedule)
+        return len(self.schedules) - 1
+
+    def soon(self, index: int) -> int:
+        """Entry of `scheduled` that holds a schedule a step later."""
+        return len(self.schedules) + index
+
+    def allocate(self, fields: FieldRegister, types: Numeric, module: str) -> None:
+        """Put all schedules on the device; nothing without schedules."""
+        if not self.schedules:
+            return
+        begins = np.concatenate([[0], np.cumsum([len(s.times) for s in self.schedules])]).astype(np.int32)
+        knots = np.concatenate([s.times for s in self.schedules])
+        values = np.vstack([s.values for s in self.schedules])
+        self._begins = fields.allocate(Field("schedule_begins", OWNER, "table"), wp.int32, begins)
+        self._knots = fields.allocate(Field("schedule_knots", OWNER, "table"), wp.float64, knots)
+        self._values = fields.allocate(Field("schedule_values", OWNER, "table"), wp.vec3d, values)
+        shape = 2 * len(self.schedules)
+        self.scheduled = fields.allocate(Field("scheduled", OWNER, "once"), types.vec3, shape=shape)
+        self.time = fields.allocate(Field("time", OWNER, "once", restart=True), wp.float64, shape=1)
+        self.advance = fields.allocate(Field("advance", OWNER, "once"), wp.float64, np.array([0.0, self.duration]))
+        self.kernels: ClockKernels = clock(types.bits, module)
+
+    def add_tick(self, stage: Stage, steps: int) -> None:
+        """Add the launch that moves the time by so many steps and evaluates the schedules; none without schedules."""
+        if self.scheduled is None:
+            return
+        stage.launch(
+            OWNER, self.kernels.tick, 1, side_stream=True,
+            advance=self.advance, begins=self._begins, knots=self._knots, values=self._values,
+            steps=steps, time=self.time, scheduled=self.scheduled,
+        )  # fmt: skip
+
+    def set(self, evaluate: LaunchSequence, advance: float, end: float, now: float | None = None) -> None:
+        """Let time advance by so much per step [s] until `end`, from `now` or where it is; nothing without schedules.
+
+        Args:
+            evaluate: The launches of the phase SCHEDULES.
+            advance: Time per step [s].
+            end: Last time [s].
+            now: Present time [s], or None to leave it.
+        """
+        if self.advance is None or self.time is None:
+            return
+        self.advance.assign(np.array([advance, end]))
+        if now is not None:
+            self.time.assign(np.array([now]))
+        evaluate.run()

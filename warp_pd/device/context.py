@@ -1,0 +1,194 @@
+"""The context that parts are built in: device, precision, arrays, stages, and what the parts of a scene share."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError
+from ..kernels.numeric import Numeric
+from ..sheet import Sheet
+from .clock import Clock
+from .fields import Array, Field, FieldRegister
+from .graph import LaunchSequence, run_once
+from .launches import Launch, Stage, compile_launches
+
+# Below this many points small blocks let a launch reach all processors of a GPU.
+SMALL, SMALL_BLOCK, BLOCK = 2**17, 64, 256
+
+
+def find_device(name: str | None) -> wp.Device:
+    """The Warp device of that name.
+
+    Raises:
+        InputError: if it does not exist; a CPU never stands in for a requested GPU.
+    """
+    wp.config.log_level = wp.config.log_level if wp.config.log_level > wp.LOG_WARNING else wp.LOG_WARNING
+    wp.init()
+    present = [d.alias for d in wp.get_devices()]
+    known = ", ".join(repr(alias) for alias in present)
+    if name is None:
+        return wp.get_device("cuda:0" if wp.is_cuda_available() else "cpu")
+    if name == "cuda" and not wp.is_cuda_available():
+        raise InputError(f"device = {name!r}: no CUDA device was found; expected one of {known}")
+    if name != "cuda" and name not in present:
+        raise InputError(f"device = {name!r}: expected one of {known}")
+    return wp.get_device(name)
+
+
+@dataclass(frozen=True)
+class Features:
+    """What the parts of a scene need of the kernels that they share.
+
+    Attributes:
+        held: Whether any component of any point is held.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping.
+        tracked: Whether external work and losses are summed up.
+        breakable: Whether bonds can break.
+    """
+
+    held: bool = False
+    loaded: bool = False
+    damped: bool = False
+    tracked: bool = False
+    breakable: bool = False
+
+
+@dataclass(eq=False)
+class State:
+    """Arrays that parts share, [points] unless said; None where the scene does not need them.
+
+    Attributes:
+        displacement: u [m], vec3.
+        velocity: [m/s], vec3, at full steps.
+        force: Internal force [N], vec3.
+        mass: [kg].
+        external: External force [N], vec3.
+        held_mask: Bits of held components, uint8: 1, 2, 4 for x, y, z; 8 in a rigid inclusion.
+        step: Time step [s], one number.
+        damping: Mass damping [1/s], one number.
+        work: External work [J], float64.
+        dissipated: Energy lost to damping [J], float64.
+    """
+
+    displacement: Array
+    velocity: Array
+    force: Array
+    mass: Array
+    external: Array | None = None
+    held_mask: Array | None = None
+    step: Array | None = None
+    damping: Array | None = None
+    work: Array | None = None
+    dissipated: Array | None = None
+
+
+@dataclass(eq=False)
+class Context:
+    """Where parts put their arrays and launches.
+
+    Attributes:
+        sheet: The sheet.
+        device: The Warp device.
+        types: Types of the precision.
+        module: Name of the Warp module that holds every kernel of this configuration.
+        features: What the parts need of shared kernels.
+        held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
+        initial_displacement: [m], shape (N, 3).
+        fields: All arrays.
+        clock: Time and schedules.
+        block_dim: Threads of a block on CUDA; one number for most launches, as kernels are compiled for it.
+        stages: Stages by name, in the order of their creation.
+        prefix: What the names of stages begin with; coarser sheets of the same simulation have one.
+        state: Shared arrays.
+    """
+
+    sheet: Sheet
+    device: wp.Device
+    types: Numeric
+    module: str
+    features: Features
+    held: np.ndarray
+    initial_displacement: np.ndarray
+    fields: FieldRegister
+    clock: Clock
+    block_dim: int = BLOCK
+    stages: dict[str, Stage] = field(default_factory=dict)
+    prefix: str = ""
+    state: State = field(init=False)
+
+    @property
+    def bits(self) -> int:
+        """Precision, 32 or 64."""
+        return self.types.bits
+
+    @property
+    def layout(self) -> str:
+        """Layout of the families: "lattice" or "cloud"."""
+        return "cloud" if self.sheet.lattice is None else "lattice"
+
+    def array(
+        self,
+        name: str,
+        owner: str,
+        dtype: Any,
+        values: Any = None,
+        *,
+        shape: Any = None,
+        per: str = "point",
+        restart: bool = False,
+        halo: bool = False,
+        output: str = "",
+        density: bool = False,
+    ) -> Array:
+        """Declare a field (see `Field`) and allocate it, filled with `values` or with zeros of `shape`."""
+        declared = Field(name, owner, per, restart, halo, output, density)
+        return self.fields.allocate(declared, dtype, values, shape)
+
+    def stage(self, name: str, when: str) -> Stage:
+        """A new stage.
+
+        Args:
+            name: Its name.
+            when: How often it runs, for `plan`.
+
+        Raises:
+            ValueError: if it exists.
+        """
+        name = self.prefix + name
+        if name in self.stages:
+            raise ValueError(f"stage {name!r} exists already")
+        self.stages[name] = Stage(name, when, self.device, self.module, self.block_dim, [])
+        return self.stages[name]
+
+    def on(self, sheet: Sheet, prefix: str, features: Features, held: np.ndarray) -> Context:
+        """A context for another sheet of the same simulation, with its own state and stages of another prefix."""
+        start = np.zeros((sheet.size, 3))
+        return replace(
+            self, sheet=sheet, prefix=prefix, features=features, held=held, initial_displacement=start,
+        )  # fmt: skip
+
+    def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:
+        """The launches of a stage, ready to run."""
+        return LaunchSequence(self.stages[self.prefix + name], repeat)
+
+    def run(self, name: str) -> None:
+        """Run a stage once, now."""
+        run_once(self.device, self.stages[self.prefix + name])
+
+    def use_fast_math(self, module: str) -> None:
+        """Let a module take the divisions, roots and exponentials of the hardware, in float32 on a GPU."""
+        wp.get_module(module).options["fast_math"] = self.bits == 32 and self.device.is_cuda
+
+    def compile(self) -> float:
+        """Build or load every kernel now; returns the seconds it took."""
+        begin = time.perf_counter()
+        launches: Iterable[Launch] = [launch for stage in self.stages.values() for launch in stage.launches()]
+        compile_launches(launches, self.device)
+        return time.perf_counter() - begin

@@ -1,0 +1,146 @@
+"""The register of fields: every array of a simulation, declared once with what it is for.
+
+Restart files, `plan`, the memory table, frames and (later) halo exchange read this register, so they cannot disagree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+import warp as wp
+
+Array: TypeAlias = "wp.array[Any]"
+
+# What an array has an entry for; tables never change, "once" is for single numbers and what is kept once.
+PER = ("point", "bond", "face", "body", "block", "table", "once")
+
+
+@dataclass(frozen=True)
+class Field:
+    """The declaration of an array.
+
+    Attributes:
+        name: What it holds.
+        owner: The part that asked for it.
+        per: What it has an entry for, one of PER; "bond" is [members, points].
+        restart: Whether a restart file keeps it; such names are unique in a simulation.
+        halo: Whether a halo of neighbouring points needs it, where a sheet is spread over devices.
+        output: Name under which frames show it, or "" if they do not.
+        density: Whether frames divide it by the volume of the point [m^3].
+    """
+
+    name: str
+    owner: str
+    per: str = "point"
+    restart: bool = False
+    halo: bool = False
+    output: str = ""
+    density: bool = False
+
+    def __post_init__(self) -> None:
+        if self.per not in PER:
+            raise ValueError(f"per = {self.per!r}: expected one of {PER}")
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A declared field and its array."""
+
+    field: Field
+    array: Array
+
+    @property
+    def name(self) -> str:
+        """What it holds."""
+        return self.field.name
+
+    @property
+    def owner(self) -> str:
+        """The part that asked for it."""
+        return self.field.owner
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes."""
+        return int(self.array.size) * int(wp.types.type_size_in_bytes(self.array.dtype))
+
+
+@dataclass(eq=False)
+class FieldRegister:
+    """All fields of a simulation on one device, in the order of their allocation.
+
+    Attributes:
+        device: The Warp device.
+        stored: The fields.
+    """
+
+    device: wp.Device
+    stored: list[Stored] = field(default_factory=list)
+
+    def __iter__(self) -> Iterator[Stored]:
+        return iter(self.stored)
+
+    def __getitem__(self, name: str) -> Array:
+        """The first array of this name.
+
+        Raises:
+            KeyError: if there is none.
+        """
+        for stored in self.stored:
+            if stored.name == name:
+                return stored.array
+        raise KeyError(name)
+
+    def allocate(self, declared: Field, dtype: Any, values: Any = None, shape: Any = None) -> Array:
+        """Allocate the array of a field, filled with `values` or with zeros of `shape`.
+
+        Raises:
+            ValueError: for a second restart field of the same name.
+        """
+        if declared.restart and any(s.field.restart and s.name == declared.name for s in self.stored):
+            raise ValueError(f"field {declared.name!r}: a restart field of this name exists already")
+        if values is None:
+            array = wp.zeros(shape, dtype=dtype, device=self.device)
+        else:
+            array = wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+        self.stored.append(Stored(declared, array))
+        return array
+
+    def kept(self) -> dict[str, Array]:
+        """Arrays that a restart file keeps, by name."""
+        return {s.name: s.array for s in self.stored if s.field.restart}
+
+    def shown(self) -> list[Stored]:
+        """Fields that frames show."""
+        return [s for s in self.stored if s.field.output]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        return sum(s.nbytes for s in self.stored)
+
+
+def on_cpu(array: Array) -> bool:
+    """Whether an array lies on a CPU."""
+    return array.device is not None and bool(array.device.is_cpu)
+
+
+def to_host(array: Array) -> np.ndarray:
+    """A copy on the host, in the precision of the device."""
+    # Of an array on a GPU, numpy() is a copy already.
+    return np.asarray(array.numpy().copy() if on_cpu(array) else array.numpy())
+
+
+def to_float64(array: Array) -> np.ndarray:
+    """A copy on the host, as float64 if it holds real numbers."""
+    values = to_host(array)
+    return values.astype(np.float64, copy=False) if values.dtype.kind == "f" else values
+
+
+def assign(array: Array, values: np.ndarray) -> None:
+    """Copy host values into a device array, in its own precision."""
+    scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)
+    array.assign(np.ascontiguousarray(values, dtype=wp.dtype_to_numpy(scalar)))

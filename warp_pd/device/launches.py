@@ -1,0 +1,277 @@
+"""Launches, and stages: lists of launches that run in order.
+
+A launch knows the arrays that it reads, gathers from neighbours, and writes (kernels/effects.py). From this follow
+which pointwise stages may share one launch, and what has to wait for a launch on a side stream.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import warp as wp
+
+from ..kernels.effects import Effects, Kernel
+from ..kernels.pointwise import Pointwise, every_point, in_turn
+from .fields import Array
+
+# Points that a thread of a CPU works through in a row, in a pointwise stage.
+POINT_RUN = 256
+
+
+@dataclass(frozen=True)
+class Touched:
+    """Arrays that a launch touches, by their address.
+
+    Attributes:
+        reads: At the own point, or where the launch knows nothing of points.
+        gathers: At other points.
+        writes: At the own point.
+    """
+
+    reads: frozenset[int] = frozenset()
+    gathers: frozenset[int] = frozenset()
+    writes: frozenset[int] = frozenset()
+
+    def __or__(self, other: Touched) -> Touched:
+        return Touched(self.reads | other.reads, self.gathers | other.gathers, self.writes | other.writes)
+
+    def may_share_launch(self, later: Touched) -> bool:
+        """Whether a later pointwise stage may run in the same launch: neither gathers what the other writes."""
+        return not (self.writes & later.gathers or self.gathers & later.writes)
+
+    def must_wait_for(self, earlier: Touched) -> bool:
+        """Whether this launch cannot run beside an earlier one."""
+        used = self.reads | self.gathers | self.writes
+        return bool(earlier.writes & used or self.writes & (earlier.reads | earlier.gathers))
+
+
+def arrays_in(arguments: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
+    """Names and arrays among arguments; those of structs as "struct.array"."""
+    for name, value in arguments.items():
+        if isinstance(value, wp.array):
+            yield name, value
+        elif hasattr(value, "_cls"):  # an instance of a Warp struct, whose class Warp does not export
+            members = {member: getattr(value, member) for member in value._cls.vars}
+            yield from ((f"{name}.{member}", array) for member, array in arrays_in(members))
+
+
+def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
+    """Arrays that a launch with these arguments touches."""
+    reads, gathers, writes = set(), set(), set()
+    for name, array in arrays_in(arguments):
+        if not array.ptr:
+            continue
+        if name in effects.writes:
+            writes.add(array.ptr)
+        elif effects.per != "point" or name in effects.gathers:
+            gathers.add(array.ptr)
+        else:
+            reads.add(array.ptr)
+    return Touched(frozenset(reads), frozenset(gathers), frozenset(writes))
+
+
+@dataclass(eq=False)
+class Launch:
+    """One kernel launch with its arguments.
+
+    Attributes:
+        name: The kernel's name, or those of the pointwise stages that it joins.
+        owner: The part that asked for it.
+        source: The kernel, one of whose arguments is called `first`, or a pointwise stage.
+        threads: Number of threads; of a pointwise stage, of points.
+        arguments: Value of every argument but `first` and `stop`, by name.
+        touched: Arrays that it touches.
+        block_dim: Threads of a block on CUDA.
+        begin: What the first thread gets for `first`.
+        module: Name of the Warp module of a pointwise stage's kernel.
+        run: Points per thread of a pointwise stage, or 0.
+        side_stream: Whether it may run beside the launches after it, up to the first that touches its arrays.
+    """
+
+    name: str
+    owner: str
+    source: Kernel | Pointwise
+    threads: int
+    arguments: dict[str, Any]
+    touched: Touched
+    block_dim: int
+    begin: int = 0
+    module: str = ""
+    run: int = 0
+    side_stream: bool = False
+
+    @property
+    def parts(self) -> list[str]:
+        """Names of what it does in turn."""
+        return self.name.split(", ")
+
+    @functools.cached_property
+    def kernel(self) -> wp.Kernel:
+        """The Warp kernel; that of a pointwise stage is declared on first use, once it is joined with others."""
+        if isinstance(self.source, Pointwise):
+            return every_point(self.source, self.run, self.module)
+        return self.source.kernel
+
+    def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
+        """Number of threads, and arguments in the kernel's order, for begin to end - 1 of its threads or points."""
+        places = {"first": begin, "stop": end} if self.run else {"first": begin}
+        values = {**self.arguments, **places}
+        return -(-(end - begin) // (self.run or 1)), [values[a.label] for a in self.kernel.adj.args]
+
+
+@dataclass(eq=False)
+class Call:
+    """A step that is no Warp kernel, such as Torch on arrays that it shares with Warp.
+
+    Attributes:
+        name: What it does.
+        owner: The part that asked for it.
+        threads: Rows that it works on.
+        function: Does it, on Warp's stream of the device.
+        capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may hold this call.
+        touched: Arrays that it touches.
+    """
+
+    name: str
+    owner: str
+    threads: int
+    function: Callable[[], None]
+    capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]]
+    touched: Touched
+
+    side_stream = False
+
+    @property
+    def parts(self) -> list[str]:
+        """Its name."""
+        return [self.name]
+
+
+Item: TypeAlias = Launch | Call
+
+
+@dataclass(eq=False)
+class Stage:
+    """Launches that run in order.
+
+    Attributes:
+        name: Name, unique in a simulation.
+        when: How often it runs, for `plan`.
+        device: The Warp device.
+        module: Name of the Warp module of pointwise stages.
+        block_dim: Threads of a block on CUDA.
+        items: The launches.
+        wraparound: In a stage that follows itself, one launch in place of its last and then its first; or None.
+    """
+
+    name: str
+    when: str
+    device: wp.Device
+    module: str
+    block_dim: int
+    items: list[Item]
+    wraparound: Launch | None = None
+
+    def __iter__(self) -> Iterator[Item]:
+        return iter(self.items)
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def launch(
+        self,
+        owner: str,
+        kernel: Kernel,
+        threads: int,
+        *,
+        begin: int = 0,
+        block_dim: int | None = None,
+        side_stream: bool = False,
+        **arguments: Any,
+    ) -> None:
+        """Add a launch; `begin` is what the first thread gets for `first`.
+
+        Raises:
+            TypeError: if an argument is missing or unknown.
+        """
+        expected = {a.label for a in kernel.kernel.adj.args} - {"first"}
+        _check_names(f"launch of {kernel.name}", expected, set(arguments))
+        made = Launch(
+            kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
+            block_dim or self.block_dim, begin, side_stream=side_stream,
+        )  # fmt: skip
+        self.items.append(made)
+
+    def pointwise(self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, **arguments: Any) -> None:
+        """Add a pointwise stage; it shares the launch before, if that is pointwise on the same points and may.
+
+        Raises:
+            TypeError: if an argument is missing or unknown.
+        """
+        _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
+        values = part.arguments()
+        for name, value in arguments.items():
+            if value is not None:
+                setattr(values, name, value)
+        run = 1 if self.device.is_cuda else POINT_RUN
+        launch = Launch(
+            part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
+            begin, self.module, run,
+        )  # fmt: skip
+        joined = _joined(self.items[-1], launch) if self.items else None
+        self.items[-1 if joined else len(self.items) :] = [joined or launch]
+
+    def call(self, call: Call) -> None:
+        """Add a step that is no kernel."""
+        self.items.append(call)
+
+    def fuse_wraparound(self) -> None:
+        """Let the last launch share one with the first, where the stage follows itself and they may."""
+        if len(self.items) > 1:
+            self.wraparound = _joined(self.items[-1], self.items[0])
+
+    def launches(self) -> Iterator[Launch]:
+        """Every kernel launch, that of the wraparound included."""
+        yield from (item for item in self.items if isinstance(item, Launch))
+        if self.wraparound is not None:
+            yield self.wraparound
+
+
+def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
+    """Build or load every kernel now."""
+    for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
+        # A launch on a CPU has blocks of one thread; a module built for other blocks would be built again there.
+        module.load(device, block_dim if device.is_cuda else 1)
+
+
+def _check_names(what: str, expected: set[str], given: set[str]) -> None:
+    """Compare the names of arguments.
+
+    Raises:
+        TypeError: if one is missing or unknown.
+    """
+    if expected != given:
+        raise TypeError(f"{what}: missing {sorted(expected - given)}, unknown {sorted(given - expected)}")
+
+
+def _joined(first: Item, second: Item) -> Launch | None:
+    """One launch of two of pointwise stages on the same points, or None."""
+    if not (isinstance(first, Launch) and isinstance(second, Launch)):
+        return None
+    if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):
+        return None
+    if (first.threads, first.begin) != (second.threads, second.begin):
+        return None
+    if not first.touched.may_share_launch(second.touched):
+        return None
+    part = in_turn(first.source, second.source, first.module)
+    both = part.arguments()
+    both.a, both.b = first.arguments["arguments"], second.arguments["arguments"]
+    owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))
+    return replace(
+        first, name=part.name, owner=owner, source=part, arguments={"arguments": both},
+        touched=first.touched | second.touched,
+    )  # fmt: skip

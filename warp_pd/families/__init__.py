@@ -1,0 +1,17 @@
+"""Families of bonds on the host: stencil of a lattice or table of a cloud, masks of their intersections."""
+
+from .build import build_families, require_diagonals
+from .masks import pack, unpack
+from .tables import INFLUENCE, Families, InfluenceFunction, influence_function, inverse_shape
+
+__all__ = [
+    "INFLUENCE",
+    "Families",
+    "InfluenceFunction",
+    "build_families",
+    "influence_function",
+    "inverse_shape",
+    "pack",
+    "require_diagonals",
+    "unpack",
+]

@@ -1,0 +1,68 @@
+"""Families of every point of a sheet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..checks import InputError, finite
+from ..sheet import Sheet
+from .cloud import cloud_families
+from .lattice import lattice_families
+from .tables import TOLERANCE, Families, InfluenceFunction, influence_function
+
+# Largest horizon in spacings: beyond, the masks of a family's intersections take gigabytes.
+MAX_HORIZON = 16.0
+
+
+def build_families(
+    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, depth: int = 0, intersections: bool = True
+) -> Families:
+    """Families of every point.
+
+    Args:
+        sheet: The sheet; a lattice shares one stencil.
+        horizon: Horizon over the spacing of the sheet [-].
+        influence: Name of an influence function, or a function of r = |X| / horizon.
+        depth: On a lattice, points up to this many spacings from an edge keep rows of their own, more than
+            the families alone would need (corrected weights differ that far inside).
+        intersections: Whether the law asks for intersections of families; without them no masks are made, and
+            the horizon may be as short as one spacing.
+
+    Raises:
+        InputError: for a horizon too small for any intersection to hold two directions, one larger than the sheet
+            or than 16 spacings, or a point without neighbours.
+    """
+    ratio = finite("horizon", horizon)
+    if ratio < 1.0:
+        raise InputError(f"horizon = {horizon!r}: allowed is 1 spacing or more, and 1.42 on a lattice")
+    across = float(np.ptp(sheet.points, axis=0).max()) / sheet.spacing * (1.0 + TOLERANCE)
+    if ratio > min(across, MAX_HORIZON):
+        raise InputError(
+            f"horizon = {horizon!r}: allowed is up to {min(across, MAX_HORIZON):.4g} spacings, "
+            + (
+                f"for the sheet is {across:.4g} spacings long"
+                if across < MAX_HORIZON
+                else "beyond, families get too large"
+            )
+        )
+    function = influence_function(influence)
+    if intersections:
+        require_diagonals(sheet, horizon)
+    if sheet.lattice is not None:
+        return lattice_families(sheet, ratio * sheet.spacing, function, depth, intersections)
+    return cloud_families(sheet, ratio * sheet.spacing, function, intersections)
+
+
+def require_diagonals(sheet: Sheet, horizon: float) -> None:
+    """Check that the families of a lattice determine deformation gradients.
+
+    Raises:
+        InputError: for a horizon, over the spacing, that leaves out the diagonal neighbours.
+    """
+    if sheet.lattice is None:
+        return
+    if horizon * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
+        raise InputError(
+            f"horizon = {horizon!r}: allowed on a lattice is 1.42 or more, "
+            f"so that families hold their diagonal neighbours"
+        )

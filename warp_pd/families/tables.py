@@ -1,0 +1,201 @@
+"""Families of bonds on the host, and the shape tensors of their intersections.
+
+Lengths are divided by the horizon and areas by the mean area of a point (the reference area), so that the
+tables hold numbers of order one in any units. For bond (i,j), the intersection D_ij holds the members k of
+H_i with |X_k - X_j| <= horizon, j included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import one_of
+from ..cores import cores
+from ..kernels.families import WORD
+from ..kernels.kinematics import DEGENERATE
+from .masks import unpack
+
+# Relative tolerance of lengths that are compared with the horizon.
+TOLERANCE = 1e-9
+# Entries of a table, or of points times members squared, that a core works on at once: they stay in its cache.
+BLOCK = 200_000
+
+InfluenceFunction = Callable[[np.ndarray], np.ndarray]
+INFLUENCE: dict[str, InfluenceFunction] = {
+    "linear": lambda r: 1.0 - r,
+    "inverse": lambda r: 1.0 / r,
+    "inverse_square": lambda r: 1.0 / r**2,
+}
+
+
+def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
+    """The influence function of r = |X| / horizon, by name or as it is.
+
+    Raises:
+        InputError: for an unknown name.
+    """
+    if callable(influence):
+        return influence
+    return INFLUENCE[one_of("influence", influence, INFLUENCE)]
+
+
+@dataclass(eq=False)
+class Families:
+    """Rows of families: one per point on a cloud, one per class of points with the same surroundings on a lattice.
+
+    R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
+
+    Attributes:
+        horizon: [m].
+        reference_area: Mean area of a point [m^2].
+        exists: shape (R, n).
+        bonds: X / horizon, shape (R, n, 2), or (n, 2) where all rows share a stencil.
+        influence: w, shape (R, n) or (n,).
+        common: Masks of the intersections over all members of the stencil or row, uint32, shape
+            (R, n, words) or (n, words); empty for laws that do not read them.
+        member_areas: Area of each member over the reference area, shape (R, n).
+        areas: Area of the row's point over the reference area, shape (R,).
+        family_class: Row of each point, shape (N,), on a lattice; None on a cloud, where point i has row i.
+        neighbours: Index of each member, -1 if it does not exist, shape (N, n), on a cloud.
+        reverses: Member index of the reverse bond, under which a member sees the point, shape (N, n), or (n,) on a
+            lattice.
+        shift: Index offset of each member, shape (n,), on a lattice.
+        steps: Lattice steps to each member, shape (n, 2), on a lattice.
+        first: A point of each row, shape (R,), on a lattice.
+        severed: Whether the row lost members to a cut, shape (R,).
+        stiffness: Factor on the moduli of the row's point, shape (R,), or None on a sheet of one material.
+    """
+
+    horizon: float
+    reference_area: float
+    exists: np.ndarray
+    bonds: np.ndarray
+    influence: np.ndarray
+    common: np.ndarray
+    member_areas: np.ndarray
+    areas: np.ndarray
+    reverses: np.ndarray
+    family_class: np.ndarray | None = None
+    neighbours: np.ndarray | None = None
+    shift: np.ndarray | None = None
+    steps: np.ndarray | None = None
+    first: np.ndarray | None = None
+    severed: np.ndarray | None = None
+    stiffness: np.ndarray | None = None
+
+    @property
+    def layout(self) -> str:
+        """Layout: "lattice" or "cloud"."""
+        return "cloud" if self.family_class is None else "lattice"
+
+    @property
+    def members(self) -> int:
+        """Most members of a family."""
+        return int(self.exists.shape[1])
+
+    @property
+    def words(self) -> int:
+        """32-bit words of a mask."""
+        return -(-self.members // WORD)
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(self.exists) if self.family_class is None else len(self.family_class)
+
+    @property
+    def member_shares(self) -> np.ndarray:
+        """c_k = w a_k of each member over the reference area, shape (R, n); zero where there is none."""
+        return np.asarray(np.where(self.exists, self.influence, 0.0) * self.member_areas)
+
+    @property
+    def bond_count(self) -> int:
+        """Number of bonds, each counted from both ends."""
+        sizes = self.exists.sum(axis=1)
+        return int(sizes.sum() if self.family_class is None else sizes[self.family_class].sum())
+
+    def rows_of_points(self, values: np.ndarray) -> np.ndarray:
+        """Values by row, shape (R, ...), as values by point, shape (N, ...)."""
+        return values if self.family_class is None else values[self.family_class]
+
+    def heads(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
+        """Point indices of members of points, shapes that broadcast; meaningless for bonds that do not exist."""
+        if self.neighbours is not None:
+            return np.asarray(self.neighbours[points, members], dtype=np.int64)
+        assert self.shift is not None
+        return np.asarray(np.asarray(points, dtype=np.int64) + self.shift[members])
+
+    def reverse_members(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
+        """Member indices of the reverse bonds, shapes that broadcast."""
+        return np.asarray(self.reverses[points, members] if self.reverses.ndim == 2 else self.reverses[members])
+
+    def members_of(self, points: np.ndarray) -> np.ndarray:
+        """Point indices of the members of some undamaged families.
+
+        Args:
+            points: Point indices, shape (P,).
+
+        Returns:
+            shape (P, members); -1 where a member does not exist.
+        """
+        points = np.asarray(points, dtype=np.int64)
+        exists = self.exists[points] if self.family_class is None else self.exists[self.family_class[points]]
+        heads = self.heads(points[:, None], np.arange(self.members)[None])
+        return np.where(exists, heads, -1)
+
+    def stiffened(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of the energy by row, shape (R, n), times the factor on the moduli."""
+        return weights if self.stiffness is None else self.stiffness[:, None] * weights
+
+    def inverse_shapes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Inverse shape tensors and sizes of the intersections of every row.
+
+        Returns:
+            K_ij^-1 (components 11, 12, 22; zero where degenerate), shape (R, n, 3), and |D_ij| over the
+            reference area (zero where degenerate or where the bond does not exist), shape (R, n).
+        """
+        rows, n = self.exists.shape
+        inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
+
+        def fill(part: slice) -> None:
+            inverse[part], size[part] = self._shapes_of(part)
+
+        in_blocks(rows, n * n, fill)
+        return inverse, size
+
+    def _shapes_of(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
+        shared = self.bonds.ndim == 2
+        bonds = self.bonds[None] if shared else self.bonds[part]
+        c = np.where(self.exists[part], self.influence if shared else self.influence[part], 0.0)
+        c = c * self.member_areas[part]
+        mask = unpack(self.common if shared else self.common[part], self.members).astype(np.float64)
+        products = c[..., None] * np.stack(
+            [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
+        )
+        terms = np.concatenate(
+            [products, np.where(self.exists[part], self.member_areas[part], 0.0)[..., None]], axis=-1
+        )
+        sums = mask @ terms
+        shape, size = sums[..., :3], sums[..., 3]
+        inverse, usable = inverse_shape(shape)
+        usable &= self.exists[part]
+        return np.where(usable[..., None], inverse, 0.0), np.where(usable, size, 0.0)
+
+
+def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse of shape tensors (11, 12, 22), shape (..., 3); zero where degenerate, and where not, shape (...)."""
+    determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
+    usable = determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2
+    inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
+    inverse /= np.where(usable, determinant, 1.0)[..., None]
+    return np.where(usable[..., None], inverse, 0.0), usable
+
+
+def in_blocks(rows: int, entries: int, work: Callable[[slice], None]) -> None:
+    """Do the work on slices of the rows, of so many entries each, on all cores."""
+    step = max(1, BLOCK // entries)
+    for _ in cores().map(work, [slice(begin, min(begin + step, rows)) for begin in range(0, rows, step)]):
+        pass

@@ -1,0 +1,158 @@
+"""The bond-based force law: bonds that pull along themselves, by a pairwise law of their strain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, one_of, positive
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..families import Families, build_families
+from ..interfaces import BuiltLaw, Tangent
+from ..kernels.bond_based import bond_based
+from ..kernels.effects import Kernel
+from ..materials import PairwiseMaterial, check_material
+from ..phases import Phase
+from .bond_based_tangent import BondBasedTangent
+from .family_law import FamilyLaw
+
+# g of c_i = g E / sum_j |X_ij| V_j (IM eq. 4): 4/(1 - nu) with nu = 1/3 in plane stress, and 2 along a line.
+STIFFNESS = {"plane stress": 6.0, "line": 2.0}
+FIELDS = ("principal_stress", "wrinkle_level")
+
+
+@dataclass(frozen=True)
+class BondBased:
+    """Bond-based peridynamics: f = c s n, with the micro-modulus c of each point from its own family (IM eq. 4).
+
+    Plane stress has Poisson's ratio 1/3, as all bond-based laws. A bond takes the mean of the micro-moduli of its
+    two points: then forces come in pairs and have an energy, which Newton's method asks for. (The paper writes c
+    for a bond without saying whose; its stiffness is symmetric only if both ends have the same.) Under uniform
+    isotropic strain the energy is exact at every point, edges included; under other strains it is that of the
+    lattice: see tests/test_bond_based.py.
+
+    A sheet at rest resists in its plane alone. Plane problems hold all displacements across it:
+    `Fixed(range(sheet.size), "z")`.
+
+    Attributes:
+        material: A pairwise material, such as Bimodular.
+        horizon: Horizon over the spacing of the sheet [-], 1 or more.
+        state: "plane stress", or "line" for a sheet of one row of points.
+    """
+
+    material: PairwiseMaterial
+    horizon: float = 3.0
+    state: str = "plane stress"
+
+    weights: ClassVar[str] = "pairwise"
+    has_tangent: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        positive("horizon", self.horizon)
+        one_of("state", self.state, STIFFNESS)
+        check_material(self.material, "pairwise")
+
+    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+        """What decides which kernels are compiled."""
+        return (layout, self.material.pairwise, breakable)
+
+    def build(self, context: Context) -> BuiltLaw:
+        """Families and tables on the device.
+
+        Raises:
+            InputError: for a state that the sheet does not have, or a horizon that it does not allow.
+        """
+        return BondBasedForce(self, context)
+
+
+class BondBasedForce(FamilyLaw):
+    """The law on one sheet and device."""
+
+    weights = "pairwise"
+    has_energy = True
+    breaks_at_rest = True
+    offered_fields = FIELDS
+
+    def __init__(self, law: BondBased, context: Context) -> None:
+        sheet, self.law = context.sheet, law
+        line = sheet.lattice is not None and sheet.lattice.rows == 1
+        if line != (law.state == "line"):
+            raise InputError(
+                f"state = {law.state!r} on a sheet {'of one row of points' if line else 'in the plane'}: "
+                f"expected {'line' if line else 'plane stress'!r}"
+            )
+        families = build_families(sheet, law.horizon, "inverse", intersections=False)
+        weights = families.stiffened(_bond_weights(families, STIFFNESS[law.state]))
+        super().__init__("BondBased", law, context, families, None, weights)
+        breakable = context.features.breakable
+        self.kernels = bond_based(families.layout, context.bits, law.material.pairwise, breakable, context.module)
+        self.earlier_energy = self.kernels.earlier_energy
+        self._shown: dict[str, Array] = {}
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase; at frames also those of further fields."""
+        super().add(phase, stage)
+        if phase is Phase.FRAME:
+            for name, array in self._shown.items():
+                stress = name == "principal_stress"
+                stage.launch(
+                    self.owner, self.kernels.principal_stress if stress else self.kernels.wrinkle_level, self.points,
+                    **self.family_arguments(self.context.state.displacement),
+                    **({"constants": self.constants} if stress else {}), out=array,
+                )  # fmt: skip
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        stage.launch(
+            self.owner, self.kernels.pair_force, self.points,
+            **self.family_arguments(displacement), constants=self.constants,
+            unit_force=self.unit_volume * self.inverse_horizon, force=out,
+        )  # fmt: skip
+
+    def energy_kernel(self) -> Kernel:
+        """Kernel of the energy of each family."""
+        return self.kernels.strain_energy
+
+    def fictitious_mass(self, stage: Stage) -> Array | None:
+        """Add the launch that fills an array (N,) with the sums of the rows of the stiffness [N/m]."""
+        context = self.context
+        density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
+        scale = max(self.law.material.constants) * self.thickness
+        stage.launch(
+            self.owner, self.kernels.row_sums, self.points,
+            **self.family_arguments(context.state.displacement), constants=self.constants,
+            unit_stiffness=self.unit_volume * self.inverse_horizon**2, least=1e-3 * scale, density=density,
+        )  # fmt: skip
+        return density
+
+    def tangent(self, context: Context, geometric: bool) -> Tangent:
+        """The tangent for Newton's method."""
+        return BondBasedTangent(self, self.law.material, context, geometric)
+
+    def request_fields(self, names: Sequence[str]) -> None:
+        """Let frames show further fields.
+
+        Args:
+            names: "principal_stress": largest and smallest principal virial stress [Pa] and the angle of the
+                largest to the x axis [rad], (N,) vec3; "wrinkle_level": share of compressed bonds [-], (N,).
+
+        Raises:
+            InputError: for another name.
+        """
+        for name in names:
+            one_of("fields", name, FIELDS)
+            dtype = self.context.types.vec3 if name == "principal_stress" else wp.float32
+            self._shown[name] = self.context.array(name, self.owner, dtype, shape=self.points, output=name)
+
+
+def _bond_weights(families: Families, stiffness: float) -> np.ndarray:
+    """W_ik = (g/2) a_i a_k |xi_ik| / sum_k |xi_ik| a_k by row, areas over the reference area, shape (R, n)."""
+    length = np.where(families.exists, np.linalg.norm(families.bonds, axis=-1), 0.0)
+    share = length * families.member_areas
+    return np.asarray(0.5 * stiffness * families.areas[:, None] * share / share.sum(axis=1, keepdims=True))

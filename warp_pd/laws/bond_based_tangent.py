@@ -1,0 +1,148 @@
+"""The tangent of the bond-based law: one 3x3 block per bond, on the device, and as a sparse matrix on the host."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..families import unpack
+from ..interfaces import Solve
+from ..kernels.bond_based import bond_based_tangent
+from ..materials import PairwiseMaterial, capabilities
+from .family_law import FamilyLaw
+from .sparse import factorised
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
+
+OWNER = "Newton"
+# Tension over the modulus that the tangent always has, so that a point whose bonds are all slack or broken stays in
+# the matrix; and times the relative residual where bonds can go slack: it keeps points that nothing holds from
+# flying off (strips of docs/wrinkling.md take half the steps), and fades fast enough to leave the convergence
+# quadratic. It takes no part in the force, so it changes the way to the answer and not the answer.
+MIN_TENSION = 1e-10
+SLACK_SHARE = 1e-2
+SLACK = 1e-6
+
+
+class BondBasedTangent:
+    """The stiffness of every bond, kept on the device.
+
+    Attributes:
+        blocks: Stiffness of the bonds [N/m], upper triangles, (members, N) vec6.
+        inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
+    """
+
+    direct_points = 100_000
+
+    def __init__(self, force: FamilyLaw, material: PairwiseMaterial, context: Context, geometric: bool) -> None:
+        """Allocate the tangent; `geometric`: whether the tension of the bonds has its part in the stiffness."""
+        self.material = material
+        self.force, self.context, self.held = force, context, context.held
+        t, shape = context.types, (force.families.members, force.points)
+        self.blocks = context.array("bond_stiffness", OWNER, t.vec6, shape=shape, per="bond")
+        self.inverse_blocks = context.array("inverse_blocks", OWNER, t.mat33, shape=force.points)
+        self.kernels = bond_based_tangent(
+            context.layout, context.bits, material.pairwise, force.intact is not None, context.features.held,
+            geometric, context.module,
+        )  # fmt: skip
+
+    def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
+        """Add the launches that take the tangent at a displacement, with an isotropic tension [Pa] added."""
+        force = self.force
+        stage.launch(
+            OWNER, self.kernels.linearise, force.points,
+            **force.family_arguments(displacement), constants=force.constants,
+            unit_stiffness=force.unit_volume * force.inverse_horizon**2, tension=tension, blocks=self.blocks,
+        )  # fmt: skip
+        stage.launch(
+            OWNER, self.kernels.inverse_blocks, force.points,
+            family=force.struct, blocks=self.blocks, held_mask=self.context.state.held_mask, out=self.inverse_blocks,
+        )  # fmt: skip
+
+    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+        """Add the launch that fills `change` [N] with the change of the force along a direction [m]."""
+        force = self.force
+        stage.launch(
+            OWNER, self.kernels.product, force.points,
+            family=force.struct, intact=force.intact, blocks=self.blocks, direction=direction, change=change,
+        )  # fmt: skip
+
+    def min_tension(self, relative: float) -> float:
+        """Isotropic tension [Pa] in the tangent, at a relative residual."""
+        goes_slack = capabilities(self.material).goes_slack
+        slack = SLACK_SHARE * min(relative, 1.0) if goes_slack else 0.0
+        return max(slack, MIN_TENSION) * self.modulus()
+
+    def is_slack(self) -> bool:
+        """Whether points may leave the plane and nothing holds them back: a flat sheet without tension."""
+        free = self.held & 4 == 0
+        if not free.any():
+            return False
+        blocks = np.abs(self.blocks.numpy()[:, free])
+        return bool(blocks[..., 5].max() < SLACK * blocks[..., [0, 3]].max())
+
+    def modulus(self) -> float:
+        """Modulus of stretched bonds [Pa]."""
+        return float(self.material.constants[0])
+
+    def sparse(self) -> BondBasedMatrix:
+        """The tangent as a sparse matrix."""
+        return BondBasedMatrix(self)
+
+
+class BondBasedMatrix:
+    """The stiffness of all bonds as a sparse matrix, for a direct factorisation on the host.
+
+    Follower pressure is left out: the matrix is symmetric.
+    """
+
+    def __init__(self, tangent: BondBasedTangent) -> None:
+        self.tangent = tangent
+        self.free = ((tangent.held[:, None] >> np.arange(3)) & 1 == 0).ravel()
+        families = tangent.force.families
+        point, member = np.nonzero(families.rows_of_points(families.exists))
+        neighbour = families.heads(point, member)
+        self._bonds = member, point
+        # Entries of the matrix: component c of the point against d of its member, and against its own d.
+        number = np.cumsum(self.free) - 1
+        c, d = (axis.ravel() for axis in np.meshgrid(np.arange(3), np.arange(3), indexing="ij"))
+        row, across, own = 3 * point[:, None] + c, 3 * neighbour[:, None] + d, 3 * point[:, None] + d
+        self._off, self._diagonal = self.free[row] & self.free[across], self.free[row] & self.free[own]
+        rows = np.concatenate([number[row[self._off]], number[row[self._diagonal]]])
+        columns = np.concatenate([number[across[self._off]], number[own[self._diagonal]]])
+        self._size = int(self.free.sum())
+        order = np.lexsort((rows, columns))
+        new = np.ones(len(order), bool)
+        new[1:] = (np.diff(rows[order]) != 0) | (np.diff(columns[order]) != 0)
+        self._order, self._begins = order, np.flatnonzero(new)
+        self._rows = rows[order][new]
+        self._starts = np.concatenate([[0], np.cumsum(np.bincount(columns[order][new], minlength=self._size))])
+
+    def matrix(self) -> csc_matrix:
+        """K of the free components [N/m], shape (free, free)."""
+        from scipy import sparse
+
+        member, point = self._bonds
+        blocks = self.tangent.blocks.numpy()[member, point].astype(np.float64)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
+        entries = np.concatenate([-blocks[self._off], blocks[self._diagonal]])
+        data = np.add.reduceat(entries[self._order], self._begins)
+        matrix = sparse.csc_matrix((data, self._rows, self._starts), shape=(self._size, self._size))
+        if self.tangent.force.intact is not None:
+            # A point that lost every bond is in equilibrium where it is.
+            matrix += sparse.diags(self._lost().astype(np.float64), format="csc")
+        return matrix
+
+    def _lost(self) -> np.ndarray:
+        families, intact = self.tangent.force.families, self.tangent.force.intact
+        assert intact is not None
+        lost = ~unpack(intact.numpy().T, families.members).any(axis=1)
+        return np.asarray(np.repeat(lost, 3)[self.free] * self.tangent.modulus() * self.tangent.force.thickness)
+
+    def factorise(self) -> Solve | None:
+        """Solver of K x = b on arrays of shape (N, 3); None if K is singular."""
+        return factorised(self.matrix(), self.free)

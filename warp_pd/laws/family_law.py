@@ -1,0 +1,174 @@
+"""What all force laws of families keep on a device."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..families import Families, pack
+from ..interfaces import BuiltLaw, Law, Tangent
+from ..kernels.effects import Kernel
+from ..kernels.pointwise import Pointwise
+from ..materials import padded_constants
+from ..phases import Phase
+from ..sheet import Sheet
+from .family_struct import family_struct
+
+
+def require_one_material(sheet: Sheet, what: str) -> None:
+    """Check that a sheet is of one material, for what knows no other.
+
+    Raises:
+        InputError: if it is not.
+    """
+    if sheet.stiffness is not None:
+        raise InputError(f"sheet.stiffness: expected a sheet of one material with {what}")
+
+
+class FamilyLaw(BuiltLaw):
+    """A law on one sheet and device: its families, the intact bonds, its constants.
+
+    Attributes:
+        owner: Name of the law, in the lists of arrays and launches.
+        context: Arrays and stages.
+        points: Number of points.
+        thickness: Of the sheet [m].
+        fields: Further point fields of the frames that the law offers.
+    """
+
+    owner: str
+    correction: dict[str, float] | None = None
+    earlier_energy: wp.Function | None = None
+    breaks_at_rest: bool = False
+    coarsens: bool = False
+    offered_fields: Sequence[str] = ()
+
+    def __init__(
+        self,
+        owner: str,
+        law: Law,
+        context: Context,
+        families: Families,
+        inverse: np.ndarray | None,
+        weights: np.ndarray,
+    ) -> None:
+        """Put the families on the device.
+
+        Args:
+            owner: Name of the law.
+            law: What the user wrote.
+            context: Where to put arrays.
+            families: The families.
+            inverse: K^-1 by row, shape (R, n, 3), or None for laws that know no intersections.
+            weights: By row, shape (R, n).
+        """
+        self.owner, self.label, self.context, self.families = owner, f"force = {owner}", context, families
+        self.horizon = law.horizon
+        self.struct = family_struct(families, context, owner, inverse, weights)
+        self.intact: Array | None = None
+        if context.features.breakable:
+            bits = families.rows_of_points(pack(families.exists)).T
+            self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True)
+        self.thickness = context.sheet.thickness
+        self.points = context.sheet.size
+        self.constants = context.types.parameters(*padded_constants(law.material))
+        self.inverse_horizon = 1.0 / families.horizon
+        self.unit_volume = self.thickness * families.reference_area
+
+    @functools.cached_property
+    def strain_energy(self) -> Array | None:
+        """Energy of each family [J] as of the last frame, (N,) float64; None without an energy."""
+        if not self.has_energy:
+            return None
+        return self.context.array(
+            "strain_energy", self.owner, wp.float64, shape=self.points, output="strain_energy_density", density=True
+        )
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the internal force in a step, and the strain energy at frames."""
+        state = self.context.state
+        if phase is Phase.INTERNAL_FORCE:
+            self.add_force(stage, state.displacement, state.force)
+        elif phase is Phase.FRAME and self.strain_energy is not None:
+            self.add_energy(stage, state.displacement, self.strain_energy)
+
+    def sums(self) -> Mapping[str, Array]:
+        """The strain energy."""
+        return {} if self.strain_energy is None else {"strain": self.strain_energy}
+
+    def family_arguments(self, displacement: Array) -> dict[str, Any]:
+        """Arguments that all launches of a law share."""
+        return {
+            "family": self.struct,
+            "intact": self.intact,
+            "displacement": displacement,
+            "inverse_horizon": self.inverse_horizon,
+        }
+
+    def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
+        """Add the pointwise stage that sums the pairs of each point [N], (members, N), to its force [N]."""
+        stage.pointwise(
+            self.owner, gather, self.points, family=self.struct, intact=self.intact, bond_force=bond_force, force=force
+        )
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
+        stage.launch(
+            self.owner, self.energy_kernel(), self.points,
+            **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume, out=out,
+        )  # fmt: skip
+
+    def energy_kernel(self) -> Kernel:
+        """Kernel of the energy of each family, of a law that has one."""
+        raise NotImplementedError(f"{self.owner}.energy_kernel: a law with an energy needs one")
+
+    def bond_force(self) -> Array:
+        """What the family of a point does to each of its pairs.
+
+        Raises:
+            InputError: if the law does not keep it.
+        """
+        raise InputError(
+            f"damage = CriticalEnergy with {self.owner}: expected Visco, ViscoBondBased, or BondAssociated with "
+            f"fast = False and weights that conserve energy"
+        )
+
+    def fictitious_mass(self, stage: Stage) -> Array | None:
+        """None: the law has no fictitious mass."""
+        return None
+
+    def tangent(self, context: Context, geometric: bool) -> Tangent:
+        """The tangent for Newton's method.
+
+        Raises:
+            InputError: if the law has none.
+        """
+        raise InputError(
+            f"force = {self.owner}: expected BondAssociated or BondBased, which have a tangent, with the solver "
+            f"Newton; take the solver Relaxation"
+        )
+
+    def request_fields(self, names: Sequence[str]) -> None:
+        """Let frames show further fields of the law.
+
+        Raises:
+            InputError: for names that it does not offer.
+        """
+        if names:
+            offered = ", ".join(repr(name) for name in self.offered_fields) or "none"
+            raise InputError(f"fields = {list(names)!r}: expected {offered} with the law {self.owner}")
+
+    def likely_cause(self) -> str:
+        """What to suspect where a run diverged."""
+        if not self.has_energy:
+            return "the law has no energy: it can pump it in; try damping or the law bond_associated"
+        torn = ", as torn edges do" if self.intact is not None else ""
+        return f"the sheet stiffened faster than the step followed{torn}; try a smaller safety"

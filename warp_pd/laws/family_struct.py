@@ -1,0 +1,82 @@
+"""The tables of families on a device."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.context import Context
+from ..families import Families, pack
+from ..families.tables import in_blocks
+from ..kernels.families import family_functions
+
+
+def _by_member(values: np.ndarray, scalar: Any, axes: tuple[int, ...] = (1, 0)) -> np.ndarray:
+    """A table by point, shape (N, n, ...), with its axes in another order, in the type of the device."""
+    table = np.empty([values.shape[axis] for axis in axes], scalar)
+    by_point = table.transpose(np.argsort(axes))
+
+    def fill(part: slice) -> None:
+        by_point[part] = values[part]
+
+    in_blocks(len(values), max(1, values[0].size), fill)
+    return table
+
+
+def family_struct(
+    families: Families,
+    context: Context,
+    owner: str,
+    inverse: np.ndarray | None,
+    weights: np.ndarray,
+) -> Any:
+    """The tables on the device, as the struct of `kernels.families`.
+
+    Args:
+        families: The rows.
+        context: Takes the arrays.
+        owner: Who asked.
+        inverse: K^-1 by row, shape (R, n, 3); None where the law knows no intersections: neither these nor
+            their masks are put on the device then.
+        weights: W over the reference area by row, shape (R, n).
+    """
+    types = context.types
+    s: Any = family_functions(families.layout, types.bits, context.module).struct()
+    s.members, s.words = families.members, families.words
+    family_areas = families.member_areas.sum(axis=1)
+    real = wp.dtype_to_numpy(types.real)
+
+    def put(name: str, values: np.ndarray, dtype: Any) -> Any:
+        return context.array(name, owner, dtype, values, per="table")
+
+    if families.shift is not None and families.family_class is not None:
+        s.stencil_shift = put("stencil_shift", families.shift, wp.int32)
+        s.stencil_reverse = put("stencil_reverse", families.reverses, wp.int32)
+        s.stencil_bond = put("stencil_bond", families.bonds, types.vec2)
+        s.stencil_influence = put("stencil_influence", families.influence, types.real)
+        if families.common.size:
+            s.stencil_common = put("stencil_common", families.common, wp.uint32)
+        s.family_class = put("family_class", families.family_class, wp.int32)
+        s.class_initial = put("class_initial", pack(families.exists), wp.uint32)
+        if inverse is not None:
+            s.class_shape = put("class_shape", inverse, types.vec3)
+        s.class_weight = put("class_weight", weights, types.real)
+        s.class_area = put("class_area", families.areas, types.real)
+        s.class_family_area = put("class_family_area", family_areas, types.real)
+        return s
+    assert families.neighbours is not None
+    s.neighbours = put("neighbours", _by_member(families.neighbours, np.int32), wp.int32)
+    s.reverses = put("reverses", _by_member(families.reverses, np.int32), wp.int32)
+    s.bonds = put("bonds", _by_member(families.bonds, real, (1, 0, 2)), types.vec2)
+    s.influences = put("influences", _by_member(families.influence, real), types.real)
+    if families.common.size:
+        s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
+    s.initials = put("initials", pack(families.exists).T, wp.uint32)
+    if inverse is not None:
+        s.shapes = put("shapes", _by_member(inverse, real, (1, 0, 2)), types.vec3)
+    s.weights = put("weights", _by_member(weights, real), types.real)
+    s.areas = put("areas", families.areas, types.real)
+    s.family_areas = put("family_areas", family_areas, types.real)
+    return s

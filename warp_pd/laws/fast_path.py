@@ -1,0 +1,191 @@
+"""Fast kernels of the variational bond-associated law, and when they are taken.
+
+Undamaged families inside a square lattice have a kernel of their own, if the material is isotropic. On a GPU it puts
+all other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too small
+to fill a GPU with one thread per point, use the second kernel alone. Threads of a CPU share no memory: there all other
+points use the reference kernel.
+
+The forces between the points of large lattices pass through a ring, a strip of the sheet at a time: they would take
+most of the memory, and a strip of them stays in the cache of a GPU.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..kernels.factories import FunctionFactory
+from ..kernels.family_blocks import block_force, families_together, gather_reverse_bonds, threads_of_family
+from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
+from ..materials import capabilities
+from .undamaged_lattice import undamaged_stencil
+from .variational import BondAssociatedLaw
+
+# Largest family whose bonds share a block; larger ones compile slowly.
+MAX_MEMBERS = 64
+# Threads of a block of the kernel of undamaged families: one in registers leaves room for few threads on a processor.
+UNDAMAGED_BLOCK = 64
+# Most blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
+MAX_BLOCKS = 8192
+# Columns of the ring: every strip waits for the few families at edges, which take as long as 2^16 others.
+RING = 2**20
+# Up to so many bonds, all families of a sheet share blocks.
+MAX_SHARED = 300_000
+
+
+def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
+    """The fast kernels for a force law on a sheet, or None where there are none.
+
+    Args:
+        force: The law on its sheet and device.
+        inverse: K^-1 by row, shape (R, n, 3).
+        weights: W over the reference area by row, shape (R, n).
+    """
+    known = capabilities(force.material)
+    near = known.near
+    if not force.fast or force.weights == "published" or near is None:
+        return None
+    members = force.families.members
+    shared = shares_memory(force.context.device) and members <= MAX_MEMBERS
+    small = shared and force.points * members <= MAX_SHARED
+    stencil = undamaged_stencil(force.families, inverse, weights) if known.isotropic and not small else None
+    return FastPath(force, near, stencil, shared) if stencil or shared else None
+
+
+def shares_memory(device: wp.Device) -> bool:
+    """Whether the threads of a block share memory."""
+    return bool(device.is_cuda)
+
+
+class FastPath:
+    """The fast kernels on one sheet and device.
+
+    Attributes:
+        near: Factory of the material's stress_near.
+        stencil: Stencil of undamaged inner families and the class that they share, or None.
+        shared: Whether the bonds of all other families share blocks.
+    """
+
+    def __init__(
+        self, force: BondAssociatedLaw, near: FunctionFactory, stencil: tuple[Stencil, int] | None, shared: bool
+    ) -> None:
+        self.force, self.near, self.stencil, self.shared = force, near, stencil, shared
+        w: Context = force.context
+        vec3 = w.types.vec3
+        spelled_out = repr((stencil, force.families.members)).encode()
+        self.module = f"{w.module}_fast_{hashlib.sha1(spelled_out).hexdigest()[:8]}"
+        # One kernel for all others is compiled for blocks of its own.
+        self.shared_module = f"{w.module}_shared_{force.families.members}"
+        # Division to two units in the last place, in float32 on a GPU; errors against float64 stay the same.
+        for module in (self.module, self.shared_module):
+            w.use_fast_math(module)
+        self.listed = shared and stencil is not None
+        self.others: Array | None = None
+        self.other_count: Array | None = None
+        if self.listed:
+            self.others = w.array("other_points", force.owner, wp.int32, shape=force.points, per="table")
+            self.other_count = w.array("other_count", force.owner, wp.int32, shape=1, per="once")
+        self.strips = self._strips() if self.listed else []
+        self.moments = self._moments() if shared else None
+        members = force.families.members
+        if len(self.strips) > 1:
+            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, RING), per="bond")
+        else:
+            self.bond_force = force.pairs
+
+    def _moments(self) -> Array:
+        """Array of (c_k X_k / horizon, 1 / c_k) of each row, shape (n, R); zero where there is no member."""
+        families = self.force.families
+        share = families.member_shares
+        moments = np.zeros((families.members, len(share), 3))
+        moments[..., :2] = (share[..., None] * families.bonds).transpose(1, 0, 2)
+        np.divide(1.0, share.T, out=moments[..., 2], where=share.T > 0.0)
+        context = self.force.context
+        return context.array("moments", self.force.owner, context.types.vec3, moments, per="table")
+
+    def _strips(self) -> list[Strip]:
+        """Strips of the sheet, each with the points whose force is complete with it."""
+        assert self.force.families.shift is not None
+        points, reach = self.force.points, int(np.abs(self.force.families.shift).max())
+        size = RING - 2 * reach
+        if points <= 2 * RING or size < RING // 2:
+            return [Strip(0, points, 0, points)]
+        strips: list[Strip] = []
+        for begin in range(0, points, size):
+            end = min(begin + size, points)
+            gathered = strips[-1].gather_end if strips else 0
+            strips.append(Strip(begin, end, gathered, points if end == points else end - reach))
+        return strips
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        everything = Strip(0, self.force.points, 0, self.force.points)
+        for strip in self.strips or [everything]:
+            if self.stencil is not None:
+                self._add_undamaged(stage, strip, *self.stencil, displacement, force)
+            if self.shared:
+                self._add_shared(stage, strip, displacement, force)
+        if not self.shared:
+            assert self.stencil is not None
+            self.force.add_reference_force(stage, displacement, inner=self.stencil[1])
+            self.force.add_gather(stage, self.force.kernels.gather, self.force.pairs, force)
+
+    def _add_undamaged(
+        self, stage: Stage, strip: Strip, stencil: Stencil, inner: int, displacement: Array, force: Array
+    ) -> None:
+        law = self.force
+        _, bits, _, broken, _ = law.key
+        kernel = undamaged_lattice_force(bits, self.near, stencil, broken is not None, self.listed, self.module)
+        stage.launch(
+            law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
+            family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
+            columns=law.lattice_columns,
+            # Not a number in the code: the turns must not be spelled out.
+            turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
+            other_count=self.other_count, bond_force=self.bond_force, force=force,
+        )  # fmt: skip
+
+    def _add_shared(self, stage: Stage, strip: Strip, displacement: Array, force: Array) -> None:
+        law, w = self.force, self.force.context
+        layout, bits, material, broken, _ = law.key
+        members = law.families.members
+        together, sharing = families_together(members), threads_of_family(members)
+        blocks = min(-(-(strip.end - strip.begin) // together), MAX_BLOCKS)
+        kernel = block_force(
+            layout, bits, material, self.near, broken, members, self.listed, w.module, self.shared_module
+        )
+        stage.launch(
+            law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
+            intact=law.intact,
+            others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
+            moments=self.moments, displacement=displacement, constants=law.constants,
+            inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
+            bond_force=self.bond_force, force=force,
+        )  # fmt: skip
+        steps = law.families.steps
+        gather = gather_reverse_bonds(
+            layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
+            self.bond_force.shape[1] < law.points, self.listed, w.module,
+        )  # fmt: skip
+        stage.pointwise(
+            law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
+            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force, other_count=self.other_count,
+            first_point=strip.gather_begin, force=force,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Points begin to end - 1 of a sheet, and those whose force is complete with the forces of these families."""
+
+    begin: int
+    end: int
+    gather_begin: int
+    gather_end: int

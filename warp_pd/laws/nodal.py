@@ -1,0 +1,118 @@
+"""Nodal correspondence: the law that has zero-energy modes, to measure the others by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..checks import positive
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..families import (
+    Families,
+    InfluenceFunction,
+    build_families,
+    influence_function,
+    inverse_shape,
+    require_diagonals,
+)
+from ..interfaces import BuiltLaw, Law
+from ..kernels.effects import Kernel
+from ..kernels.nodal import nodal
+from ..materials import Material, check_material
+from .family_law import FamilyLaw, require_one_material
+
+
+@dataclass(frozen=True)
+class Nodal:
+    """Nodal (conventional) correspondence: one deformation gradient and one stress a point (NN eqs. 2 to 5).
+
+    The energy of a point, h a_i Psi(F_i), does not feel a checkerboard nor the place of a point in the middle of its
+    family. Take it as a baseline, not for results. A family that lost bonds carries the share that still stands.
+
+    Attributes:
+        material: Any hyperelastic material.
+        horizon: Horizon over the spacing of the sheet [-].
+        influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
+    """
+
+    material: Material
+    horizon: float = 3.15
+    influence: str | InfluenceFunction = "inverse"
+
+    weights: ClassVar[str] = "point"
+    has_tangent: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        positive("horizon", self.horizon)
+        influence_function(self.influence)
+        check_material(self.material, "functions")
+
+    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+        """What decides which kernels are compiled."""
+        return (layout, self.material.functions, breakable)
+
+    def build(self, context: Context) -> BuiltLaw:
+        """Families and tables on the device.
+
+        Raises:
+            InputError: for a horizon that the sheet does not allow.
+        """
+        return NodalForce(self, context)
+
+
+class PointLaw(FamilyLaw):
+    """What laws with one deformation gradient per point keep on the device.
+
+    The families have no intersections, and K_i^-1 and 2 / tr K_i of the undamaged sheet in place of K_ij^-1 and W_ij.
+
+    Attributes:
+        pairs: What the family of a point does to each of its pairs [N], (members, N).
+    """
+
+    weights = "point"
+
+    def __init__(self, owner: str, law: Law, influence: str | InfluenceFunction, context: Context) -> None:
+        require_one_material(context.sheet, f"the law {owner}")
+        families = build_families(context.sheet, law.horizon, influence, intersections=False)
+        require_diagonals(context.sheet, law.horizon)
+        super().__init__(owner, law, context, families, *_shapes(families))
+        shape = (families.members, context.sheet.size)
+        self.pairs = context.array("bond_force", owner, context.types.vec3, shape=shape, per="bond", halo=True)
+
+
+class NodalForce(PointLaw):
+    """The nodal law on one sheet and device."""
+
+    has_energy = True
+
+    def __init__(self, law: Nodal, context: Context) -> None:
+        super().__init__("Nodal", law, law.influence, context)
+        breakable = context.features.breakable
+        self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
+        self.earlier_energy = self.kernels.earlier_energy
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        stage.launch(
+            self.owner, self.kernels.family_force, self.points,
+            **self.family_arguments(displacement), constants=self.constants,
+            unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
+        )  # fmt: skip
+        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+
+    def energy_kernel(self) -> Kernel:
+        """Kernel of the energy of each family."""
+        return self.kernels.strain_energy
+
+
+def _shapes(families: Families) -> tuple[np.ndarray, np.ndarray]:
+    """K_i^-1 of every row (11, 12, 22; zero where degenerate), shape (R, 1, 3), and 2 / tr K_i, shape (R, 1)."""
+    bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
+    c = families.member_shares
+    shape = np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], axis=-1)
+    inverse, _ = inverse_shape(shape)
+    return inverse[:, None], (2.0 / (shape[:, 0] + shape[:, 2]))[:, None]

@@ -1,0 +1,39 @@
+"""What the viscous laws share: Prony terms on a device."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..checks import InputError
+from ..device.context import Context
+from ..device.fields import Array
+from ..materials import Prony
+
+# Relaxation time [s] on the way to the initial displacement: nothing relaxes.
+AT_ONCE = 1e30
+
+
+def check_prony(prony: Any) -> None:
+    """Check that Prony terms are a tuple.
+
+    Raises:
+        InputError: otherwise.
+    """
+    if not isinstance(prony, tuple) or not all(isinstance(term, Prony) for term in prony):
+        raise InputError(f"prony = {prony!r}: expected a tuple of Prony")
+
+
+def prony_array(prony: tuple[Prony, ...], context: Context, name: str = "prony") -> Array:
+    """Constants of the terms on the device."""
+    values = np.array([term.constants for term in prony])
+    return context.array(name, "Visco", context.types.parameters, values, per="table")
+
+
+def at_once(prony: tuple[Prony, ...], context: Context) -> tuple[Array, Array]:
+    """A step of one second, and the Prony terms without time to relax in it."""
+    slow = tuple(replace(term, time=AT_ONCE, exponent=0.0) for term in prony)
+    one_second = context.array("one_second", "Visco", context.types.real, np.ones(1), per="table")
+    return one_second, prony_array(slow, context, "prony_at_once")

@@ -1,0 +1,57 @@
+"""What the fast path of the bond-associated law needs to know of a lattice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..families import Families, unpack
+from ..kernels.families import WORD
+from ..kernels.undamaged_lattice import Stencil
+
+TOLERANCE = 1e-9
+
+
+def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarray) -> tuple[Stencil, int] | None:
+    """Stencil of the undamaged families inside a lattice, and the row that they share; None where there are none.
+
+    There are none on clouds, on lattices that are not square, at more than 32 members, and on sheets so small that
+    no family is complete and evenly weighted.
+
+    Args:
+        families: The families.
+        inverse: K^-1 by row, shape (R, n, 3).
+        weights: W over the reference area by row, shape (R, n).
+    """
+    if families.family_class is None or families.members > WORD:
+        return None
+    assert families.steps is not None
+    steps = [(int(x), int(y)) for x, y in families.steps]
+    turned = [steps.index((-y, x)) if (-y, x) in steps else -1 for x, y in steps]
+    row = int(np.bincount(families.family_class).argmax())
+    area, bonds, weight = families.areas[row], families.bonds, weights[row] / families.areas[row]
+    if min(turned) < 0 or not families.exists[row].all():
+        return None
+    uneven = (
+        np.ptp(families.member_areas[row]) / area,
+        np.abs(bonds[turned] - np.column_stack([-bonds[:, 1], bonds[:, 0]])).max(),
+        np.abs(weight[turned] / weight - 1.0).max(),
+    )
+    if max(uneven) > TOLERANCE:
+        return None
+    quarter = [k for k, (x, y) in enumerate(steps) if x > 0 and y >= 0]
+    inside = unpack(families.common, families.members)
+    stencil = Stencil(
+        steps=tuple(steps),
+        turned=tuple(turned),
+        moments=tuple((_even(x), _even(y)) for x, y in families.influence[:, None] * bonds),
+        quarter=tuple(quarter),
+        inside=tuple(tuple(bool(b) for b in inside[j]) for j in quarter),
+        inverse=tuple((_even(a), _even(b), _even(c)) for a, b, c in inverse[row, quarter] * area),
+        weights=tuple(_even(w) for w in weight[quarter]),
+    )
+    return stencil, row
+
+
+def _even(value: float) -> float:
+    """The number without its last digits, in which sheets of other sizes differ: they share compiled kernels."""
+    return float(f"{value:.14g}")

@@ -1,0 +1,147 @@
+"""Bond-associated visco-hyperelasticity: Prony terms on the stress of each intersection."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import warp as wp
+
+from ..checks import InputError
+from ..device.context import Context
+from ..device.fields import Array, to_host
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, Tangent
+from ..kernels.visco import visco
+from ..materials import Prony
+from ..phases import Phase
+from .bond_associated import BondAssociated, BondAssociatedForce
+from .family_law import FamilyLaw
+from .prony import at_once, check_prony, prony_array
+
+
+@dataclass(frozen=True)
+class Visco(BondAssociated):
+    """Bond-associated visco-hyperelasticity in plane stress, free of stress at rest.
+
+    The second Piola stress of every intersection is the material's, which is what is left after a long time, plus
+    stresses that relax: S = S_inf(C) + sum_p integral exp(-(t - t') / theta_p) dS_p(C(t')). The instantaneous stress
+    is S_inf + sum_p S_p. Nothing can be gained from it, whatever the motion: see kernels/visco.py, which also
+    says what is stored and what is lost. Its state needs 3 numbers a bond, and 3 more a Prony term.
+
+    Where a bond breaks, the energy that its Prony terms stored counts as viscous loss, and the strain of the others
+    jumps, which the energy balance does not follow.
+
+    Attributes:
+        material: What is left after a long time, such as Yeoh; see BondAssociated for all but prony.
+        prony: Terms that relax, by name only; none makes this the elastic law, on plain kernels.
+    """
+
+    prony: tuple[Prony, ...] = field(default=(), kw_only=True)
+    fast: bool = field(default=False, init=False)
+
+    has_tangent: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_prony(self.prony)
+        if self.weights == "published":
+            raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
+
+    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+        """What decides which kernels are compiled."""
+        return (*super().compile_key(layout, breakable), bool(self.prony))
+
+    def build(self, context: Context) -> BuiltLaw:
+        """Families and tables on the device; without Prony terms those of BondAssociated.
+
+        Raises:
+            InputError: for a horizon that the sheet or the weights do not allow.
+        """
+        return ViscoForce(self, context) if self.prony else ElasticVisco(self, context)
+
+
+class ElasticVisco(BondAssociatedForce):
+    """The law without Prony terms."""
+
+    def tangent(self, context: Context, geometric: bool) -> Tangent:
+        """The law has no tangent.
+
+        Raises:
+            InputError: always.
+        """
+        return FamilyLaw.tangent(self, context, geometric)
+
+
+class ViscoForce(ElasticVisco):
+    """The law on one sheet and device.
+
+    Attributes:
+        internal: Internal variables by name.
+        viscous: Energy that each family has dissipated [J], (N,) float64, as of the last frame.
+    """
+
+    def __init__(self, law: Visco, context: Context) -> None:
+        super().__init__(law, context)
+        layout, bits, material, broken, _form = self.key
+        self.visco = visco(layout, bits, material, broken, context.module)
+        members, terms, vec3 = self.families.members, len(law.prony), context.types.vec3
+        self.prony_terms = law.prony
+        self.prony = prony_array(law.prony, context)
+
+        def internal(name: str, shape: tuple[int, int]) -> Array:
+            return context.array(name, "Visco", vec3, shape=shape, per="bond", restart=True)
+
+        self.internal: dict[str, Any] = {
+            "strain": internal("strain", (members, self.points)),
+            "overstress": internal("overstress", (terms * members, self.points)),
+            "viscous_work": context.array("viscous_work", "Visco", wp.float64, shape=self.points, restart=True),
+        }
+        self.viscous = context.array("viscous", "Visco", wp.float64, shape=self.points)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase; at the start those that reach the initial displacement at once."""
+        super().add(phase, stage)
+        state = self.context.state
+        if phase is Phase.INTERNAL_VARIABLES:
+            assert state.step is not None
+            self.add_update(stage, state.displacement, state.step, self.prony)
+        elif phase is Phase.START and self.context.initial_displacement.any():
+            self.add_update(stage, state.displacement, *at_once(self.prony_terms, self.context))
+            # Fills `viscous`: the stored energy before it lies there as well.
+            self.add_energy(stage, state.displacement, self.viscous)
+
+    def begin(self) -> None:
+        """What it took to reach the initial displacement is stored, none of it lost."""
+        work = self.internal["viscous_work"]
+        work.assign(to_host(work) - to_host(self.viscous))
+
+    def sums(self) -> Mapping[str, Array]:
+        """Strain energy and viscous losses."""
+        return {**super().sums(), "viscous": self.viscous}
+
+    def add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
+        """Add the launch that brings the internal variables to the end of a step [s], one real number."""
+        stage.launch(
+            "Visco", self.visco.update, self.points, **self.family_arguments(displacement), step=step, prony=prony,
+            unit_volume=self.unit_volume, **self.internal,
+        )  # fmt: skip
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        state = {name: self.internal[name] for name in ("strain", "overstress")}
+        stage.launch(
+            "Visco", self.visco.visco_force, self.points,
+            **self.family_arguments(displacement), constants=self.constants,
+            unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony, **state, bond_force=self.pairs,
+        )  # fmt: skip
+        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
+        stage.launch(
+            "Visco", self.visco.stored_energy, self.points,
+            **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
+            prony=self.prony, **self.internal, out=out, dissipated=self.viscous,
+        )  # fmt: skip

@@ -1,0 +1,156 @@
+"""The visco-hyperelastic bond law as published (VE)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..checks import InputError, one_of, positive
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..families import Families, build_families
+from ..interfaces import BuiltLaw
+from ..kernels.effects import Kernel
+from ..kernels.visco_bonds import visco_bonds
+from ..materials import Prony, Yeoh
+from ..phases import Phase
+from .family_law import FamilyLaw, require_one_material
+from .prony import at_once, check_prony, prony_array
+
+UPDATES = ("exact", "series")
+
+
+@dataclass(frozen=True)
+class ViscoBondBased:
+    """The published visco-hyperelastic bond law of Yeoh sheets (VE eqs. 46 to 75).
+
+    Its two-dimensional energy c10 (I1 - 2) + c20 (I1 - 2)^2 has no pressure term: a sheet at rest is under tension,
+    4 c10 w |X| / m in a bond, and free edges contract. I1 is that of the point's own family (eq. 41), where the paper
+    takes the stretch of the whole sheet: so the law knows holes and cracks; and m (eq. 39) is the sum over the family,
+    where the paper writes its integral, pi h horizon^4. Without Prony terms its forces have an energy, with them not.
+
+    Attributes:
+        material: Yeoh with c10 and c20.
+        horizon: Horizon over the spacing of the sheet [-].
+        prony: Terms that relax, by name only.
+        update: "exact" for a stretch that changes linearly over a step, or "series", eq. 60.
+    """
+
+    material: Yeoh
+    horizon: float = 3.015
+    prony: tuple[Prony, ...] = field(default=(), kw_only=True)
+    update: str = field(default="exact", kw_only=True)
+
+    weights: ClassVar[str] = "pairwise"
+    has_tangent: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        positive("horizon", self.horizon)
+        one_of("update", self.update, UPDATES)
+        check_prony(self.prony)
+        if not isinstance(self.material, Yeoh) or self.material.c30 != 0.0:
+            raise InputError(f"material = {self.material!r}: expected Yeoh with c30 = 0")
+
+    @property
+    def has_energy(self) -> bool:
+        """Whether its forces have an energy."""
+        return not self.prony
+
+    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+        """What decides which kernels are compiled."""
+        return (layout, breakable, bool(self.prony), self.update)
+
+    def build(self, context: Context) -> BuiltLaw:
+        """Families and tables on the device.
+
+        Raises:
+            InputError: for a horizon that the sheet does not allow.
+        """
+        return ViscoBondBasedForce(self, context)
+
+
+class ViscoBondBasedForce(FamilyLaw):
+    """The law on one sheet and device.
+
+    Attributes:
+        internal: Internal variables by name.
+        pairs: What the family of a point pulls each of its bonds with [N], (members, N) vec3.
+    """
+
+    weights = "pairwise"
+
+    def __init__(self, law: ViscoBondBased, context: Context) -> None:
+        self.law, self.has_energy = law, law.has_energy
+        require_one_material(context.sheet, "the law ViscoBondBased")
+        families = build_families(context.sheet, law.horizon, "inverse_square", intersections=False)
+        super().__init__("ViscoBondBased", law, context, families, None, _bond_weights(families))
+        self.kernels = visco_bonds(
+            families.layout, context.bits, context.features.breakable, bool(law.prony), law.update == "series",
+            context.module,
+        )  # fmt: skip
+        self.earlier_energy = self.kernels.earlier_energy
+        shape = (families.members, self.points)
+        self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
+        self.prony: Array | None = None
+        self.internal: dict[str, Any] = {}
+        if law.prony:
+            self.prony = prony_array(law.prony, context)
+            rows = len(law.prony) * families.members
+            for name, count in (("strain", families.members), ("viscous_stretch", rows)):
+                self.internal[name] = context.array(
+                    name, self.owner, context.types.real, shape=(count, self.points), per="bond", restart=True
+                )
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase; at the start that which reaches the initial displacement at once."""
+        super().add(phase, stage)
+        if self.prony is None:
+            return
+        state = self.context.state
+        if phase is Phase.INTERNAL_VARIABLES:
+            assert state.step is not None
+            self._add_update(stage, state.displacement, state.step, self.prony)
+        elif phase is Phase.START and self.context.initial_displacement.any():
+            self._add_update(stage, state.displacement, *at_once(self.law.prony, self.context))
+
+    def _add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
+        """Add the launch that brings the internal variables to the end of a step [s], one real number."""
+        stage.launch(
+            self.owner, self.kernels.update, self.points, **self.family_arguments(displacement), step=step,
+            prony=prony, **self.internal,
+        )  # fmt: skip
+
+    def bond_force(self) -> Array:
+        """What the family of a point pulls each of its bonds with [N], (members, N) vec3."""
+        return self.pairs
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        stage.launch(
+            self.owner, self.kernels.half_forces, self.points,
+            **self.family_arguments(displacement), constants=self.constants,
+            unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony,
+            strain=self.internal.get("strain"), viscous_stretch=self.internal.get("viscous_stretch"),
+            bond_force=self.pairs,
+        )  # fmt: skip
+        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+
+    def energy_kernel(self) -> Kernel:
+        """Kernel of the energy of each family, without Prony terms."""
+        return self.kernels.strain_energy
+
+    def likely_cause(self) -> str:
+        """What to suspect where a run diverged."""
+        if self.internal and self.law.update == "series":
+            return "a Prony term relaxed within a step, which the series update does not follow; try update 'exact'"
+        return super().likely_cause()
+
+
+def _bond_weights(families: Families) -> np.ndarray:
+    """4 w a_i a_k / sum_k w |xi|^2 a_k by row, areas over the reference area, shape (R, n)."""
+    squared = np.where(families.exists, (families.bonds**2).sum(axis=-1), 0.0)
+    share = families.member_shares
+    return np.asarray(4.0 * families.areas[:, None] * share / (share * squared).sum(axis=1, keepdims=True))

@@ -1,0 +1,25 @@
+"""Materials: constants, and the device functions that they belong to."""
+
+from .compressible import Gent, NeoHookean
+from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
+from .pairwise import Bimodular
+from .prony import Prony
+from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
+
+__all__ = [
+    "ArrudaBoyce",
+    "Bimodular",
+    "Capabilities",
+    "Gent",
+    "Incompressible",
+    "Material",
+    "MooneyRivlin",
+    "NeoHookean",
+    "Ogden",
+    "PairwiseMaterial",
+    "Prony",
+    "Yeoh",
+    "capabilities",
+    "check_material",
+    "padded_constants",
+]

@@ -1,0 +1,110 @@
+"""What force laws ask of a material, and what a material may offer besides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from ..checks import InputError, finite
+
+if TYPE_CHECKING:
+    from ..kernels.factories import FunctionFactory, PairFactory, PairwiseFactory
+
+
+class Material(Protocol):
+    """What a force law of continua asks of a material; any object with these two is one.
+
+    What it may offer besides is listed in `Capabilities`, under the same names.
+    """
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """At most four numbers, passed to the device functions."""
+        ...
+
+    @property
+    def functions(self) -> PairFactory:
+        """Cached factory: precision in bits -> Warp functions (stress, energy), see kernels/materials.py."""
+        ...
+
+
+class PairwiseMaterial(Protocol):
+    """What the bond-based law asks of a material; any object with these two is one."""
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """At most four numbers, passed to the device function; the first is a modulus."""
+        ...
+
+    @property
+    def pairwise(self) -> PairwiseFactory:
+        """Cached factory: precision in bits -> Warp functions (force, slope, energy), see kernels/pairwise.py."""
+        ...
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What a material offers besides what every law asks for; None or False where it does not.
+
+    Attributes:
+        near: Factory of `stress_near`, for the fast kernels of the bond-associated law.
+        isotropic: Whether it is isotropic, for the fastest of them.
+        response: Factory of stress and moduli, for Newton's method and the fictitious mass of relaxation.
+        membrane: Factory of (volume_change, shear), for the neural law.
+        mu: Unit of stress of the neural law [Pa].
+        ratios: Numbers that decide the stress over mu, for the neural law.
+        lock: Jm of a material that locks [-].
+        goes_slack: Whether compressed bonds carry nothing, of a pairwise material.
+    """
+
+    near: FunctionFactory | None
+    isotropic: bool
+    response: FunctionFactory | None
+    membrane: PairFactory | None
+    mu: float | None
+    ratios: Mapping[str, float] | None
+    lock: float | None
+    goes_slack: bool
+
+
+def capabilities(material: Any) -> Capabilities:
+    """What a material offers, read off its attributes."""
+    return Capabilities(
+        near=getattr(material, "near", None),
+        isotropic=getattr(material, "isotropic", False),
+        response=getattr(material, "response", None),
+        membrane=getattr(material, "membrane", None),
+        mu=getattr(material, "mu", None),
+        ratios=getattr(material, "ratios", None),
+        lock=getattr(material, "lock", None),
+        goes_slack=getattr(material, "goes_slack", False),
+    )
+
+
+def check_material(material: Any, kind: str) -> None:
+    """Check that a material is one of continua ("functions") or of pairs of points ("pairwise"), and its constants.
+
+    Raises:
+        InputError: if it is not, or as of `padded_constants`.
+    """
+    example = {"functions": "NeoHookean(mu, bulk)", "pairwise": "Bimodular(modulus)"}[kind]
+    if isinstance(material, type) or not hasattr(material, kind):
+        raise InputError(f"material = {material!r}: expected a material such as {example} with this law")
+    padded_constants(material)
+
+
+def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, float, float, float]:
+    """The constants of `material`, filled with zeros up to four.
+
+    Raises:
+        InputError: for more than four, one that is not finite, or what is no material.
+    """
+    if not hasattr(material, "constants"):
+        raise InputError(f"material = {material!r}: expected a material, such as NeoHookean(mu, bulk)")
+    name = type(material).__name__
+    constants = [finite(f"{name}.constants[{k}]", c) for k, c in enumerate(material.constants)]
+    if len(constants) > 4:
+        raise InputError(f"{name}.constants has {len(constants)} numbers: expected four at most")
+    a, b, c, d = (*constants, *([0.0] * (4 - len(constants))))
+    return a, b, c, d

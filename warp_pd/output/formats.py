@@ -1,0 +1,38 @@
+"""The formats that a run writes frames in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..checks import InputError
+from ..frame import Surface
+from ..interfaces import Writer
+
+
+def file_writers(
+    folder: Path, surface: Surface, *, usd: bool, seconds_per_frame: float | None, append_from: int | None
+) -> list[Writer]:
+    """Writers of the files in a folder.
+
+    Args:
+        folder: The folder of the run.
+        surface: The reference surface.
+        usd: Whether to write animation.usd.
+        seconds_per_frame: Time between frames [s], if that is always the same.
+        append_from: Index of the first frame of a resumed run, or None.
+
+    Raises:
+        InputError: if a resumed run has lost its frames.
+    """
+    from .vtkhdf import VtkHdfSeries
+
+    frames = folder / "frames.vtkhdf"
+    if append_from is not None and not frames.is_file():
+        raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {frames.name}")
+    writers: list[Writer] = [VtkHdfSeries(frames, surface, append_from=append_from)]
+    if usd:
+        from .usd import UsdAnimation
+
+        path = folder / "animation.usd"
+        writers.append(UsdAnimation(path, surface, seconds_per_frame=seconds_per_frame, append_from=append_from))
+    return writers

@@ -1,0 +1,20 @@
+"""The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
+
+from .boundary_force import BoundaryForce
+from .contact import RigidBall
+from .loads import BodyForce, PointForce, Pressure
+from .rupture import CriticalEnergy, CriticalStretch
+from .supports import Fixed, Motion, stretching_edges
+
+__all__ = [
+    "BodyForce",
+    "BoundaryForce",
+    "CriticalEnergy",
+    "CriticalStretch",
+    "Fixed",
+    "Motion",
+    "PointForce",
+    "Pressure",
+    "RigidBall",
+    "stretching_edges",
+]

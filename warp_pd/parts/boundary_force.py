@@ -1,0 +1,146 @@
+"""The empirical boundary force of the BA paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, not_negative, one_of, point_indices
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltLoad, Load, Part
+from ..kernels.boundary_force import boundary_force
+from ..sheet import Sheet
+
+FORMS = ("normal", "printed")
+OWNER = "BoundaryForce"
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryForce(Load):
+    """The empirical force that pulls edge points back to their local plane (BA eq. 45).
+
+    Each bond of a point i that carries it has the force density w_ij A (Y_ij . d_i) n, with d_i the unit normal
+    of the deformation gradient of the whole family of i. As ever, it acts on both points with opposite signs.
+    The energy balance counts its work as external.
+
+    Attributes:
+        value: A [N/m^7], 0 or more; empirical, the paper gives none.
+        points: Indices of the points that carry it, or None: those less than one horizon away from an edge,
+            clamped or free, a hole or a cut. Where bonds can break, points that lost one always join.
+        form: Direction n of the force.
+            "normal": n = d_i, which is what the paper says in words: perpendicular to the local plane. It
+                restores, and is linear in small deflections, with a symmetric tangent. Forces that are not
+                central conserve angular momentum to second order in the deflection, not to round-off.
+            "printed": n = Y_ij / |Y_ij|, as in the formula. Its normal component A w (Y . d)^2 / |Y| is never
+                negative, so it pushes to the side of d, up, whichever way the point lies off the plane; to first
+                order in a deflection it acts in the plane instead. The mirrored state has minus the mirrored
+                force: the choice of the sheet's upper side decides. Offered for comparison.
+    """
+
+    value: float
+    points: Any = None
+    form: str = "normal"
+
+    def __post_init__(self) -> None:
+        not_negative("BoundaryForce.value", self.value)
+        one_of("BoundaryForce.form", self.form, FORMS)
+
+    def compile_key(self) -> tuple[object, ...]:
+        """The form."""
+        return (self.form,)
+
+    def check(self, others: Sequence[Part]) -> None:
+        """Refuse a second one.
+
+        Raises:
+            InputError: if there is one.
+        """
+        if any(isinstance(other, BoundaryForce) for other in others):
+            raise InputError("loads holds more than one BoundaryForce: expected one, with all its points")
+
+    def carriers(self, sheet: Sheet, horizon: float) -> np.ndarray:
+        """Indices of the points that carry it while nothing is broken, shape (P,), int32.
+
+        Args:
+            sheet: The sheet.
+            horizon: [m].
+
+        Raises:
+            InputError: if there is no point, or an index does not exist.
+        """
+        if self.points is None:
+            return near_edges(sheet, horizon)
+        return point_indices("BoundaryForce.points", self.points, sheet.size)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """The force on a device."""
+        return BuiltBoundaryForce(self, context, law)
+
+
+class BuiltBoundaryForce(BuiltLoad):
+    """The boundary force on a device: normals of the points that carry it, the points that feel it."""
+
+    follows_displacement = True
+
+    def __init__(self, load: BoundaryForce, context: Context, law: BuiltLaw) -> None:
+        self.label, self.context, self.law, self.load = f"loads: {OWNER}", context, law, load
+        self.breakable = law.intact is not None
+        n, families = context.sheet.size, law.families
+        carriers = load.carriers(context.sheet, families.horizon)
+        self._normals = context.array("edge_normals", OWNER, context.types.vec3, shape=n, halo=True)
+        self._points: Array | None = None
+        self._reach: Array | None = None
+        self._mask: Array | None = None
+        self._threads = (n, n)
+        if self.breakable:
+            mask = np.zeros(n, np.uint8)
+            mask[carriers] = 1
+            self._mask = context.array("edge_mask", OWNER, wp.uint8, mask)
+            return
+        reach = np.unique(np.append(families.members_of(carriers), carriers))
+        reach = reach[reach >= 0]
+        self._points = context.array("edge_points", OWNER, wp.int32, carriers, per="table")
+        self._reach = context.array("edge_reach", OWNER, wp.int32, reach, per="table")
+        self._threads = (len(carriers), len(reach))
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that find the normals and add the force."""
+        context, law = self.context, self.law
+        find, push = boundary_force(context.layout, context.bits, self.breakable, self.load.form, context.module)
+        family = {"family": law.struct, "intact": law.intact, "displacement": displacement}
+        stage.launch(
+            OWNER, find, self._threads[0], **family, points=self._points, marked=self._mask,
+            inverse_horizon=law.inverse_horizon, normals=self._normals,
+        )  # fmt: skip
+        stage.launch(
+            OWNER, push, self._threads[1], **family, normals=self._normals, points=self._reach,
+            horizon=law.families.horizon, unit_force=self.load.value * law.unit_volume**2, external=out,
+        )  # fmt: skip
+
+
+def near_edges(sheet: Sheet, distance: float) -> np.ndarray:
+    """Indices of the points less than `distance` [m] away from the edges of the sheet, shape (P,), int32.
+
+    Edges are the sides that one triangle alone has, so those of holes and cuts count. The family of a point at
+    just one horizon from an edge is complete, hence "less than".
+    """
+    from scipy.spatial import cKDTree
+
+    sides = np.sort(sheet.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, uses = np.unique(sides, axis=0, return_counts=True)
+    tail, head = sheet.points[unique[uses == 1, 0]], sheet.points[unique[uses == 1, 1]]
+    along = head - tail
+    length = np.linalg.norm(along, axis=1)
+    close = cKDTree(sheet.points).query_ball_point(0.5 * (tail + head), distance + 0.5 * length)
+    side = np.repeat(np.arange(len(close)), [len(points) for points in close])
+    point = np.concatenate([np.asarray(points, dtype=np.int64) for points in close])
+    arm = sheet.points[point] - tail[side]
+    share = np.clip((arm * along[side]).sum(axis=1) / length[side] ** 2, 0.0, 1.0)
+    apart = np.linalg.norm(arm - share[:, None] * along[side], axis=1)
+    return np.unique(point[apart < distance * (1.0 - 1e-9)]).astype(np.int32)

@@ -1,0 +1,20 @@
+"""The clock as a part of the step."""
+
+from __future__ import annotations
+
+from ..device.context import Context
+from ..device.launches import Stage
+from ..interfaces import BuiltPart
+from ..phases import Phase
+
+
+class Ticking(BuiltPart):
+    """Moves the time in a step, between what moves and what is loaded, and evaluates the schedules."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch of the clock."""
+        if phase in (Phase.CLOCK, Phase.SCHEDULES):
+            self.context.clock.add_tick(stage, steps=1 if phase is Phase.CLOCK else 0)

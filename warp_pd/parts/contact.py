@@ -1,0 +1,153 @@
+"""Contact with a rigid body on a prescribed path, and the ball."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import positive, vector
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltContact, BuiltLaw, Contact, StepLimit
+from ..kernels.contact import ShapeFactory, ball, rigid_contact
+from ..phases import Phase
+from ..schedules import Schedule
+
+# The most that a body moves in a step, over the spacing or its radius: at more it can pass points unnoticed.
+MAX_TRAVEL = 0.25
+
+
+@dataclass(frozen=True)
+class RigidBall(Contact):
+    """A rigid, frictionless ball that moves at constant velocity, whatever the sheet does.
+
+    Points inside it are put on the nearest point of its surface and lose the part of their velocity that
+    points into it. The momentum this takes is the ball's reaction. Points held by a support or in a rigid
+    inclusion do not feel the ball. Source: NN paper, section 6.4.
+
+    Attributes:
+        diameter: [m].
+        start: Position of the centre at time 0 [m].
+        velocity: [m/s].
+
+    Raises:
+        InputError: for a diameter that is not positive, or vectors that are not three finite numbers.
+    """
+
+    diameter: float
+    start: tuple[float, float, float]
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        positive("RigidBall.diameter", self.diameter)
+        vector("RigidBall.start", self.start, 3)
+        vector("RigidBall.velocity", self.velocity, 3)
+
+    def centre(self, time: float) -> np.ndarray:
+        """Position of the centre at a time [m], shape (3,)."""
+        return np.array(self.start, float) + time * np.array(self.velocity, float)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
+        """The ball on a device."""
+        return BuiltBall(self, context)
+
+
+class RigidContact(BuiltContact):
+    """Contact with a body of some shape that moves at constant velocity.
+
+    Attributes:
+        impulse: What the body gave each point since the last frame [N s], vec3.
+    """
+
+    def __init__(
+        self,
+        owner: str,
+        context: Context,
+        shape: ShapeFactory,
+        constants: tuple[float, ...],
+        start: np.ndarray,
+        velocity: np.ndarray,
+    ) -> None:
+        """Put the path on the clock.
+
+        Args:
+            owner: Name of the body.
+            context: Where to put arrays.
+            shape: Factory of the shape, see kernels/contact.py.
+            constants: At most four constants of the shape.
+            start: Position of its centre at time 0 [m], shape (3,).
+            velocity: [m/s], shape (3,).
+        """
+        self.label, self.owner, self.context, self.shape = f"contact = {owner}", owner, context, shape
+        types = context.types
+        self._constants = types.parameters(*constants, *[0.0] * (4 - len(constants)))
+        self._velocity = types.vec3(*velocity)
+        last = max(context.clock.duration, 1e-300)
+        path = Schedule(np.array([0.0, last]), np.vstack([start, start + last * velocity]))
+        self._path = context.clock.register(path)
+        self._reference = context.array("reference", owner, types.vec2, context.sheet.points)
+        self.impulse = context.array("impulse", owner, types.vec3, shape=context.sheet.size, restart=True)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the pointwise stages of contact."""
+        if phase not in (Phase.PROJECT, Phase.SEPARATE):
+            return
+        context, state, clock = self.context, self.context.state, self.context.clock
+        f = context.features
+        kernels = rigid_contact(context.bits, self.shape, f.held, f.loaded, f.damped, f.tracked, context.module)
+        assert self._path is not None
+        project = phase is Phase.PROJECT
+        stage.pointwise(
+            self.owner, kernels.project if project else kernels.separate, context.sheet.size,
+            reference=self._reference, mass=state.mass, held_mask=state.held_mask, centre=clock.scheduled,
+            schedule=clock.soon(self._path) if project else self._path, body_velocity=self._velocity,
+            constants=self._constants, step=state.step, damping=state.damping, force=state.force,
+            external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=self.impulse,
+            work=state.work,
+        )  # fmt: skip
+
+    def sums(self) -> Mapping[str, Array]:
+        """The impulse."""
+        return {"impulse": self.impulse}
+
+    def column_names(self) -> Sequence[str]:
+        """Components of the force on the body."""
+        return [f"ball_force_{c}" for c in "xyz"]
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Force on the body since the last frame [N]."""
+        return {f"ball_force_{c}": -totals[f"impulse_{c}"] / elapsed if elapsed > 0.0 else 0.0 for c in "xyz"}
+
+    def end_frame(self) -> None:
+        """Begin to sum up anew."""
+        self.impulse.zero_()
+
+
+class BuiltBall(RigidContact):
+    """A ball on a device."""
+
+    def __init__(self, body: RigidBall, context: Context) -> None:
+        super().__init__(
+            "RigidBall", context, ball, (0.5 * body.diameter,), body.centre(0.0), np.array(body.velocity, float)
+        )
+        self.body = body
+
+    def step_limit(self) -> StepLimit | None:
+        """The ball moves a quarter of a spacing, or of its radius, at most."""
+        speed = math.hypot(*self.body.velocity)
+        if speed == 0.0:
+            return None
+        smaller = min(self.context.sheet.spacing, 0.5 * self.body.diameter)
+        return StepLimit(MAX_TRAVEL * smaller / speed, f"in which the ball moves {MAX_TRAVEL} spacings")
+
+    def ball_diameter(self) -> float:
+        """Diameter [m]."""
+        return self.body.diameter
+
+    def centre(self, time: float) -> np.ndarray:
+        """Centre at a time [m], shape (3,)."""
+        return self.body.centre(time)

@@ -1,0 +1,142 @@
+"""What every frame looks at: whether the state is finite, how fast it moves, energies, and the sums of the history."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import warp as wp
+
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltPart
+from ..kernels.checks import BLOCK, frame_checks
+from ..kernels.integrate import integration
+from ..phases import Phase
+
+OWNER = "frames"
+
+
+class FrameChecks(BuiltPart):
+    """Looks at the state at frames.
+
+    Attributes:
+        not_finite: Per block of points, the lowest index of a point that is not finite, or the number of points.
+        fastest: Per block of points, the largest squared speed [m^2/s^2].
+        kinetic_energy: Kinetic energy of each point [J], (N,) float64.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self._blocks = -(-context.sheet.size // BLOCK)
+        self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
+        self.not_finite = context.array("not_finite", OWNER, wp.int32, shape=self._blocks, per="block")
+        self.fastest = context.array("fastest", OWNER, wp.float64, shape=self._blocks, per="block")
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of kinetic energy and of the look at the motion."""
+        if phase is not Phase.FRAME:
+            return
+        context, state, f = self.context, self.context.state, self.context.features
+        motion = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, context.module)
+        stage.launch(
+            OWNER, motion.kinetic_energy, context.sheet.size,
+            mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, out=self.kinetic_energy,
+        )  # fmt: skip
+        stage.launch(
+            OWNER, frame_checks(context.bits, context.module).watch_motion, self._blocks,
+            displacement=state.displacement, velocity=state.velocity, not_finite=self.not_finite,
+            fastest=self.fastest,
+        )  # fmt: skip
+
+    def sums(self) -> Mapping[str, Array]:
+        """The kinetic energy."""
+        return {"kinetic": self.kinetic_energy}
+
+    def first_not_finite(self) -> int | None:
+        """Index of the first point whose displacement or velocity is NaN or Inf, as of the last frame; or None."""
+        lowest = int(self.not_finite.numpy().min())
+        return None if lowest == self.context.sheet.size else lowest
+
+    def top_speed(self) -> float:
+        """Largest speed [m/s], as of the last frame."""
+        return float(np.sqrt(self.fastest.numpy().max()))
+
+
+class EnergyBalance(BuiltPart):
+    """Energies, work and losses in the history.
+
+    Attributes:
+        work: External work of each point [J], (N,) float64, or None.
+        dissipated: Energy that damping took from each point [J], (N,) float64, or None.
+    """
+
+    def __init__(self, context: Context, law: BuiltLaw, does_work: bool) -> None:
+        self.context, self.law = context, law
+        features, n = context.features, context.sheet.size
+        self.work: Array | None = None
+        self.dissipated: Array | None = None
+        if features.tracked and does_work:
+            self.work = context.array("work", "energy balance", wp.float64, shape=n, restart=True)
+        if features.tracked and features.damped:
+            self.dissipated = context.array("dissipated", "energy balance", wp.float64, shape=n, restart=True)
+
+    def sums(self) -> Mapping[str, Array]:
+        """Work and losses."""
+        found = {"external": self.work, "damping": self.dissipated}
+        return {name: array for name, array in found.items() if array is not None}
+
+    def column_names(self) -> Sequence[str]:
+        """Energies, work and losses, and the error of their balance."""
+        return ("kinetic", "strain", "external", "damping", "rupture", "viscous", "balance_error")
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Energies; work and losses where they are summed up, 0 where there are none."""
+        row = {name: totals[name] for name in ("kinetic", "strain") if name in totals}
+        if not self.context.features.tracked:
+            return row
+        row |= {name: totals.get(name, 0.0) for name in ("external", "damping")}
+        if self.law.has_energy:
+            row["rupture"] = totals.get("rupture", 0.0)
+            if "viscous" in totals:
+                row["viscous"] = totals["viscous"]
+        return row
+
+
+class Sums:
+    """Sums of arrays over all points at frames: blocks on the device, in order, the rest on the host."""
+
+    def __init__(self, context: Context, parts: Iterable[BuiltPart]) -> None:
+        """Collect what the parts want summed up.
+
+        Raises:
+            ValueError: if two parts sum up under one name.
+        """
+        self.context = context
+        self.arrays: dict[str, Array] = {}
+        for part in parts:
+            for name, array in part.sums().items():
+                if name in self.arrays:
+                    raise ValueError(f"two parts sum up {name!r}")
+                self.arrays[name] = array
+        self._rows: list[str] = []
+        for name, array in self.arrays.items():
+            self._rows += [name] if array.dtype is wp.float64 else [f"{name}_{c}" for c in "xyz"]
+        blocks = -(-context.sheet.size // BLOCK)
+        shape = (len(self._rows), blocks)
+        self._sums = context.array("sums_of_blocks", OWNER, wp.float64, shape=shape, per="block")
+
+    def add(self, stage: Stage) -> None:
+        """Add the launches, after those that fill the arrays."""
+        checks, row = frame_checks(self.context.bits, self.context.module), 0
+        blocks = self._sums.shape[1]
+        for values in self.arrays.values():
+            scalar = values.dtype is wp.float64
+            kernel = checks.sum_blocks if scalar else checks.sum_vectors
+            stage.launch(OWNER, kernel, blocks, values=values, row=row, sums=self._sums)
+            row += 1 if scalar else 3
+
+    def totals(self) -> dict[str, float]:
+        """Sums as of the last frame, by name."""
+        return dict(zip(self._rows, self._sums.numpy().sum(axis=1).tolist(), strict=True))

@@ -1,0 +1,242 @@
+"""Loads: follower and dead pressure, body and point forces, and their sum on the device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..checks import finite, one_of, point_indices, vector
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltLoad, External, Load
+from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
+from ..kernels.loads import begin_loads, dead_load
+from ..phases import Phase
+from ..schedules import factor_schedule
+
+Ramp = Sequence[tuple[float, float]] | None
+
+
+@dataclass(frozen=True)
+class Pressure(Load):
+    """Pressure on one side of the sheet, positive towards the side of +z.
+
+    Attributes:
+        value: [Pa].
+        follower: Whether it turns and grows with the surface (F e1 x F e2), or stays vertical on the
+            reference area (dead).
+        ramp: Pairs (time [s], factor), or None for a constant pressure from the start.
+    """
+
+    value: float
+    follower: bool = True
+    ramp: Ramp = None
+
+    def __post_init__(self) -> None:
+        finite("Pressure.value", self.value)
+        one_of("Pressure.follower", self.follower, (True, False))
+
+    def compile_key(self) -> tuple[object, ...]:
+        """Whether it follows the surface, and whether it changes in time."""
+        return (self.follower, self.ramp is not None)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """The pressure on a device."""
+        if self.follower:
+            ramp = factor_schedule("Pressure", self.ramp) or context.clock.default_ramp
+            return FollowerPressure(self.value, context.clock.register(ramp), context, law)
+        force = np.zeros((context.sheet.size, 3))
+        force[:, 2] = self.value * context.sheet.areas
+        return DeadLoad("Pressure", context, np.arange(context.sheet.size, dtype=np.int32), force, self.ramp)
+
+
+@dataclass(frozen=True)
+class BodyForce(Load):
+    """A constant force per reference volume.
+
+    Attributes:
+        value: [N/m^3]; gravity is density times acceleration.
+        ramp: Pairs (time [s], factor), or None.
+    """
+
+    value: tuple[float, float, float]
+    ramp: Ramp = None
+
+    def __post_init__(self) -> None:
+        vector("BodyForce.value", self.value, 3)
+
+    def compile_key(self) -> tuple[object, ...]:
+        """Whether it changes in time."""
+        return (self.ramp is not None,)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """The force on a device."""
+        sheet = context.sheet
+        force = np.outer(sheet.areas * sheet.thickness, np.array(self.value, dtype=np.float64))
+        return DeadLoad("BodyForce", context, np.arange(sheet.size, dtype=np.int32), force, self.ramp)
+
+
+@dataclass(frozen=True, eq=False)
+class PointForce(Load):
+    """A constant force, shared by the given points in proportion to their areas.
+
+    Attributes:
+        points: Point indices.
+        value: Total force [N].
+        ramp: Pairs (time [s], factor), or None.
+    """
+
+    points: Any
+    value: tuple[float, float, float]
+    ramp: Ramp = None
+
+    def __post_init__(self) -> None:
+        vector("PointForce.value", self.value, 3)
+
+    def compile_key(self) -> tuple[object, ...]:
+        """Whether it changes in time."""
+        return (self.ramp is not None,)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """The force on a device."""
+        sheet = context.sheet
+        points = point_indices("PointForce.points", self.points, sheet.size)
+        share = sheet.areas[points] / sheet.areas[points].sum()
+        return DeadLoad(
+            "PointForce", context, points, np.outer(share, np.array(self.value, dtype=np.float64)), self.ramp
+        )
+
+
+class DeadLoad(BuiltLoad):
+    """A force that does not depend on the displacement, constant or times a factor."""
+
+    def __init__(self, owner: str, context: Context, points: np.ndarray, force: np.ndarray, ramp: Ramp) -> None:
+        """Put the force on a device, unless it never changes.
+
+        Args:
+            owner: Name of the load.
+            context: Where to put arrays.
+            points: Indices of loaded points, shape (P,).
+            force: [N], shape (P, 3).
+            ramp: Pairs (time [s], factor), or None.
+        """
+        self.label, self.owner, self.context = f"loads: {owner}", owner, context
+        self._points, self._force = points, force
+        self._schedule = context.clock.register(factor_schedule(owner, ramp) or context.clock.default_ramp)
+        if self._schedule is not None:
+            vec3 = context.types.vec3
+            self._loaded = context.array("loaded_points", owner, wp.int32, points, per="table")
+            self._loaded_force = context.array("loaded_force", owner, vec3, force, per="table")
+
+    def constant_force(self) -> np.ndarray | None:
+        """The force [N], shape (N, 3), without a schedule."""
+        if self._schedule is not None:
+            return None
+        total = np.zeros((self.context.sheet.size, 3))
+        total[self._points] += self._force
+        return total
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that adds the force times its factor."""
+        context = self.context
+        stage.launch(
+            self.owner, dead_load(context.bits, context.module), len(self._points),
+            points=self._loaded, force=self._loaded_force, factors=context.clock.scheduled, schedule=self._schedule,
+            external=out,
+        )  # fmt: skip
+
+
+class FollowerPressure(BuiltLoad):
+    """Follower pressure on a device."""
+
+    follows_displacement = True
+    coarsens = True
+
+    def __init__(self, value: float, schedule: int | None, context: Context, law: BuiltLaw) -> None:
+        self.label, self.context, self.law = "loads: Pressure", context, law
+        self._value, self._schedule = value, schedule
+        self._unit_pressure = value * law.families.reference_area
+        scheduled, breakable = schedule is not None, law.intact is not None
+        self._key = (context.layout, context.bits, breakable, scheduled, context.module)
+
+    def _arguments(self, displacement: Array) -> dict[str, Any]:
+        law = self.law
+        return {
+            "family": law.struct, "intact": law.intact, "displacement": displacement,
+            "inverse_horizon": law.inverse_horizon, "unit_pressure": self._unit_pressure,
+            "factors": self.context.clock.scheduled, "schedule": self._schedule or 0,
+        }  # fmt: skip
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the pointwise stage that adds the pressure's force."""
+        kernel, points = follower_pressure(*self._key), self.context.sheet.size
+        stage.pointwise("Pressure", kernel, points, **self._arguments(displacement), external=out)
+
+    def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
+        """Add the launch that adds the change of the pressure's force."""
+        kernel, points = follower_pressure_tangent(*self._key), self.context.sheet.size
+        stage.launch("Pressure", kernel, points, **self._arguments(displacement), direction=direction, change=out)
+        return True
+
+    def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """A pressure knows no points."""
+        return FollowerPressure(self._value, self._schedule, context, law)
+
+
+class ExternalForce(External):
+    """The sum of all loads: what never changes is added up once, the rest by launches.
+
+    Attributes:
+        constant: Sum of the loads that never change [N], shape (N, 3).
+        changing: The other loads.
+        following: Those of them that follow the displacement.
+    """
+
+    def __init__(self, context: Context, loads: Sequence[BuiltLoad]) -> None:
+        self.context = context
+        self.constant = np.zeros((context.sheet.size, 3))
+        self.changing: list[BuiltLoad] = []
+        for load in loads:
+            force = load.constant_force()
+            if force is None:
+                self.changing.append(load)
+            else:
+                self.constant += force
+        self.following = [load for load in self.changing if load.follows_displacement]
+        self._constant: Array | None = None
+        if self.changing and self.constant.any():
+            self._constant = context.array("constant_loads", "loads", context.types.vec3, self.constant)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches that renew the external force; none if it never changes."""
+        if phase is Phase.EXTERNAL_FORCE and self.context.state.external is not None:
+            self.add_force(stage, self.context.state.displacement, self.context.state.external)
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the external force [N]; none if it never changes."""
+        if not self.changing:
+            return
+        self._add_begin(stage, out)
+        for load in self.changing:
+            load.add_force(stage, displacement, out)
+
+    def _add_begin(self, stage: Stage, out: Array) -> None:
+        begin = begin_loads(self.context.bits, self._constant is not None, self.context.module)
+        stage.pointwise("loads", begin, self.context.sheet.size, constant=self._constant, external=out)
+
+    def add_dead(self, stage: Stage, out: Array) -> None:
+        """Add the launches that fill `out` with the force of the loads that do not follow the displacement [N]."""
+        self._add_begin(stage, out)
+        for load in self.changing:
+            if load not in self.following:
+                load.add_force(stage, self.context.state.displacement, out)
+
+    def add_following(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that add to `out` the force of the loads that follow the displacement [N]."""
+        for load in self.following:
+            load.add_force(stage, displacement, out)

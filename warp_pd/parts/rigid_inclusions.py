@@ -1,0 +1,94 @@
+"""Rigid inclusions of a sheet: points that move as one body, moved by the sum of the forces on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.context import Context
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
+from ..kernels.integrate import RIGID
+from ..kernels.rigid import rigid_inclusions
+from ..phases import Phase
+from ..sheet import Sheet
+
+OWNER = "rigid inclusions"
+
+
+@dataclass(frozen=True, eq=False)
+class RigidInclusions(Part):
+    """The rigid inclusions of a sheet, see `Sheet.inclusion`.
+
+    Attributes:
+        groups: Point indices of each.
+    """
+
+    groups: tuple[np.ndarray, ...]
+
+    def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
+        """All components of the points of each."""
+        return [Constraint("rigid inclusion", members, RIGID) for members in self.groups]
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
+        """The bodies on a device."""
+        return BuiltInclusions(self.groups, context)
+
+
+class BuiltInclusions(BuiltPart):
+    """The bodies on a device: masses, arms, and their place, momenta and rotation."""
+
+    label = "sheet.inclusions"
+
+    def __init__(self, groups: tuple[np.ndarray, ...], context: Context) -> None:
+        self.context, self.count = context, len(groups)
+        sheet = context.sheet
+        mass = sheet.areas * sheet.thickness * sheet.density
+        arms, masses, inertia = [], [], []
+        for members in groups:
+            m, X = mass[members], np.column_stack([sheet.points[members], np.zeros(len(members))])
+            arm = X - m @ X / m.sum()
+            arms.append(arm)
+            masses.append(m.sum())
+            inertia.append(np.linalg.inv(((arm**2).sum(axis=1) * m).sum() * np.eye(3) - (arm.T * m) @ arm))
+        begins = np.concatenate([[0], np.cumsum([len(g) for g in groups])])
+
+        def table(name: str, dtype: Any, values: np.ndarray) -> Any:
+            return context.array(name, OWNER, dtype, values, per="table")
+
+        def body(name: str, dtype: Any, values: np.ndarray) -> Any:
+            return context.array(name, OWNER, dtype, values, per="body", restart=True)
+
+        self._bodies = {
+            "begins": table("body_begins", wp.int32, begins),
+            "members": table("body_members", wp.int32, np.concatenate(groups)),
+            "arms": table("body_arms", wp.vec3d, np.vstack(arms)),
+            "masses": table("body_masses", wp.float64, np.array(masses)),
+            "inverse_inertia": table("body_inverse_inertia", wp.mat33d, np.array(inertia)),
+        }
+        still = np.zeros((self.count, 3))
+        self.place = body("body_place", wp.vec3d, still)
+        self.linear = body("body_linear", wp.vec3d, still)
+        self.angular = body("body_angular", wp.vec3d, still)
+        self.rotation = body("body_rotation", wp.mat33d, np.repeat(np.eye(3)[None], self.count, axis=0))
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches that drift and kick the bodies."""
+        if phase not in (Phase.RIGID_DRIFT, Phase.RIGID_KICK):
+            return
+        context, state = self.context, self.context.state
+        features = context.features
+        move, kick = rigid_inclusions(context.bits, features.loaded, features.damped, context.module)
+        shared = {
+            **self._bodies, "step": state.step, "damping": state.damping, "force": state.force,
+            "external": state.external, "linear": self.linear, "angular": self.angular, "rotation": self.rotation,
+            "velocity": state.velocity,
+        }  # fmt: skip
+        if phase is Phase.RIGID_DRIFT:
+            stage.launch(OWNER, move, self.count, **shared, displacement=state.displacement, place=self.place)
+        else:
+            stage.launch(OWNER, kick, self.count, **shared)

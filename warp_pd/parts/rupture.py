@@ -1,0 +1,213 @@
+"""Rupture: criteria, and the breaking of bonds that they share.
+
+A criterion of your own inherits from BondCriterion and gives its device function; see docs/write-your-own-part.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, finite, point_indices, positive
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltRupture, Rupture
+from ..kernels.damage import face_damage, point_damage
+from ..kernels.energy_release import energy_release
+from ..kernels.rupture import Criterion, breaking, critical_energy, critical_stretch
+from ..phases import Phase
+
+
+class BondCriterion(Rupture):
+    """A criterion that looks at one bond at a time."""
+
+    def compile_key(self) -> tuple[object, ...]:
+        """Whether some points are spared."""
+        return (self.spared is not None,)
+
+    def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
+        """The device function of the criterion, and its struct filled in; see kernels/rupture.py."""
+        raise NotImplementedError(f"{type(self).__name__}.criterion: a criterion needs a device function")
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
+        """The criterion on a device."""
+        return BreakingBonds(type(self).__name__, self, context, law)
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalStretch(BondCriterion):
+    """A bond breaks for good when its stretch |Y|/|X| passes a critical one. Source: BA and NN papers.
+
+    The energy that breaking releases is the drop of the strain energy at the moment of breaking. It is mostly
+    positive; where a torn family is left with its most strained intersections it can be slightly negative.
+
+    Attributes:
+        stretch: Critical stretch s_c, greater than 1.
+        spared: Points whose bonds never break, such as those in a clamp; None spares none.
+
+    Raises:
+        InputError: otherwise.
+    """
+
+    stretch: float
+    spared: Any = None
+
+    def __post_init__(self) -> None:
+        if finite("CriticalStretch.stretch", self.stretch) <= 1.0:
+            raise InputError(f"CriticalStretch.stretch = {self.stretch!r}: expected a stretch greater than 1")
+
+    def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
+        """The squared critical stretch."""
+        found = critical_stretch(context.layout, context.bits, context.module)
+        values = found.struct()
+        values.squared = self.stretch**2
+        return found, values
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalEnergy(BondCriterion):
+    """A bond breaks for good when the energy release rate of its interaction passes Gc / Nc. Source: VE, section 4.3.
+
+    The work of the bond's force, shared by its two ends, over the crack surface h dx that it stands for is its energy
+    release rate; Nc is the number of interactions across such a surface, 36 at a horizon of 3.015 spacings. The work
+    counts from the start: a law that is under tension without deformation counts that tension too. Explicit dynamics
+    alone.
+
+    Attributes:
+        energy: Critical energy release rate Gc [N/m].
+        spared: Points whose bonds never break, such as those in a clamp; None spares none.
+
+    Raises:
+        InputError: for an energy that is not positive.
+    """
+
+    energy: float
+    spared: Any = None
+
+    def __post_init__(self) -> None:
+        positive("CriticalEnergy.energy", self.energy)
+
+    def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
+        """The critical energy release rate of an interaction, and the array of what each bond has released."""
+        found = critical_energy(context.layout, context.bits, context.module)
+        values = found.struct()
+        shape = (law.families.members, context.sheet.size)
+        values.energy_release = context.array(
+            "energy_release", "CriticalEnergy", context.types.real, shape=shape, per="bond", restart=True
+        )
+        values.critical = self.energy / crossing_bonds(law.horizon)
+        return found, values
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
+        """The criterion on a device.
+
+        Raises:
+            InputError: for a law that does not keep the forces of its bonds.
+        """
+        return BreakingByEnergy("CriticalEnergy", self, context, law)
+
+
+def crossing_bonds(horizon: float) -> int:
+    """Nc: bonds of a square lattice that cross a line, on average a spacing of it, each counted from both ends.
+
+    Args:
+        horizon: Over the spacing [-].
+    """
+    reach = int(horizon)
+    return sum(
+        abs(across)
+        for across in range(-reach, reach + 1)
+        for along in range(-reach, reach + 1)
+        if across**2 + along**2 <= horizon**2
+    )
+
+
+class BreakingBonds(BuiltRupture):
+    """Bonds that break by a criterion, and the damage that this leaves.
+
+    Attributes:
+        criterion: Struct of the criterion.
+        released: Energy lost with broken bonds [J], (N,) float64; None where it is not summed up.
+    """
+
+    def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
+        self.label, self.owner, self.context, self.law = f"damage = {owner}", owner, context, law
+        sheet = context.sheet
+        self._spared: Array | None = None
+        if rupture.spared is not None:
+            mask = np.zeros(sheet.size, np.uint8)
+            mask[point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
+            self._spared = context.array("spared", owner, wp.uint8, mask)
+        found, self.criterion = rupture.criterion(context, law)
+        tracked = context.features.tracked and law.has_energy
+        self.released: Array | None = None
+        if tracked:
+            self.released = context.array("released", "energy balance", wp.float64, shape=sheet.size, restart=True)
+        self._kernel = breaking(
+            context.layout, context.bits, found, self._spared is not None, law.earlier_energy if tracked else None,
+            context.module,
+        )  # fmt: skip
+        self.damage = context.array("damage", owner, wp.float32, shape=sheet.size)
+        self.intact_faces = context.array("intact_faces", owner, wp.uint8, shape=len(sheet.triangles), per="face")
+        self._triangles = context.array("triangles", owner, wp.vec3i, sheet.triangles, per="table")
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch that breaks bonds, or those of the damage at frames."""
+        if phase is Phase.RUPTURE:
+            self._add_breaking(stage)
+        elif phase is Phase.FRAME:
+            self._add_damage(stage)
+
+    def _add_breaking(self, stage: Stage) -> None:
+        law, state = self.law, self.context.state
+        stage.launch(
+            self.owner, self._kernel, self.context.sheet.size,
+            family=law.struct, displacement=state.displacement, velocity=state.velocity, step=state.step,
+            criterion=self.criterion, horizon=law.families.horizon, spared_mask=self._spared,
+            constants=law.constants, inverse_horizon=law.inverse_horizon, unit_volume=law.unit_volume,
+            intact=law.intact, released=self.released,
+        )  # fmt: skip
+
+    def _add_damage(self, stage: Stage) -> None:
+        context = self.context
+        family = {"family": self.law.struct, "intact": self.law.intact}
+        key = (context.layout, context.bits, context.module)
+        stage.launch(self.owner, point_damage(*key), context.sheet.size, **family, out=self.damage)
+        stage.launch(
+            self.owner, face_damage(*key), len(context.sheet.triangles), **family, triangles=self._triangles,
+            intact_faces=self.intact_faces,
+        )  # fmt: skip
+
+    def sums(self) -> Mapping[str, Array]:
+        """The energy lost with broken bonds."""
+        return {} if self.released is None else {"rupture": self.released}
+
+    def column_names(self) -> Sequence[str]:
+        """Largest and mean damage."""
+        return ("largest_damage", "mean_damage")
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Largest and mean damage."""
+        damage = self.damage.numpy()
+        return {"largest_damage": float(damage.max()), "mean_damage": float(damage.mean(dtype=np.float64))}
+
+
+class BreakingByEnergy(BreakingBonds):
+    """The same, and the launch that sums up the work of every bond."""
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase."""
+        super().add(phase, stage)
+        if phase is Phase.BOND_WORK:
+            context, law, sheet = self.context, self.law, self.context.sheet
+            stage.launch(
+                self.owner, energy_release(context.layout, context.bits, context.module), sheet.size,
+                family=law.struct, intact=law.intact, velocity=context.state.velocity, step=context.state.step,
+                bond_force=law.bond_force(), inverse_surface=1.0 / (sheet.thickness * sheet.spacing),
+                energy_release=self.criterion.energy_release,
+            )  # fmt: skip

@@ -1,0 +1,221 @@
+"""Supports: points that stay where they are, and points that move as prescribed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, numbers, point_indices
+from ..device.context import Context
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
+from ..kernels.clock import clock
+from ..kernels.integrate import RIGID
+from ..phases import Phase
+from ..schedules import Schedule, schedule
+from ..sheet import Sheet
+
+AXES = "xyz"
+
+
+class Support(Part):
+    """A part that only holds or moves points: what it asks of the device is done for all supports together."""
+
+    does_work = True
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
+        """Nothing of its own."""
+        return BuiltSupport()
+
+
+class BuiltSupport(BuiltPart):
+    """Adds no launch: see MovedPoints."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed(Support):
+    """Points that keep their place.
+
+    Attributes:
+        points: Point indices.
+        components: Which components are held, letters out of "xyz".
+    """
+
+    points: Any
+    components: str = AXES
+
+    def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
+        """The held components.
+
+        Raises:
+            InputError: for other letters, or a point that does not exist.
+        """
+        if not self.components or any(c not in AXES for c in self.components):
+            raise InputError(f"Fixed.components = {self.components!r}: expected letters out of 'xyz'")
+        bits = sum(1 << AXES.index(c) for c in set(self.components))
+        return [Constraint("Fixed", point_indices("Fixed.points", self.points, sheet.size), bits)]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion(Support):
+    """Points that move together as prescribed, component by component.
+
+    Each of x, y, z is None (free), a number (held at that displacement [m]) or one displacement per time.
+
+    Attributes:
+        points: Point indices.
+        times: Knots of the piecewise linear motion [s].
+        x: Displacement along x [m].
+        y: Displacement along y [m].
+        z: Displacement along z [m].
+    """
+
+    points: Any
+    times: Sequence[float]
+    x: float | Sequence[float] | None = None
+    y: float | Sequence[float] | None = None
+    z: float | Sequence[float] | None = None
+
+    def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
+        """The moved components.
+
+        Raises:
+            InputError: if there is none, for a schedule that is none, or a point that does not exist.
+        """
+        bits = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None)
+        if bits == 0:
+            raise InputError("Motion x = y = z = None: expected at least one prescribed component")
+        points = point_indices("Motion.points", self.points, sheet.size)
+        return [Constraint("Motion", points, bits, self.schedule())]
+
+    def schedule(self) -> Schedule:
+        """The motion as a schedule; free components are zero.
+
+        Raises:
+            InputError: for times that do not rise, or another number of displacements.
+        """
+        times = np.atleast_1d(numbers("Motion.times", self.times))
+        knots = times.size
+        columns = []
+        for name, value in (("x", self.x), ("y", self.y), ("z", self.z)):
+            column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if value is None else value))
+            if column.shape == (1,):
+                column = np.repeat(column, knots)
+            if column.shape != (knots,):
+                raise InputError(f"Motion.{name} has {len(column)} values: expected 1 or {knots}, one per time")
+            columns.append(column)
+        return schedule("Motion", times, np.column_stack(columns))
+
+
+def stretching_edges(sheet: Sheet, half: float, times: Sequence[float], stretches: Sequence[float]) -> list[Motion]:
+    """Edges of a square about the origin and all points outside, moved in the plane as an equal stretch of it.
+
+    Args:
+        sheet: The sheet, with layers of points outside the square.
+        half: Half the side of the square [m].
+        times: Rising [s].
+        stretches: One per time.
+    """
+    outside = np.flatnonzero((np.abs(sheet.points) > half - 1e-3 * sheet.spacing).any(axis=1))
+    motions = []
+    for axis, name in enumerate("xy"):
+        across = sheet.points[outside, axis]
+        for place in np.unique(across.round(12)):
+            path = [float((stretch - 1.0) * place) for stretch in stretches]
+            points = outside[np.abs(across - place) < 1e-3 * sheet.spacing]
+            motions.append(Motion(points, times, **{name: path}))
+    return motions
+
+
+def held_components(sheet: Sheet, constraints: Sequence[Constraint]) -> np.ndarray:
+    """Bits of held components of every point, uint8, shape (N,).
+
+    Raises:
+        InputError: if two parts move, or one moves and one holds, the same component of a point.
+    """
+    held, moved = np.zeros(sheet.size, np.uint8), np.zeros(sheet.size, np.uint8)
+    for constraint in constraints:
+        rigid = bool(constraint.components & RIGID)
+        moves = rigid or constraint.motion is not None
+        # Supports may share points; what moves must be alone.
+        others = held if moves else moved
+        clash = others[constraint.points] & (constraint.components | RIGID)
+        if clash.any():
+            at = int(np.flatnonzero(clash)[0])
+            _refuse_clash(constraint.owner, sheet, int(constraint.points[at]), int(clash[at]))
+        held[constraint.points] |= constraint.components
+        if moves:
+            moved[constraint.points] |= constraint.components
+    return held
+
+
+def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
+    """Say which point two parts would move or hold.
+
+    Raises:
+        InputError: always.
+    """
+    if name == "rigid inclusion":
+        raise InputError("two rigid inclusions share a point: expected inclusions apart from each other")
+    x, y = sheet.points[point]
+    other = "a rigid inclusion" if clash & RIGID else "another support or motion"
+    what = "" if clash & RIGID else f" component {next(c for k, c in enumerate(AXES) if clash & 1 << k)} of"
+    raise InputError(
+        f"{name}.points holds point {point} at ({x:.4g}, {y:.4g}) m, but {other} has{what} it already: "
+        f"expected one part per component; leave shared points, such as corners, out with numpy.setdiff1d"
+    )
+
+
+class MovedPoints(BuiltPart):
+    """All prescribed motions on a device: one row per moved point, as edges that move apart share their corners."""
+
+    def __init__(self, context: Context, constraints: Sequence[Constraint]) -> None:
+        self.context = context
+        self._moving = [(c, c.motion) for c in constraints if c.motion is not None]
+        self._schedules = [context.clock.register(motion) for _, motion in self._moving]
+
+    def check_begin(self, horizon: float) -> None:
+        """Look where motions begin.
+
+        Args:
+            horizon: [m].
+
+        Raises:
+            InputError: if that is further than a horizon from where their points are: no step can take them there.
+        """
+        there = self.context.initial_displacement
+        for constraint, motion in self._moving:
+            begin = motion.at(0.0)
+            for c in (c for c in range(3) if constraint.components & (1 << c)):
+                jump = float(np.abs(begin[c] - there[constraint.points, c]).max())
+                if jump > horizon:
+                    raise InputError(
+                        f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m at t = 0, {jump:.3g} m from where its "
+                        f"points are: expected at most the horizon, {horizon:.3g} m"
+                    )
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch that gives moved points their velocity."""
+        if phase is not Phase.PRESCRIBE or not self._moving:
+            return
+        context, state = self.context, self.context.state
+        points = np.unique(np.concatenate([constraint.points for constraint, _ in self._moving]))
+        schedules = np.full((len(points), 3), -1, np.int32)
+        for (constraint, _), index in zip(self._moving, self._schedules, strict=True):
+            assert index is not None
+            moved = [c for c in range(3) if constraint.components & (1 << c)]
+            at = np.searchsorted(points, constraint.points)
+            schedules[at[:, None], moved] = context.clock.soon(index)
+        rows = np.full(context.sheet.size, -1, np.int32)
+        rows[points] = np.arange(len(points))
+        stage.pointwise(
+            "Motion", clock(context.bits, context.module).prescribe, len(rows),
+            rows=context.array("moved_rows", "Motion", wp.int32, rows),
+            schedules=context.array("moved_schedules", "Motion", wp.vec3i, schedules, per="table"),
+            scheduled=context.clock.scheduled, step=state.step, displacement=state.displacement,
+            velocity=state.velocity,
+        )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Running a scene: recorder, energy balance, restart, summary."""

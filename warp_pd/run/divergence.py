@@ -1,0 +1,80 @@
+"""Whether the state of a run is still sound, and what to suspect where it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..built import Built
+from ..frame import format_time
+
+# Energy out of nowhere, over the largest energy or work so far, at which a run counts as diverged.
+MAX_GAIN = 0.5
+
+
+class DivergedError(RuntimeError):
+    """The state became NaN or Inf, or moves faster than it can; the message says where, when, and the likely cause."""
+
+
+class Soundness:
+    """Looks at the state of a run at its frames.
+
+    Attributes:
+        stable_dt: Newest stable step [s], or None.
+        last_time: Time of the last sound frame [s]; None before the first.
+    """
+
+    def __init__(self, built: Built) -> None:
+        self.built = built
+        self.stable_dt: float | None = None
+        self.last_time: float | None = None
+
+    def require_finite(self, index: int, now: float, dt: float, totals: Mapping[str, float]) -> None:
+        """Raise DivergedError for a state that is NaN or Inf, or moves more than a horizon in a step."""
+        built = self.built
+        bad = built.checks.first_not_finite()
+        if bad is None and np.isfinite(totals.get("strain", 0.0)):
+            self._require_slow(index, now, dt)
+            return
+        sheet = built.context.sheet
+        where = "the strain energy" if bad is None else f"point {bad} at {sheet.points[bad].tolist()}"
+        last, load_duration = self.last_time or 0.0, built.simulation.load_duration
+        if index == 0:
+            between = "is NaN or Inf at the start"
+        elif load_duration is None:
+            between = f"became NaN or Inf between t = {last:.6g} s and t = {now:.6g} s (frame {index})"
+        else:
+            between = f"became NaN or Inf beyond {format_time(last, load_duration)}"
+        raise DivergedError(f"diverged: {where} {between}; likely cause: {self._cause(dt)}")
+
+    def _require_slow(self, index: int, now: float, dt: float) -> None:
+        built = self.built
+        if built.checks.top_speed() * dt > built.law.families.horizon:
+            speed = np.linalg.norm(built.to_numpy(built.state.velocity), axis=1)
+            fastest = int(speed.argmax())
+            when = format_time(now, built.simulation.load_duration)
+            raise DivergedError(
+                f"diverged: point {fastest} moves more than a horizon in one step at {when} "
+                f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self._cause(dt)}"
+            )
+
+    def require_no_gain(self, row: Mapping[str, float], index: int, dt: float) -> None:
+        """Raise DivergedError for a sheet that holds more energy than was ever put in."""
+        if row.get("balance_error", 0.0) > MAX_GAIN:
+            raise DivergedError(
+                f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet holds more energy than was ever put "
+                f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self._cause(dt)}"
+            )
+
+    def _cause(self, dt: float) -> str:
+        if self.last_time is None:
+            return "the initial displacement strains the sheet more than its material bears"
+        if self.built.simulation.load_duration is not None:
+            return (
+                "no equilibrium near the last good load step, or the load rose faster than the relaxation followed; "
+                "try a smaller load, or more load_steps or ramp_steps"
+            )
+        if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
+            return f"the step {dt:.4g} s is above the stable step {self.stable_dt:.4g} s"
+        return self.built.law.likely_cause()

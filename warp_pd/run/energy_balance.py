@@ -1,0 +1,24 @@
+"""The energy balance of a run, from its history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+Row = Mapping[str, float]
+
+
+def balance_error(history: Sequence[Row], row: Row) -> float:
+    """(Energy now - energy first - work + losses) over the largest energy or work so far.
+
+    Args:
+        history: Rows of earlier frames.
+        row: The newest row, with all energies.
+    """
+    first = history[0] if history else row
+    change = row["kinetic"] + row["strain"] - first["kinetic"] - first["strain"]
+    error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
+    if "viscous" in row:
+        error -= first["viscous"]
+    rows = [*history, row]
+    scale = max(max(abs(r["external"]), abs(r["kinetic"] + r["strain"])) for r in rows)
+    return error / scale if scale > 0.0 else 0.0

@@ -1,0 +1,171 @@
+"""The recorder: turns the state on the device into frames and rows of the history."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+from ..built import Built
+from ..checks import InputError, kind_and_text, user_code
+from ..frame import Frame, format_time
+from ..interfaces import FrameReport, History, Reporter, Writer
+from ..scene import Measure, Outcome
+from .divergence import Soundness
+from .energy_balance import balance_error
+
+# Restart files of a run, about: each makes the writers bring their files to the disk.
+RESTARTS = 40
+
+
+@dataclass(eq=False)
+class Recorder:
+    """Takes frames of a run, checks them, and hands them to the writers; see `interfaces.FrameSink`.
+
+    Attributes:
+        built: The simulation.
+        writers: Take the frames.
+        reporter: Shows progress, or None.
+        saved: Called after a frame whose restart file is due; or None.
+        kept: Called after every frame, with the history; or None.
+        solve: Report of a static solver, or None.
+        history: One row per frame.
+        last: The last frame, or None.
+        step_seconds: Seconds spent in steps.
+        stop_asked: Whether the user asked to stop.
+    """
+
+    built: Built
+    writers: list[Writer]
+    reporter: Reporter | None = None
+    saved: Callable[[], None] | None = None
+    kept: Callable[[History], None] | None = None
+    frame_index: int = -1
+    time: float = 0.0
+    steps: int = 0
+    dt: float = 0.0
+    stable_dt: float | None = None
+    residual: float | None = None
+    solve: dict[str, Any] | None = None
+    history: History = field(default_factory=list)
+    last: Frame | None = None
+    step_seconds: float = 0.0
+    stop_asked: bool = False
+
+    def __post_init__(self) -> None:
+        """Begin to look at the state."""
+        self.soundness = Soundness(self.built)
+        self._clock = perf_counter()
+
+    def start_clock(self) -> None:
+        """Count the seconds of the steps from now on."""
+        self._clock = perf_counter()
+
+    def progress(self, steps: int, residual: float, tolerance: float) -> None:
+        """Report a static solver on its way; stops it if the user asked for that."""
+        if self.stop_asked:
+            raise KeyboardInterrupt
+        if self.reporter is not None:
+            self.reporter.residual(steps, residual, tolerance)
+
+    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
+        """Check the state, hand it to the writers, and save it for a restart.
+
+        Raises:
+            DivergedError: if it is NaN or Inf; nothing of it is written.
+        """
+        built = self.built
+        built.context.run("frame")
+        totals = built.sums.totals()
+        self.soundness.stable_dt = self.stable_dt
+        self.soundness.require_finite(index, now, dt, totals)
+        self.step_seconds += perf_counter() - self._clock
+        frame = snapshot(built, index, now)
+        row = self._row(frame, totals, now - self.time, dt)
+        self.soundness.require_no_gain(row, index, dt)
+        self.history.append(row)
+        self.frame_index, self.time, self.dt = index, now, dt
+        self.steps += steps
+        for writer in self.writers:
+            writer.write(frame)
+        self.accept(frame)
+        if self.kept is not None:
+            self.kept(self.history)
+        if self.saved is not None and self._restart_due(index):
+            self.saved()
+        if self.reporter is not None:
+            self.reporter.frame(self._report(row))
+        self.start_clock()
+        if self.stop_asked:
+            raise KeyboardInterrupt
+
+    def _report(self, row: dict[str, float]) -> FrameReport:
+        scene = self.built.simulation
+        rate = self.steps / self.step_seconds if self.step_seconds > 0.0 else 0.0
+        share = min(1.0, self.time / scene.solver.duration)
+        when = format_time(self.time, scene.load_duration)
+        return FrameReport(when, share, rate, scene.solver.frame_count, row)
+
+    def accept(self, frame: Frame) -> None:
+        """Take a sound frame as the last one."""
+        self.last, self.soundness.last_time = frame, frame.time
+
+    def _restart_due(self, index: int) -> bool:
+        """At the first and last frame, when the user stops the run, and some forty times in between."""
+        frames = self.built.simulation.solver.frame_count
+        return self.stop_asked or index in (0, frames) or index % max(1, frames // RESTARTS) == 0
+
+    def _row(self, frame: Frame, totals: dict[str, float], elapsed: float, dt: float) -> dict[str, float]:
+        built = self.built
+        row: dict[str, float] = {"time": frame.time, "step": dt}
+        row |= built.energy.columns(totals, elapsed)
+        if "rupture" in row:
+            row["balance_error"] = balance_error(self.history, row)
+        for part in built.parts:
+            for name, value in part.columns(totals, elapsed).items():
+                if name in row:
+                    raise InputError(f"history: two parts report {name!r}: expected one")
+                row[name] = value
+            part.end_frame()
+        if built.simulation.measures:
+            frame = frame.in_double()
+        for measure in built.simulation.measures:
+            reported = number_of(measure, built, frame)
+            row[measure.name] = math.nan if reported is None else reported
+        return row
+
+
+def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
+    """What the function of a reported number gives.
+
+    Raises:
+        InputError: if it raises, or gives neither a number nor None.
+    """
+    what = f"{type(item).__name__} {item.name!r}"
+    with user_code(lambda error: f"{what}: {kind_and_text(error)}"):
+        value = item.value(*arguments)
+    try:
+        return None if value is None else float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} gives {value!r}: expected a number") from None
+
+
+def snapshot(built: Built, index: int, now: float) -> Frame:
+    """The state as a frame; the launches of the stage "frame" have run."""
+    shown = {}
+    for stored in built.context.fields.shown():
+        values = built.to_host(stored.array)
+        shown[stored.field.output] = values / built.volume if stored.field.density else values
+    rupture, contact = built.rupture, built.contact
+    return Frame(
+        index=index,
+        time=now,
+        displacement=shown.pop("displacement"),
+        velocity=shown.pop("velocity"),
+        intact_faces=None if rupture is None else built.to_host(rupture.intact_faces).view(bool),
+        damage=None if rupture is None else built.to_host(rupture.damage),
+        ball_center=None if contact is None else contact.centre(now),
+        point_data=shown,
+    )

@@ -1,0 +1,138 @@
+"""The restart file: everything that a run needs to go on, bit for bit on the same device.
+
+Arrays are those that the register of fields keeps for a restart; numbers are those of the recorder and of the solver.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..built import Built
+from ..checks import InputError
+from ..scene import Scene
+from .recorder import Recorder
+
+NAME = "restart.npz"
+VERSION = 4
+# Numbers of the recorder that a restart keeps.
+NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history")
+# What a scene says that changes nothing of the state of a run.
+REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings")
+# Longer values are kept as their hash; a message names so many that differ.
+MAX_LENGTH, MAX_NAMED = 60, 4
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a restart file belongs to.
+
+    Attributes:
+        parts: All that changes the state: names such as "force.horizon", and values as text.
+        settings: Arguments of the scene's `build`, some of which only measures read.
+    """
+
+    parts: dict[str, str]
+    settings: dict[str, Any]
+
+
+def identity(scene: Scene, built: Built) -> Identity:
+    """What a restart file of this run belongs to."""
+    named = {f.name: getattr(scene, f.name) for f in fields(Scene) if f.name not in REPORTED}
+    texts = {key: text for name, part in named.items() for key, text in _texts(name, part)}
+    return Identity({"precision": str(built.context.bits), **texts}, scene.settings)
+
+
+def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
+    """Names and values of a part and of its parts."""
+    if isinstance(part, np.ndarray):
+        yield name, f"array {part.shape} {_hash(np.ascontiguousarray(part).tobytes())}"
+    elif is_dataclass(part):
+        yield name, type(part).__name__
+        for f in fields(part):
+            yield from _texts(f"{name}.{f.name}", getattr(part, f.name))
+    elif isinstance(part, list | tuple) and any(is_dataclass(p) or isinstance(p, np.ndarray) for p in part):
+        for index, p in enumerate(part):
+            yield from _texts(f"{name}.{index}", p)
+    else:
+        text = repr(getattr(part, "__qualname__", part))
+        yield name, text if len(text) <= MAX_LENGTH else f"{type(part).__name__} {_hash(text.encode())}"
+
+
+def _hash(data: bytes) -> str:
+    return hashlib.sha1(data).hexdigest()[:12]
+
+
+def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
+    """What differs, then and now; of a part of another type, only the type."""
+    names = [name for name in {**began, **here} if began.get(name) != here.get(name)]
+    outer = [name for name in names if not any(name.startswith(f"{other}.") for other in names)]
+    shown = [f"{name} = {began.get(name)}, here {here.get(name)}" for name in outer[:MAX_NAMED]]
+    return "; ".join(shown) + (f"; and {len(outer) - MAX_NAMED} more" if len(outer) > MAX_NAMED else "")
+
+
+def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
+    """Copies of all that a restart file holds."""
+    built = recorder.built
+    arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
+    numbers = {
+        "version": VERSION,
+        "parts": known.parts,
+        "settings": known.settings,
+        "solver": built.solver.host_state(),
+        **{name: getattr(recorder, name) for name in NUMBERS},
+    }
+    arrays["numbers"] = np.frombuffer(json.dumps(numbers).encode(), np.uint8)
+    return arrays
+
+
+def save(path: Path, arrays: dict[str, Any]) -> None:
+    """Write what `collect` gave atomically."""
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as stream:
+        np.savez(stream, **arrays)
+    os.replace(part, path)
+
+
+def load(path: Path, known: Identity) -> dict[str, Any]:
+    """Arrays and numbers of a restart file of this run.
+
+    Raises:
+        InputError: if it is missing, damaged, of another version, or of another simulation.
+    """
+    where = f"resume from {str(path)!r}"
+    if not path.exists():
+        raise InputError(f"{where}: the file does not exist; expected the folder of an earlier run")
+    try:
+        with np.load(path) as stored:
+            data: dict[str, Any] = {name: stored[name] for name in stored.files}
+        numbers = json.loads(bytes(data.pop("numbers")))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{where}: the file is damaged ({type(error).__name__})") from None
+    if numbers.get("version") != VERSION:
+        raise InputError(f"{where}: it is of version {numbers.get('version')}, expected {VERSION}")
+    if (numbers["parts"], numbers["settings"]) != (known.parts, known.settings):
+        sides = (numbers["settings"], numbers["parts"]), (known.settings, known.parts)
+        # Settings of a scene are what its user knows; where they are the same, the scene itself differs.
+        same = numbers["settings"] == known.settings
+        other = _different(*(p if same else {**s, "precision": p["precision"]} for s, p in sides))
+        raise InputError(f"{where}: it belongs to other settings ({other}); expected those that the run began with")
+    return {**data, "numbers": numbers}
+
+
+def restore(data: dict[str, Any], recorder: Recorder) -> None:
+    """Put a loaded state back on the device, into the recorder and into the solver."""
+    built, numbers = recorder.built, data["numbers"]
+    for name, array in built.context.fields.kept().items():
+        array.assign(data[name])
+    for name in NUMBERS:
+        setattr(recorder, name, numbers[name])
+    built.solver.restore(numbers["solver"])

@@ -1,0 +1,254 @@
+"""Run a scene: frames, outputs, restart, summary."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ..built import Built, compose
+from ..checks import kind_and_text, user_code
+from ..frame import Frame, Surface
+from ..interfaces import History, Reporter, Writer
+from ..output.background import Background
+from ..output.formats import file_writers
+from ..scene import Scene
+from . import restart
+from .divergence import DivergedError
+from .folder import clear, clear_unfinished, writable_folder, write_atomically, write_history
+from .recorder import Recorder, snapshot
+from .summary import Seconds, summary_of
+
+FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
+
+
+@dataclass
+class Result:
+    """What a run leaves.
+
+    Attributes:
+        summary: Content of summary.json.
+        history: One row per frame: time (load time of a static solver), energies, ball reaction, largest damage,
+            measures.
+        built: The simulation as it ended.
+        frame: The last frame.
+        folder: Where the files are, or None.
+    """
+
+    summary: dict[str, Any]
+    history: History
+    built: Built
+    frame: Frame
+    folder: Path | None = None
+
+    @property
+    def status(self) -> str:
+        """How the run ended: "finished", "diverged", "not converged" or "interrupted"."""
+        return str(self.summary["status"])
+
+
+def run(
+    scene: Scene,
+    *,
+    out: str | Path | None = None,
+    device: str | None = None,
+    precision: int | None = None,
+    resume: bool = False,
+    usd: bool = True,
+    reporter: Reporter | None = None,
+    writers: list[Writer] | None = None,
+    pictures: bool = True,
+) -> Result:
+    """Run a scene to its end.
+
+    Args:
+        scene: What to run.
+        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json and pictures;
+            None writes nothing.
+        device: "cpu", "cuda:0", ...; CUDA by default where there is one.
+        precision: 32 or 64; by default the solver's.
+        resume: Go on from the restart file in `out`.
+        usd: Whether to write animation.usd.
+        reporter: Shows progress; see `output.progress`.
+        writers: More writers of frames.
+        pictures: Whether to draw the scene's pictures.
+
+    Raises:
+        InputError: for input that cannot be run, before anything is written.
+        DivergedError: if not even the first frame is finite; `out` holds nothing then.
+
+    Returns:
+        The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
+    """
+    begin = perf_counter()
+    built = compose(scene, device, precision)
+    folder = writable_folder(out, resume)
+    known = restart.identity(scene, built)
+    saved = restart.load(folder / restart.NAME, known) if resume and folder is not None else None
+    if folder is not None:
+        clear_unfinished(folder)
+        if saved is None:
+            clear(folder)
+    if reporter is not None:
+        reporter.begin(headline(built))
+    compile_seconds = built.context.compile()
+    if reporter is not None:
+        reporter.compiled(compile_seconds)
+    recorder = Recorder(built, list(writers or []), reporter)
+    _begin(recorder, saved)
+    if folder is not None:
+        _add_files(recorder, folder, known, usd, None if saved is None else recorder.frame_index + 1)
+    setup_seconds = perf_counter() - begin - compile_seconds
+    status, message = _march(recorder, saved is not None)
+    if recorder.last is None:
+        raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
+    seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
+    summary = summary_of(recorder, status, message, seconds)
+    result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
+    if folder is not None:
+        _finish(result, folder, pictures)
+    return result
+
+
+def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
+    """Bring the state to where the run begins or goes on."""
+    built = recorder.built
+    if saved is not None:
+        restart.restore(saved, recorder)
+    else:
+        built.context.run("start")
+        for part in built.parts:
+            part.begin()
+    built.context.run("setup")
+
+
+def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: bool, append_from: int | None) -> None:
+    """Let the recorder write frames, history and restart files, in a thread beside the computation."""
+    scene = recorder.built.simulation
+    equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
+    surface = surface_of(recorder.built)
+    files = Background(file_writers(folder, surface, usd=usd, seconds_per_frame=equal, append_from=append_from))
+    others = list(recorder.writers)
+    recorder.writers.append(files)
+    recorder.kept = partial(write_history, folder / "history.csv")
+
+    def save() -> None:
+        for writer in others:
+            writer.save()
+        files.save_then(partial(restart.save, folder / restart.NAME, restart.collect(recorder, known)))
+
+    recorder.saved = save
+
+
+def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
+    """Run to the end; status and message."""
+    built, status, message = recorder.built, FINISHED, ""
+    restore_signal = _stop_at_frames(recorder)
+    try:
+        recorder.start_clock()
+        if resumed:
+            built.context.run("frame")
+            recorder.accept(snapshot(built, recorder.frame_index, recorder.time))
+        else:
+            recorder.frame(0, 0.0, 0, 0.0)
+        recorder.start_clock()
+        status = built.solver.run(recorder)
+        if status == NOT_CONVERGED:
+            message = _not_converged(recorder)
+    except DivergedError as error:
+        status, message = DIVERGED, str(error)
+    except KeyboardInterrupt:
+        status, message = STOPPED, "interrupted: --resume goes on from here"
+    finally:
+        restore_signal()
+        for writer in recorder.writers:
+            writer.close()
+        if recorder.reporter is not None:
+            recorder.reporter.close()
+    return status, message
+
+
+def _finish(result: Result, folder: Path, pictures: bool) -> None:
+    """Write the summary and draw the pictures."""
+    before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
+    summary = result.summary
+    # First, so that a picture that cannot be drawn does not take the numbers with it.
+    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    scene = result.built.simulation
+    if pictures and scene.pictures is not None:
+        draw(scene, result.history, folder)
+    summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
+    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+
+
+def headline(built: Built) -> str:
+    """One line that says what runs where."""
+    scene = built.simulation
+    return (
+        f"{scene.scene}: {scene.sheet.size} points, {built.law.families.bond_count} bonds, horizon "
+        f"{scene.force.horizon:g} spacings, {built.law.weights} weights, float{built.context.bits}, on "
+        f"{built.context.device.name}"
+    )
+
+
+def surface_of(built: Built) -> Surface:
+    """The reference surface, as writers need it."""
+    scene, sheet = built.simulation, built.simulation.sheet
+    static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
+    return Surface(
+        points=np.column_stack([sheet.points, np.zeros(sheet.size)]),
+        faces=sheet.triangles,
+        ball_diameter=None if built.contact is None else built.contact.ball_diameter(),
+        title=scene.scene,
+        metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static},
+    )
+
+
+def draw(scene: Scene, history: History, folder: Path) -> None:
+    """Draw the scene's pictures.
+
+    Raises:
+        InputError: if its function raises, as on frames that are damaged.
+    """
+    assert scene.pictures is not None
+    with user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"):
+        scene.pictures(history, folder)
+
+
+def _not_converged(recorder: Recorder) -> str:
+    assert recorder.solve is not None
+    return (
+        f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
+        f"the last good load step is at {100.0 * recorder.solve['reached']:.4g} % of the path"
+    )
+
+
+def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
+    """Make Ctrl-C (or SIGTERM) end the run at the next frame, a second one at once; returns what undoes this."""
+    if threading.current_thread() is not threading.main_thread():
+        return lambda: None
+    earlier = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
+
+    def ask(number: int, stack: Any) -> None:
+        if recorder.stop_asked:
+            raise KeyboardInterrupt
+        recorder.stop_asked = True
+
+    def undo() -> None:
+        for number, handler in earlier.items():
+            signal.signal(number, handler)
+
+    for number in earlier:
+        signal.signal(number, ask)
+    return undo
+
+
+__all__ = ["DIVERGED", "FINISHED", "NOT_CONVERGED", "STOPPED", "DivergedError", "Result", "run"]

@@ -1,0 +1,119 @@
+"""The summary of a run: what summary.json holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..checks import InputError
+from ..scene import Measure, Outcome
+from .recorder import Recorder, number_of
+
+
+@dataclass(frozen=True)
+class Seconds:
+    """Wall time of a run [s].
+
+    Attributes:
+        setup: To build it.
+        compile: To compile or load its kernels.
+        wall: In all.
+    """
+
+    setup: float
+    compile: float
+    wall: float
+
+
+def notes_of(recorder: Recorder) -> list[str]:
+    """What a user should know of this run, one line each."""
+    built = recorder.built
+    notes = list(built.simulation.notes)
+    if not built.law.has_energy:
+        notes.append("energy: the law has no potential, so there is no strain energy and no balance to report")
+    for part in built.parts:
+        notes += part.notes(recorder.history, built.simulation.load_duration)
+    return notes
+
+
+def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str, Any]:
+    """Value, unit and reference of a reported number; a number that does not exist (yet) is None."""
+    if value is not None and not np.isfinite(value):
+        value = None
+    error = None if item.reference is None or value is None else value / item.reference - 1.0
+    return {
+        "value": value,
+        "unit": item.unit,
+        "of": of,
+        "reference": item.reference,
+        "source": item.source,
+        "error": error,
+    }
+
+
+def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
+    """Reported numbers by name; what went wrong with one joins the notes."""
+    scene = recorder.built.simulation
+    row = recorder.history[-1] if recorder.history else {}
+    # The start of a search that found nothing is no result.
+    found = recorder.frame_index > 0 or scene.solver.dynamic
+    reported = {m.name: _compared(m, row.get(m.name) if found else None, "last frame") for m in scene.measures}
+    for outcome in scene.outcomes:
+        value = None
+        try:
+            value = number_of(outcome, recorder.history) if found else None
+        except InputError as error:
+            # The run is over: the other numbers must not go with this one.
+            notes.append(str(error))
+        reported[outcome.name] = _compared(outcome, value, "whole run")
+    return reported
+
+
+def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) -> dict[str, Any]:
+    """The summary of a run that is over."""
+    built, scene, context = recorder.built, recorder.built.simulation, recorder.built.context
+    row = recorder.history[-1] if recorder.history else {}
+    losses = {name: row[name] for name in ("damping", "rupture", "viscous") if name in row}
+    notes = notes_of(recorder)
+    measures = _measures(recorder, notes)
+    rate = context.sheet.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
+    load_duration = scene.load_duration
+    return {
+        "scene": scene.scene,
+        "file": scene.file,
+        "section": scene.section,
+        "status": status,
+        "message": message,
+        "settings": scene.settings,
+        "device": str(context.device.name),
+        "precision": context.bits,
+        "force": type(scene.force).__name__,
+        "weights": built.law.weights,
+        "horizon": scene.force.horizon,
+        "points": context.sheet.size,
+        "bonds": built.law.families.bond_count,
+        "steps": recorder.steps,
+        "time": recorder.time if load_duration is None else None,
+        "load_share": None if load_duration is None else recorder.time / load_duration,
+        "dt": recorder.dt,
+        "stable_dt": recorder.stable_dt,
+        "residual": recorder.residual,
+        "solve": recorder.solve,
+        "wall_s": seconds.wall,
+        "setup_s": seconds.setup,
+        "compile_s": seconds.compile,
+        "point_steps_per_s": rate,
+        "bytes_per_point": context.fields.nbytes / context.sheet.size,
+        "correction": built.law.correction,
+        "energy": {
+            "kinetic": row.get("kinetic"),
+            "strain": row.get("strain"),
+            "external": row.get("external"),
+            "dissipated": losses if context.features.tracked else None,
+            "balance_error": row.get("balance_error"),
+        },
+        "notes": notes,
+        "measures": measures,
+    }

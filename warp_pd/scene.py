@@ -1,0 +1,158 @@
+"""What a scene is: a sheet, a force law, parts, a solver, and the numbers that it reports. No device is touched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .checks import InputError, numbers
+from .frame import Frame
+from .interfaces import Contact, History, Law, Part, Rupture, Solver
+from .sheet import Sheet
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number that a scene reports at every frame.
+
+    Attributes:
+        name: Key in summary.json.
+        unit: SI unit.
+        value: Function of the built simulation and of the newest frame.
+        reference: What it is compared with, in the same unit, or None.
+        source: Where the reference comes from.
+    """
+
+    name: str
+    unit: str
+    value: Callable[[Any, Frame], float]
+    reference: float | None = None
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A number that a scene reports of its whole run, such as a peak load.
+
+    Attributes:
+        name: Key in summary.json.
+        unit: SI unit.
+        value: Function of the history, one row per frame, in order; None where there is no such number yet.
+        reference: What it is compared with, in the same unit, or None.
+        source: Where the reference comes from.
+    """
+
+    name: str
+    unit: str
+    value: Callable[[History], float | None]
+    reference: float | None = None
+    source: str = ""
+
+
+@dataclass(eq=False)
+class Scene:
+    """A sheet and everything that acts on it.
+
+    Attributes:
+        sheet: The sheet.
+        force: Force law.
+        solver: Explicit, Relaxation or Newton.
+        loads: Supports and loads.
+        contact: A rigid ball, or None.
+        damage: Rupture criterion, or None: nothing can break.
+        measures: Numbers to report, at every frame; the summary has those of the last one.
+        outcomes: Numbers to report of the whole run.
+        fields: Names of further point fields of the frames, of those that the force law offers.
+        initial_displacement: [m], shape (N, 3), or None for zero. The sheet was brought there at once: nothing of a
+            viscous law has relaxed.
+        initial_velocity: [m/s], shape (N, 3), or None for zero.
+        track_energy: Whether external work and dissipation are summed up for the energy balance.
+        scene: Name of the scene.
+        file: Python file of a scene that does not come with the package, or None.
+        section: Part of the paper that it rebuilds.
+        pictures: Function (history, folder) that draws the scene's pictures into the folder of the results,
+            or None.
+        notes: What a scene decided for the user, one line each; the summary and the command line repeat them.
+        settings: Arguments of the scene's `build`, for the summary and restart files.
+    """
+
+    sheet: Sheet
+    force: Law
+    solver: Solver
+    loads: Sequence[Part] = ()
+    contact: Contact | None = None
+    damage: Rupture | None = None
+    measures: Sequence[Measure] = ()
+    outcomes: Sequence[Outcome] = ()
+    fields: Sequence[str] = ()
+    initial_displacement: np.ndarray | None = None
+    initial_velocity: np.ndarray | None = None
+    track_energy: bool = True
+    scene: str = "simulation"
+    file: str | None = None
+    section: str = ""
+    pictures: Callable[[History, Path], None] | None = None
+    notes: Sequence[str] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def initial(self, name: str) -> np.ndarray:
+        """The initial displacement or velocity, shape (N, 3).
+
+        Raises:
+            InputError: for another shape, or numbers that are not finite.
+        """
+        values, n = getattr(self, name), self.sheet.size
+        if values is None:
+            return np.zeros((n, 3))
+        found = numbers(name, values)
+        if found.shape != (n, 3):
+            raise InputError(f"{name} has shape {found.shape}: expected ({n}, 3)")
+        return found
+
+    def check(self) -> None:
+        """Compare the parts with what is expected of them, and with each other.
+
+        Raises:
+            InputError: for something that is no such part, or two measures of one name.
+        """
+        expected: tuple[tuple[str, Any, Any, str], ...] = (
+            ("sheet", self.sheet, Sheet, "a Sheet"),
+            ("force", self.force, Law, "a force law, such as BondAssociated(material)"),
+            ("solver", self.solver, Solver, "Explicit, Relaxation or Newton"),
+            ("contact", self.contact, Contact | None, "a RigidBall or None"),
+            ("damage", self.damage, Rupture | None, "CriticalStretch, CriticalEnergy or None"),
+        )
+        for name, part, kind, words in expected:
+            if isinstance(part, type) or not isinstance(part, kind):
+                raise InputError(f"{name} = {part!r}: expected {words}")
+        lists: tuple[tuple[str, Any, Any], ...] = (
+            ("loads", self.loads, Part), ("measures", self.measures, Measure), ("outcomes", self.outcomes, Outcome),
+        )  # fmt: skip
+        for name, parts, kind in lists:
+            if not isinstance(parts, Sequence) or isinstance(parts, str):
+                raise InputError(f"{name} = {parts!r}: expected a list of {name}")
+            for index, part in enumerate(parts):
+                if isinstance(part, type) or not isinstance(part, kind):
+                    raise InputError(f"{name}[{index}] is of type {type(part).__name__}: expected a list of {name}")
+        given = [*(("loads", part) for part in self.loads), ("contact", self.contact), ("damage", self.damage)]
+        for name, part in given:
+            if part is not None and part.argument != name:
+                raise InputError(f"{name}: {type(part).__name__} is given here, expected as {part.argument}")
+        self._check_names()
+
+    def _check_names(self) -> None:
+        names = [m.name for m in self.measures] + [o.name for o in self.outcomes]
+        for name in names:
+            if not isinstance(name, str) or not name or not name.isprintable():
+                raise InputError(f"name of a measure = {name!r}: expected text in one line")
+            if names.count(name) > 1:
+                raise InputError(f"measures: two numbers of the run would be called {name!r}: expected one")
+
+    @property
+    def load_duration(self) -> float | None:
+        """Load time of the whole load of a static solver [s]; None for dynamics."""
+        return None if self.solver.dynamic else self.solver.duration

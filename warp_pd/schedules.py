@@ -1,0 +1,55 @@
+"""Schedules: piecewise linear functions of time, which the device evaluates itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .checks import InputError, vector
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """A piecewise linear function of time; before its first knot and after its last one it is constant.
+
+    Attributes:
+        times: Knots [s], rising, shape (K,).
+        values: shape (K, 3).
+    """
+
+    times: np.ndarray
+    values: np.ndarray
+
+    def at(self, time: float) -> np.ndarray:
+        """Values at a time [s], shape (3,)."""
+        return np.array([np.interp(time, self.times, self.values[:, c]) for c in range(3)])
+
+
+def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
+    """A checked schedule of finite numbers: times, shape (K,), and values, shape (K, 3).
+
+    Raises:
+        InputError: unless the times rise.
+    """
+    if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
+        raise InputError(f"{name} times = {times.tolist()}: expected rising times, at least one")
+    return Schedule(times, values)
+
+
+def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Schedule | None:
+    """Schedule of a factor from pairs (time, factor); None stays None: the load is constant.
+
+    Raises:
+        InputError: unless `ramp` is a list of pairs with rising times.
+    """
+    if ramp is None:
+        return None
+    try:
+        pairs = np.array([vector(f"{name} ramp", pair, 2) for pair in ramp])
+    except TypeError:
+        raise InputError(f"{name} ramp = {ramp!r}: expected pairs (time, factor)") from None
+    if len(pairs) == 0:
+        raise InputError(f"{name} ramp = {ramp!r}: expected at least one pair (time, factor)")
+    return schedule(f"{name} ramp", pairs[:, 0], np.repeat(pairs[:, 1:], 3, axis=1))

@@ -1,0 +1,32 @@
+"""The launches of an explicit step that are the solver's own: drift and kick."""
+
+from __future__ import annotations
+
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..kernels.integrate import integration
+from ..phases import Phase
+
+OWNER = "solver"
+
+
+def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> None:
+    """Add the pointwise stages of drift and kick.
+
+    Args:
+        phase: Of these two; nothing in another one.
+        stage: Where to add them.
+        context: With the shared state.
+        inertia: What resists acceleration [kg], or what a static solver puts in its place, (N,).
+    """
+    if phase not in (Phase.DRIFT, Phase.KICK):
+        return
+    state, f = context.state, context.features
+    kernels = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, context.module)
+    stage.pointwise(
+        OWNER, kernels.drift if phase is Phase.DRIFT else kernels.kick, context.sheet.size,
+        mass=inertia, held_mask=state.held_mask, step=state.step, damping=state.damping, force=state.force,
+        external=state.external, displacement=state.displacement, velocity=state.velocity, work=state.work,
+        dissipated=state.dissipated,
+    )  # fmt: skip

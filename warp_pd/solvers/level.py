@@ -1,0 +1,139 @@
+"""One sheet in the search for static equilibrium: unbalanced force, trial steps, stiffness products."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError
+from ..device.context import Context
+from ..device.fields import Array, assign, on_cpu
+from ..device.graph import LaunchSequence
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltLoad, Tangent
+from ..kernels.equilibrium import equilibrium
+from ..kernels.residual import residual
+
+OWNER = "Newton"
+
+
+class Level:
+    """The sheet itself, or a coarser lattice over it, with the stages "evaluate", "advance", "linearise", "product".
+
+    Attributes:
+        context: Arrays and stages of this sheet.
+        tangent: How its internal force changes.
+        following: Loads that follow the displacement.
+        displacement: Where the residual is evaluated [m], (N,) vec3.
+        base: Last accepted displacement [m].
+        direction: Newton's step [m].
+        residual: Unbalanced force of free components [N].
+        vector: Input of the product.
+        image: Output of the product.
+    """
+
+    def __init__(self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad]) -> None:
+        """Allocate the vectors and add all stages but "evaluate".
+
+        Raises:
+            InputError: for a load that follows the displacement without a tangent.
+        """
+        self.context, self.law, self.tangent, self.following = context, law, tangent, list(following)
+        t, n = context.types, context.sheet.size
+        self.displacement = context.state.displacement
+        self.kernels = equilibrium(t.bits, context.features.held, context.module)
+        self.base = context.array("base", OWNER, t.vec3, shape=n)
+        self.direction = context.array("newton_step", OWNER, t.vec3, shape=n)
+        self.residual = context.array("unbalanced", OWNER, t.vec3, shape=n)
+        self._squared = context.array("squared_unbalanced", OWNER, wp.float64, shape=n)
+        self._reaction = context.array("reaction", OWNER, wp.float64, shape=n)
+        self.vector = context.array("vector", OWNER, t.vec3, shape=n, halo=True)
+        self.image = context.array("image", OWNER, t.vec3, shape=n)
+        self._tension = context.array("tension", OWNER, t.real, shape=1, per="once")
+        self._share = context.array("share", OWNER, t.real, shape=1, per="once")
+        self._sequences: dict[str, LaunchSequence] = {}
+        context.stage("advance", "every trial step of Newton").launch(
+            OWNER, self.kernels.advance, n,
+            base=self.base, direction=self.direction, share=self._share, displacement=self.displacement,
+        )  # fmt: skip
+        tangent.add_linearise(context.stage("linearise", "every tangent of Newton"), self.displacement, self._tension)
+        self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return self.context.sheet.size
+
+    @property
+    def held(self) -> np.ndarray:
+        """Which components are held, shape (N, 3)."""
+        return np.asarray((self.context.held[:, None] >> np.arange(3)) & 1 == 1)
+
+    def add_residual(self, stage: Stage) -> None:
+        """Add the residual to the stage "evaluate", which has filled internal and external force."""
+        state, f = self.context.state, self.context.features
+        stage.launch(
+            OWNER, residual(self.context.bits, f.held, f.loaded, self.context.module), self.points,
+            held_mask=state.held_mask, force=state.force, external=state.external, unbalanced=self.residual,
+            squared=self._squared, reaction=self._reaction,
+        )  # fmt: skip
+
+    def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:
+        """Add the launches of image = K vector, held components of the image zero.
+
+        Args:
+            stage: Where to add them.
+            vector: (N,) vec3.
+            image: (N,) vec3.
+            following: Whether loads that follow the displacement have their part in K.
+
+        Raises:
+            InputError: for such a load without a tangent.
+        """
+        self.tangent.add_product(stage, vector, image)
+        if following:
+            for load in self.following:
+                if not load.add_tangent(stage, self.displacement, vector, image):
+                    raise InputError(
+                        f"{load.label}: the solver Newton needs the tangent of a load that follows the displacement, "
+                        f"this one has none; take Explicit or Relaxation"
+                    )
+        stage.launch(OWNER, self.kernels.hold, self.points, held_mask=self.context.state.held_mask, change=image)
+
+    # What the host asks for ----------------------------------------------------------------------------
+
+    def run(self, stage: str) -> None:
+        """Run a stage now."""
+        if stage not in self._sequences:
+            self._sequences[stage] = self.context.sequence(stage)
+        self._sequences[stage].run()
+
+    def evaluate(self) -> tuple[float, float]:
+        """Norm of the unbalanced force and of loads and reactions [N], at `displacement`."""
+        self.run("evaluate")
+        return float(np.sqrt(dot(self.residual, self.residual))), float(np.sqrt(total(self._reaction)))
+
+    def linearise(self, tension: float) -> None:
+        """Take the tangent at `displacement`, with an isotropic tension [Pa] added to the stress."""
+        assign(self._tension, np.array([tension]))
+        self.run("linearise")
+
+    def step_to(self, share: float) -> None:
+        """Set displacement = base + share direction."""
+        assign(self._share, np.array([share]))
+        self.run("advance")
+
+
+def dot(a: Array, b: Array) -> float:
+    """Scalar product of two (N,) vec3 arrays."""
+    if on_cpu(a):
+        # Not by BLAS, whose threads would go on spinning on the cores that the kernels need.
+        return float(np.einsum("ic,ic->", a.numpy(), b.numpy(), dtype=np.float64))
+    return float(np.asarray(wp.utils.array_inner(a, b)))
+
+
+def total(a: Array) -> float:
+    """Sum of a scalar array."""
+    return float(a.numpy().sum()) if on_cpu(a) else float(np.asarray(wp.utils.array_sum(a)))

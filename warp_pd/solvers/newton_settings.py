@@ -1,0 +1,74 @@
+"""What the search for equilibrium is told, and what it reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+
+class NewtonSettings(Protocol):
+    """Numbers of the search, see `warp_pd.Newton`."""
+
+    @property
+    def tolerance(self) -> float | None:
+        """Relative residual of equilibrium, or None for the default."""
+        ...
+
+    @property
+    def load_steps(self) -> int:
+        """Planned load steps."""
+        ...
+
+    @property
+    def most_iterations(self) -> int:
+        """Newton steps of one load step."""
+        ...
+
+    @property
+    def most_cuts(self) -> int:
+        """Cutbacks over the whole path."""
+        ...
+
+    @property
+    def preconditioner(self) -> str:
+        """Preconditioner, or "auto"."""
+        ...
+
+    @property
+    def stiffness(self) -> str:
+        """Stiffness: "tangent" or "constant"."""
+        ...
+
+    @property
+    def duration(self) -> float:
+        """Load time of the whole load [s]."""
+        ...
+
+
+@dataclass
+class Report:
+    """What one search did; becomes "solve" in summary.json.
+
+    Attributes:
+        preconditioner: The one in use.
+        load_steps: One entry per attempted load step: share (load factor), converged, and per lattice, coarsest
+            first: points, relative residuals, accepted shares of the steps, products with the stiffness.
+    """
+
+    preconditioner: str
+    load_steps: list[dict[str, Any]] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def summary(self, points: int, reached: float) -> dict[str, Any]:
+        """As plain numbers and lists; iterations and products are those on the finest lattice."""
+        finest = [level for step in self.load_steps for level in step["lattices"] if level["points"] == points]
+        return {
+            "solver": "Newton",
+            "preconditioner": self.preconditioner,
+            "iterations": sum(len(level["shares"]) for level in finest),
+            "products": sum(level["products"] for level in finest),
+            "residuals": [r for level in finest for r in level["residuals"]],
+            "reached": reached,
+            "seconds": self.seconds,
+            "load_steps": self.load_steps,
+        }

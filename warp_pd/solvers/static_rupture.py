@@ -1,0 +1,34 @@
+"""Rupture in static equilibrium: bonds break only in equilibrium, and then equilibrium is sought again."""
+
+from __future__ import annotations
+
+from ..interfaces import System
+from ..phases import Phase
+
+# A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this share of what it
+# carried before.
+MIN_LOAD = 1e-3
+# Rounds of rupture at one load step after which the tear counts as running through.
+MAX_ROUNDS = 1000
+
+
+class StaticRupture:
+    """Breaks the bonds that exceed the criterion in static equilibrium; without a criterion there are none.
+
+    Attributes:
+        intact: Bits of the intact bonds, or None if nothing can break.
+    """
+
+    def __init__(self, system: System) -> None:
+        """Add the stage "rupture", if anything can break."""
+        self.intact, self._context = system.law.intact, system.context
+        if self.intact is not None:
+            system.add([Phase.RUPTURE], self._context.stage("rupture", "whenever the sheet is in static equilibrium"))
+
+    def breaks(self) -> bool:
+        """Break what exceeds the criterion; whether anything did."""
+        if self.intact is None:
+            return False
+        before = self.intact.numpy().copy()
+        self._context.run("rupture")
+        return bool((self.intact.numpy() != before).any())
