@@ -8,29 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .checks import InputError, count, finite, point_indices, positive, vector
-
-Segment = tuple[tuple[float, float], tuple[float, float]]
-
+from .triangulation import (
+    Lattice,
+    Segment,
+    cell_triangles,
+    counter_clockwise,
+    crossed_triangles,
+    delaunay,
+    point_areas,
+    refuse_coincident,
+    triangulation_without,
+    turned_grid,
+)
 
 # Points are counted in 32 bits.
-MOST_POINTS = 2**31 - 1
-
-
-@dataclass(frozen=True)
-class Lattice:
-    """A complete rectangular grid; point (column, row) has the index column + row * columns.
-
-    Attributes:
-        columns: Points along x.
-        rows: Points along y.
-        dx: Spacing along x [m].
-        dy: Spacing along y [m].
-    """
-
-    columns: int
-    rows: int
-    dx: float
-    dy: float
+MAX_POINTS = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +91,7 @@ class Sheet:
         x0, y0 = vector("origin", origin, 2)
         if isinstance(points, tuple | list):
             if len(points) != 2:
-                raise InputError(f"points = {points!r}: allowed is one whole number or two")
+                raise InputError(f"points = {points!r}: expected one whole number or two")
             columns, rows = count("points[0]", points[0], 3), count("points[1]", points[1], 3)
         else:
             columns = count("points", points, 3)
@@ -113,9 +105,9 @@ class Sheet:
             dx, dy = width / (columns - 1), height / (rows - 1)
         across, along = count("layers[0]", layers[0], 0), count("layers[1]", layers[1], 0)
         columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
-        if columns * rows > MOST_POINTS:
+        if columns * rows > MAX_POINTS:
             raise InputError(
-                f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: allowed are {MOST_POINTS}"
+                f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: expected {MAX_POINTS}"
             )
         x, y = np.meshgrid(x0 + dx * np.arange(columns), y0 + dy * np.arange(rows))
         share_x, share_y = np.full(columns, dx), np.full(rows, dy)
@@ -125,7 +117,7 @@ class Sheet:
         return Sheet(
             points=np.column_stack([x.ravel(), y.ravel()]),
             areas=np.outer(share_y, share_x).ravel(),
-            triangles=_cell_triangles(columns, np.ones((rows - 1, columns - 1), bool)),
+            triangles=cell_triangles(columns, np.ones((rows - 1, columns - 1), bool)),
             thickness=positive("thickness", thickness),
             density=positive("density", density),
             spacing=float(np.sqrt(dx * dy)),
@@ -195,24 +187,15 @@ class Sheet:
             width, height, thickness=thickness, density=density, points=points, origin=origin, layers=layers
         )
         if not 0.0 <= finite("jitter", jitter) < 0.5:
-            raise InputError(f"jitter = {jitter!r}: allowed are shares of the spacing from 0 up to below 0.5")
+            raise InputError(f"jitter = {jitter!r}: expected shares of the spacing from 0 up to below 0.5")
         if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
             return square
         assert square.lattice is not None
         dx, dy = square.lattice.dx, square.lattice.dy
         low, high = square.points.min(axis=0), square.points.max(axis=0)
-        reach = int(np.ceil(np.hypot(*(high - low)) / min(dx, dy))) + 1
         # The middle of the sheet is a point of the grid, or the middle of a cell, as it is without a turn.
         half = 0.5 * (np.array([square.lattice.columns, square.lattice.rows]) - 1) % 1.0
-        step = np.arange(-reach, reach + 1)
-        u, v = np.meshgrid((step + half[0]) * dx, (step + half[1]) * dy)
-        angle = np.deg2rad(turn)
-        inside = np.column_stack(
-            [
-                np.cos(angle) * u.ravel() - np.sin(angle) * v.ravel(),
-                np.sin(angle) * u.ravel() + np.cos(angle) * v.ravel(),
-            ]
-        )
+        inside = turned_grid((dx, dy), half, float(np.hypot(*(high - low))), turn)
         inside += np.random.default_rng(seed).uniform(-jitter, jitter, inside.shape) * (dx, dy)
         inside += 0.5 * (low + high)
         clear = 0.55 * np.array([dx, dy])
@@ -250,21 +233,21 @@ class Sheet:
         """
         points = np.array(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
-            raise InputError(f"points has shape {points.shape}: allowed is (N, 2) with N of 3 or more")
+            raise InputError(f"points has shape {points.shape}: expected (N, 2) with N of 3 or more")
         if not np.isfinite(points).all():
             bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-            raise InputError(f"points[{bad}] = {points[bad].tolist()}: allowed are finite coordinates")
-        _refuse_coincident(points)
+            raise InputError(f"points[{bad}] = {points[bad].tolist()}: expected finite coordinates")
+        refuse_coincident(points)
         if triangles is None:
-            triangles = _delaunay(points, spacing)
-        triangles = _counter_clockwise(points, np.asarray(triangles, dtype=np.int32))
+            triangles = delaunay(points, spacing)
+        triangles = counter_clockwise(points, np.asarray(triangles, dtype=np.int32))
         if areas is None:
-            areas = _point_areas(points, triangles)
+            areas = point_areas(points, triangles)
         areas = np.array(areas, dtype=np.float64)
         if areas.shape != (len(points),) or not (areas > 0.0).all():
             bad = int(np.flatnonzero(~(areas > 0.0))[0]) if areas.shape == (len(points),) else -1
             where = f"areas[{bad}] = {areas[bad]}" if bad >= 0 else f"areas has shape {areas.shape}"
-            raise InputError(f"{where}: allowed is one area above 0 for each of the {len(points)} points")
+            raise InputError(f"{where}: expected one area above 0 for each of the {len(points)} points")
         return Sheet(
             points=points,
             areas=areas,
@@ -306,7 +289,7 @@ class Sheet:
             elif name in near:
                 chosen |= near[name]
             else:
-                raise InputError(f"edge = {name!r}: allowed are 'left', 'right', 'bottom', 'top', 'all'")
+                raise InputError(f"edge = {name!r}: expected 'left', 'right', 'bottom', 'top', 'all'")
         return np.flatnonzero(chosen).astype(np.int32)
 
     def nearest(self, x: float, y: float) -> int:
@@ -331,12 +314,12 @@ class Sheet:
         """
         segment: Segment = (tuple(vector("start", start, 2)), tuple(vector("end", end, 2)))  # type: ignore[assignment]
         if segment[0] == segment[1]:
-            raise InputError(f"cut from {start!r} to {end!r}: allowed is a segment of some length")
-        gone = self._crossed(segment)
+            raise InputError(f"cut from {start!r} to {end!r}: expected a segment of some length")
+        gone = crossed_triangles(self.points, self.triangles, segment)
         if not gone.any():
             low, high = self.points.min(axis=0), self.points.max(axis=0)
             raise InputError(
-                f"cut from {start!r} to {end!r} crosses no bond: allowed are segments inside the sheet, "
+                f"cut from {start!r} to {end!r} crosses no bond: expected segments inside the sheet, "
                 f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
             )
         return replace(self, triangles=self.triangles[~gone], cuts=(*self.cuts, segment))
@@ -352,18 +335,12 @@ class Sheet:
         offset = self.points - vector("centre", centre, 2)
         inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
         if not inside.any():
-            raise InputError(f"hole at {centre!r} of radius {radius!r} holds no point: allowed is a larger one")
-        kept_triangles = self.triangles[~inside[self.triangles].any(axis=1)]
-        if self.lattice is not None:
-            cell_whole = _whole_cells(self.lattice, inside)
-            kept_triangles = _cell_triangles(self.lattice.columns, cell_whole)
-            areas = _cell_areas(self.lattice, cell_whole)
-        else:
-            areas = _point_areas(self.points, kept_triangles)
+            raise InputError(f"hole at {centre!r} of radius {radius!r} holds no point: expected a larger one")
+        kept_triangles, areas = triangulation_without(inside, self.points, self.triangles, self.lattice)
         kept = np.zeros(self.size, bool)
         kept[kept_triangles] = True
         if not kept.any():
-            raise InputError(f"hole at {centre!r} of radius {radius!r} leaves no sheet: allowed is a smaller one")
+            raise InputError(f"hole at {centre!r} of radius {radius!r} leaves no sheet: expected a smaller one")
         renumber = np.cumsum(kept) - 1
         return replace(
             self,
@@ -386,7 +363,7 @@ class Sheet:
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
             raise InputError(
                 f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points: "
-                f"allowed are three or more that are not on one line"
+                f"expected three or more that are not on one line"
             )
         return replace(self, inclusions=(*self.inclusions, members))
 
@@ -418,108 +395,3 @@ class Sheet:
     def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
         """Indices of the points for which `condition(x, y)` holds; x and y have shape (N,)."""
         return np.flatnonzero(condition(self.points[:, 0], self.points[:, 1])).astype(np.int32)
-
-    def _crossed(self, segment: Segment) -> np.ndarray:
-        """Which triangles have an edge across the segment, shape (F,)."""
-        gone = np.zeros(len(self.triangles), bool)
-        for a, b in ((0, 1), (1, 2), (2, 0)):
-            tail, head = self.points[self.triangles[:, a]], self.points[self.triangles[:, b]]
-            gone |= crosses(tail, head, segment)
-        return gone
-
-
-def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
-    """Which of the bonds from `tail` to `head`, shape (B, 2), cross the segment; shape (B,).
-
-    A point on the line of the segment counts as left of it, so that every bond has one answer.
-    """
-    start, end = np.array(segment[0]), np.array(segment[1])
-    along = end - start
-    length_squared = float(along @ along)
-
-    def height(p: np.ndarray) -> np.ndarray:
-        offset = p - start
-        value = along[0] * offset[..., 1] - along[1] * offset[..., 0]
-        return np.where(np.abs(value) < 1e-12 * length_squared, 0.0, value)
-
-    above, below = height(tail), height(head)
-    differ = (above >= 0.0) != (below >= 0.0)
-    share = above / np.where(differ, above - below, 1.0)
-    meeting = tail + share[..., None] * (head - tail) - start
-    place = (meeting @ along) / length_squared
-    return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
-
-
-def _cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
-    """Two triangles for each whole cell, the diagonals alternating."""
-    row, column = np.nonzero(whole)
-    a = row * columns + column
-    b, c, d = a + 1, a + 1 + columns, a + columns
-    even = ((row + column) % 2 == 0)[:, None]
-    first = np.where(even, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
-    second = np.where(even, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
-    return np.stack([first, second], axis=1).reshape(-1, 3).astype(np.int32)
-
-
-def _whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
-    kept = ~inside.reshape(lattice.rows, lattice.columns)
-    return np.asarray(kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:])
-
-
-def _cell_areas(lattice: Lattice, whole: np.ndarray) -> np.ndarray:
-    """A quarter of each whole cell around a point [m^2]."""
-    padded = np.pad(whole.astype(np.float64), 1)
-    corners = padded[:-1, :-1] + padded[:-1, 1:] + padded[1:, :-1] + padded[1:, 1:]
-    return 0.25 * lattice.dx * lattice.dy * corners.ravel()
-
-
-def _signed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    return np.asarray(0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]))
-
-
-def _counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
-        raise InputError(f"triangles has shape {triangles.shape}: allowed is (F, 3) with F of 1 or more")
-    if triangles.min() < 0 or triangles.max() >= len(points):
-        raise InputError(f"triangles names point {int(triangles.max())}: allowed are 0 to {len(points) - 1}")
-    turned = _signed_areas(points, triangles) < 0.0
-    triangles = triangles.copy()
-    triangles[turned] = triangles[turned][:, ::-1]
-    return triangles
-
-
-def _point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    areas = np.zeros(len(points))
-    third = np.abs(_signed_areas(points, triangles)) / 3.0
-    for k in range(3):
-        np.add.at(areas, triangles[:, k], third)
-    return areas
-
-
-def _delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
-    from scipy.spatial import Delaunay, QhullError
-
-    try:
-        triangles = Delaunay(points).simplices
-    except QhullError:
-        raise InputError("points lie on one line: allowed are points that span an area") from None
-    signed = np.abs(_signed_areas(points, triangles))
-    sides = [
-        np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))
-    ]
-    if spacing is None:
-        spacing = float(np.sqrt(2.0 * np.median(signed)))
-    radius = sides[0] * sides[1] * sides[2] / np.maximum(4.0 * signed, 1e-300)
-    # Slivers along a straight edge have a huge circle and no area.
-    return np.asarray(triangles[radius < 2.5 * spacing])
-
-
-def _refuse_coincident(points: np.ndarray) -> None:
-    from scipy.spatial import cKDTree
-
-    extent = float(np.ptp(points, axis=0).max())
-    pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
-    if len(pairs):
-        a, b = sorted(int(p) for p in pairs[0])
-        raise InputError(f"points[{a}] and points[{b}] coincide at {points[a].tolist()}: allowed are distinct points")

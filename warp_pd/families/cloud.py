@@ -6,7 +6,8 @@ import numpy as np
 
 from ..checks import InputError
 from ..kernels.families import WORD
-from ..sheet import Sheet, crosses
+from ..sheet import Sheet
+from ..triangulation import crosses
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
 

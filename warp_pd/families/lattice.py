@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..sheet import Sheet, crosses
+from ..sheet import Sheet
+from ..triangulation import crosses
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
 

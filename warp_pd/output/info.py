@@ -25,10 +25,12 @@ def describe(path: Path) -> str:
     if path.suffix == ".vtkhdf":
         return _vtkhdf(path)
     if path.suffix in (".usd", ".usda", ".usdc"):
-        return _usd(path)
+        from .usd import describe_animation
+
+        return describe_animation(path)
     if path.suffix == ".json":
         return _summary(path)
-    raise InputError(f"file = {str(path)!r}: allowed are .vtkhdf, .usd and .json files")
+    raise InputError(f"file = {str(path)!r}: expected .vtkhdf, .usd and .json files")
 
 
 def _vtkhdf(path: Path) -> str:
@@ -44,19 +46,6 @@ def _vtkhdf(path: Path) -> str:
         lines.append(f"  {first} to {last}")
     lines.append(f"  fields {', '.join(series.fields)}")
     lines += [f"  {key} {value}" for key, value in series.metadata.items()]
-    return "\n".join(lines)
-
-
-def _usd(path: Path) -> str:
-    from pxr import Tf, Usd, UsdGeom
-
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException:
-        raise InputError(f"file = {str(path)!r}: USD cannot read it") from None
-    lines = [f"{path}: time codes {stage.GetStartTimeCode():g} to {stage.GetEndTimeCode():g}"]
-    lines.append(f"  {stage.GetTimeCodesPerSecond():g} a second, up {UsdGeom.GetStageUpAxis(stage)}")
-    lines += [f"  {prim.GetPath()} ({prim.GetTypeName()})" for prim in stage.Traverse() if prim.GetTypeName()]
     return "\n".join(lines)
 
 

@@ -13,28 +13,19 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from warp_pd.frame import Frame, Surface
+from ..checks import InputError
+from ..frame import Frame, Surface
+from .shapes import bounding_box, camera_place, damage_colours, plain_metadata, point_normals, require_writable
 
-# Linear red, green and blue from natural rubber to torn. It darkens all the way, so that it also reads in
-# grey print, and turns red early: along a crack the damage is near 0.4, the share of bonds that cross it.
-_RAMP_DAMAGE = (0.0, 0.15, 0.4, 0.7, 1.0)
-_RAMP_COLOUR = np.array(
-    [[0.80, 0.52, 0.26], [0.86, 0.36, 0.13], [0.72, 0.06, 0.10], [0.32, 0.01, 0.24], [0.03, 0.02, 0.22]]
-)
 _BALL_COLOUR = (0.32, 0.37, 0.42)
 
-# From where the camera looks at the sheet: from the front, a little to the right, and above.
-_VIEW_DIRECTION = np.array([0.45, -0.80, 0.62])
-_VIEW_MARGIN = 1.12
 _FOCAL_LENGTH = 50.0
 _APERTURE = (36.0, 20.25)
 
@@ -81,7 +72,7 @@ class UsdAnimation:
         _require_positive("save_every", save_every)
         if seconds_per_frame is not None:
             _require_positive("seconds_per_frame", seconds_per_frame)
-        self.path = _require_writable(path)
+        self.path = require_writable(path, (".usd", ".usdc"))
         self.surface = surface
         self._working_path = self.path.with_name(f".{self.path.stem}.unfinished.usdc")
         self._save_every = int(save_every)
@@ -89,9 +80,9 @@ class UsdAnimation:
         self._frames = 0
         self._held_faces: NDArray[np.integer] | None = None
         self._has_damage = False
-        self._reference_box = _box(np.asarray(surface.points, np.float64))
+        self._reference_box = bounding_box(np.asarray(surface.points, np.float64))
         self._view_box = self._reference_box
-        self._reference_normals = _normals(surface.points, surface.faces, fallback=np.array([0.0, 0.0, 1.0]))
+        self._reference_normals = point_normals(surface.points, surface.faces, fallback=np.array([0.0, 0.0, 1.0]))
         if append_from:
             layer = _copied_layer(self.path, self._working_path)
         else:
@@ -119,7 +110,7 @@ class UsdAnimation:
         """
         stage = self._open_stage()
         if frame.index != self._frames:
-            raise ValueError(f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}")
+            raise ValueError(f"index of the frame is {frame.index}; expected {self._frames}, the next of {self.path}")
         frame.require_fits(self.surface)
         code = Usd.TimeCode(frame.index)
         if frame.index == 0:
@@ -131,7 +122,7 @@ class UsdAnimation:
         if self._has_damage != (frame.damage is not None):
             raise ValueError(
                 f"damage of frame {frame.index} is {'None' if frame.damage is None else 'given'}; "
-                "allowed: given on every frame, or on none"
+                "expected given on every frame, or on none"
             )
         self._write_sheet(UsdGeom.Mesh.Get(stage, _SHEET), frame, code)
         self._write_ball(stage, frame, code)
@@ -183,7 +174,7 @@ class UsdAnimation:
 
     def _open_stage(self) -> Usd.Stage:
         if self._stage is None:
-            raise ValueError(f"animation {self.path} is closed; allowed: write and save before close")
+            raise ValueError(f"animation {self.path} is closed; expected write and save before close")
         return self._stage
 
     def _continue_from(self, first: int) -> None:
@@ -192,11 +183,11 @@ class UsdAnimation:
         mesh = UsdGeom.Mesh.Get(stage, _SHEET)
         held = len(mesh.GetPointsAttr().GetTimeSamples()) if mesh else 0
         if not 0 < first <= held:
-            raise ValueError(f"append_from is {first}; allowed: 0 to {held}, the number of frames in {self.path}")
+            raise ValueError(f"append_from is {first}; expected 0 to {held}, the number of frames in {self.path}")
         points = np.asarray(mesh.GetPointsAttr().Get(0))
         if len(points) != len(self.surface.points):
             raise ValueError(
-                f"surface has {len(self.surface.points)} points; allowed: {len(points)}, as in {self.path}"
+                f"surface has {len(self.surface.points)} points; expected {len(points)}, as in {self.path}"
             )
         _drop_samples(stage, first)
         for index in range(first):
@@ -213,7 +204,7 @@ class UsdAnimation:
         self._write_faces(mesh, faces, code)
         mesh.GetPointsAttr().Set(_vectors(positions), code)
         mesh.GetExtentAttr().Set(_extent(positions), code)
-        normals = _normals(positions, faces, fallback=self._reference_normals)
+        normals = point_normals(positions, faces, fallback=self._reference_normals)
         mesh.GetNormalsAttr().Set(_vectors(normals), code)
         mesh.GetPrim().GetAttribute("warp_pd:time").Set(float(frame.time), code)
         if frame.damage is not None:
@@ -245,35 +236,18 @@ class UsdAnimation:
         boxes = [self._view_box]
         if len(faces):
             # In the precision of the file, so that a run that is resumed ends with the same camera.
-            boxes.append(_box(points[np.unique(faces)].astype(np.float32)))
+            boxes.append(bounding_box(points[np.unique(faces)].astype(np.float32)))
         if ball_center is not None and self.surface.ball_diameter is not None:
             radius = 0.5 * self.surface.ball_diameter
             boxes.append(np.array([np.asarray(ball_center) - radius, np.asarray(ball_center) + radius]))
         middle = self._reference_box.mean(axis=0)
         reach = 0.5 * _LARGEST_VIEW * np.linalg.norm(self._reference_box[1] - self._reference_box[0])
-        self._view_box = np.clip(_box(np.concatenate(boxes)), middle - reach, middle + reach)
-
-
-def damage_colours(damage: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Linear red, green and blue of the damage, shape (N, 3): amber 0, red around 0.4, deep blue 1."""
-    return np.stack([np.interp(damage, _RAMP_DAMAGE, channel) for channel in _RAMP_COLOUR.T], axis=-1)
+        self._view_box = np.clip(bounding_box(np.concatenate(boxes)), middle - reach, middle + reach)
 
 
 def _require_positive(name: str, value: float) -> None:
     if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name} is {value}; allowed: > 0")
-
-
-def _require_writable(path: str | os.PathLike[str]) -> Path:
-    """The whole path, once it is known that an animation can be written there."""
-    whole = Path(path).resolve()
-    if whole.suffix not in (".usd", ".usdc"):
-        raise ValueError(f"path is {path}; allowed: a name ending in .usd or .usdc")
-    if not whole.parent.is_dir():
-        raise FileNotFoundError(f"path is {path}; allowed: in a folder that exists, unlike {whole.parent}")
-    if not os.access(whole.parent, os.W_OK):
-        raise PermissionError(f"path is {path}; allowed: in a folder one may write to, unlike {whole.parent}")
-    return whole
+        raise ValueError(f"{name} is {value}; expected a positive number")
 
 
 def _new_layer(path: Path) -> Sdf.Layer:
@@ -289,7 +263,7 @@ def _new_layer(path: Path) -> Sdf.Layer:
 def _copied_layer(source: Path, path: Path) -> Sdf.Layer:
     """The layer of `source` in a file of its own, so that the source stays whole until the next save."""
     if not source.is_file():
-        raise FileNotFoundError(f"path is {source}; allowed: with append_from, a file that exists")
+        raise FileNotFoundError(f"path is {source}; expected a file that exists, with append_from")
     shutil.copyfile(source, path)
     layer = Sdf.Layer.Find(str(path))
     if layer:
@@ -299,7 +273,7 @@ def _copied_layer(source: Path, path: Path) -> Sdf.Layer:
         return Sdf.Layer.FindOrOpen(str(path))
     except Tf.ErrorException as error:
         path.unlink()
-        raise ValueError(f"path is {source}; allowed: a USD file that can be read") from error
+        raise ValueError(f"path is {source}; expected a USD file that can be read") from error
 
 
 def _describe_stage(
@@ -314,17 +288,7 @@ def _describe_stage(
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     layer = stage.GetRootLayer()
     layer.documentation = surface.title
-    layer.customLayerData = {"warp_pd": _plain(surface.metadata, seconds_per_frame)}
-
-
-def _plain(metadata: Mapping[str, str | float | int], seconds_per_frame: float | None) -> dict[str, Any]:
-    """The metadata in types USD knows: it takes no numpy numbers."""
-    values: dict[str, Any] = {
-        name: value.item() if isinstance(value, np.generic) else value for name, value in metadata.items()
-    }
-    if seconds_per_frame is not None:
-        values["seconds_per_frame"] = float(seconds_per_frame)
-    return values
+    layer.customLayerData = {"warp_pd": plain_metadata(surface.metadata, seconds_per_frame)}
 
 
 def _define_sheet(stage: Usd.Stage, surface: Surface, *, has_damage: bool) -> None:
@@ -387,17 +351,7 @@ def _define_lights(stage: Usd.Stage) -> None:
 def _aim_camera(stage: Usd.Stage, box: NDArray[np.float64]) -> None:
     """Stand the camera where the whole box [m], shape (2, 3), just fits its picture."""
     camera = UsdGeom.Camera.Define(stage, _CAMERA)
-    target = box.mean(axis=0)
-    towards_camera = _VIEW_DIRECTION / np.linalg.norm(_VIEW_DIRECTION)
-    right = np.cross([0.0, 0.0, 1.0], towards_camera)
-    right /= np.linalg.norm(right)
-    axes = np.array([right, np.cross(towards_camera, right), towards_camera])
-    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    across, upwards, nearer = axes @ (corners - target).T * _VIEW_MARGIN
-    slopes = 0.5 * np.array(_APERTURE) / _FOCAL_LENGTH
-    for_width, for_height = np.abs(across) / slopes[0] + nearer, np.abs(upwards) / slopes[1] + nearer
-    distance = float(max(for_width.max(), for_height.max()))
-    eye = target + distance * towards_camera
+    eye, target, distance = camera_place(box, (_APERTURE[0] / _FOCAL_LENGTH, _APERTURE[1] / _FOCAL_LENGTH))
     place = Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye.tolist()), Gf.Vec3d(*target.tolist()), Gf.Vec3d(0, 0, 1))
     camera.MakeMatrixXform().Set(place.GetInverse())
     camera.CreateFocalLengthAttr(_FOCAL_LENGTH)
@@ -422,31 +376,25 @@ def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
     return np.array(translate.Get(index)) if translate else None
 
 
-def _box(points: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Lowest and highest corner of points [m], shape (2, 3)."""
-    return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
-
-
-def _normals(
-    positions: NDArray[np.floating], faces: NDArray[np.integer], *, fallback: NDArray[np.floating]
-) -> NDArray[np.float64]:
-    """Unit normals at the points, shape (N, 3): the mean over each point's faces, weighted with their area.
-
-    A point without a face, or whose faces cancel, takes its `fallback`, shape (N, 3) or (3,).
-    """
-    first, second, third = (positions[faces[:, corner]] for corner in range(3))
-    # Twice the area is the length of this product, so a plain sum is weighted with the area already.
-    products = np.cross(second - first, third - first)
-    corners = np.asarray(faces).T.ravel()
-    sums = np.stack([np.bincount(corners, np.tile(part, 3), minlength=len(positions)) for part in products.T], axis=-1)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    usable = lengths > 1e-12 * max(lengths.max(), np.finfo(np.float64).tiny)
-    return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)
-
-
 def _vectors(values: NDArray[np.floating]) -> Vt.Vec3fArray:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
 
 def _extent(points: NDArray[np.floating]) -> Vt.Vec3fArray:
-    return _vectors(_box(np.asarray(points, np.float32)))
+    return _vectors(bounding_box(np.asarray(points, np.float32)))
+
+
+def describe_animation(path: Path) -> str:
+    """A few lines about an animation.usd.
+
+    Raises:
+        InputError: for a file that USD cannot read.
+    """
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException:
+        raise InputError(f"file = {str(path)!r}: USD cannot read it") from None
+    lines = [f"{path}: time codes {stage.GetStartTimeCode():g} to {stage.GetEndTimeCode():g}"]
+    lines.append(f"  {stage.GetTimeCodesPerSecond():g} a second, up {UsdGeom.GetStageUpAxis(stage)}")
+    lines += [f"  {prim.GetPath()} ({prim.GetTypeName()})" for prim in stage.Traverse() if prim.GetTypeName()]
+    return "\n".join(lines)

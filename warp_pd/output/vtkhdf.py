@@ -23,7 +23,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_pd.frame import Frame, Surface
+from ..frame import Frame, Surface
+from .point_fields import plain_value, point_fields, same_arrays
+from .shapes import require_writable
 
 _VERSION = (2, 2)
 
@@ -31,7 +33,6 @@ _VERSION = (2, 2)
 _KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 _POLYGONS = _KINDS.index("Polygons")
 
-_OWN_FIELDS = ("displacement", "velocity", "damage")
 
 # HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
 # file. Chunks of many frames make splits rare.
@@ -78,7 +79,7 @@ class VtkHdfSeries:
             append_from: Keep the frames before this one of the file that is there, drop the others, and go on
                 from here. None and 0 begin anew.
         """
-        self.path = _require_writable(path)
+        self.path = require_writable(path, (".vtkhdf", ".hdf"))
         self.surface = surface
         self._frames = 0
         self._fields: tuple[str, ...] = ()
@@ -102,7 +103,7 @@ class VtkHdfSeries:
             frame: The sheet's state. It must have the same fields (damage, point_data) on every frame.
         """
         self._require_next(frame)
-        fields = _point_fields(frame)
+        fields = point_fields(frame)
         if frame.index == 0:
             self._create(frame, fields)
         else:
@@ -130,16 +131,16 @@ class VtkHdfSeries:
 
     def _require_next(self, frame: Frame) -> None:
         if self._closed:
-            raise ValueError(f"series {self.path} is closed; allowed: write before close")
+            raise ValueError(f"series {self.path} is closed; expected write before close")
         if frame.index != self._frames:
-            raise ValueError(f"index of the frame is {frame.index}; allowed: {self._frames}, the next of {self.path}")
+            raise ValueError(f"index of the frame is {frame.index}; expected {self._frames}, the next of {self.path}")
         frame.require_fits(self.surface)
 
     def _require_same_fields(self, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
         if set(fields) != set(self._fields):
             raise ValueError(
                 f"fields of frame {frame.index} are {', '.join(sorted(fields))}; "
-                f"allowed: {', '.join(sorted(self._fields))}, as on the frames before it"
+                f"expected {', '.join(sorted(self._fields))}, as on the frames before it"
             )
 
     def _create(self, frame: Frame, fields: dict[str, NDArray[Any]]) -> None:
@@ -157,9 +158,9 @@ class VtkHdfSeries:
         # What an earlier call began and did not finish is not part of any frame.
         _cut(root, frame.index)
         faces = self._held_faces
-        if faces is None or not _same(frame.intact_faces, self._held_intact):
+        if faces is None or not same_arrays(frame.intact_faces, self._held_intact):
             faces = frame.faces(self.surface)
-            if not _same(faces, self._held_faces):
+            if not same_arrays(faces, self._held_faces):
                 _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
         _add_rows(root["Points"], frame.positions(self.surface))
@@ -187,11 +188,11 @@ class VtkHdfSeries:
         info = read_series(self.path)
         if not 0 < first <= info.frames:
             raise ValueError(
-                f"append_from is {first}; allowed: 0 to {info.frames}, the number of frames in {self.path}"
+                f"append_from is {first}; expected 0 to {info.frames}, the number of frames in {self.path}"
             )
         if info.points != len(self.surface.points):
             raise ValueError(
-                f"surface has {len(self.surface.points)} points; allowed: {info.points}, as in {self.path}"
+                f"surface has {len(self.surface.points)} points; expected {info.points}, as in {self.path}"
             )
         with h5py.File(self.path, "r+", locking=False) as file:
             root = file["VTKHDF"]
@@ -213,13 +214,13 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
         ValueError: The file is damaged, or not one that `VtkHdfSeries` wrote.
     """
     if not Path(path).is_file():
-        raise FileNotFoundError(f"path is {path}; allowed: a file that exists")
+        raise FileNotFoundError(f"path is {path}; expected a file that exists")
     try:
         with h5py.File(path, "r", locking=False) as file:
             return _read_info(file)
     except (OSError, KeyError, IndexError, RuntimeError, _NotASeries) as error:
         reason = " ".join(str(error).strip("'\"").split())
-        raise ValueError(f"path is {path}; allowed: a whole file of frames in VTKHDF ({reason})") from error
+        raise ValueError(f"path is {path}; expected a whole file of frames in VTKHDF ({reason})") from error
 
 
 def read_frame(
@@ -237,7 +238,7 @@ def read_frame(
     """
     info = read_series(path)
     if not 0 <= index < info.frames:
-        raise ValueError(f"index is {index}; allowed: 0 to {info.frames - 1}, the frames of {path}")
+        raise ValueError(f"index is {index}; expected 0 to {info.frames - 1}, the frames of {path}")
     with h5py.File(path, "r", locking=False) as file:
         root = file["VTKHDF"]
         rows = slice(index * info.points, (index + 1) * info.points)
@@ -279,47 +280,8 @@ def _read_info(file: h5py.File) -> SeriesInfo:
         points=points,
         faces=faces[parts],
         fields=tuple(root["PointData"]),
-        metadata={name: _plain(value) for name, value in own.attrs.items()},
+        metadata={name: plain_value(value) for name, value in own.attrs.items()},
     )
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _require_writable(path: str | os.PathLike[str]) -> Path:
-    """The whole path, once it is known that a series can be written there."""
-    whole = Path(path).resolve()
-    if whole.suffix not in (".vtkhdf", ".hdf"):
-        raise ValueError(f"path is {path}; allowed: a name ending in .vtkhdf or .hdf")
-    if not whole.parent.is_dir():
-        raise FileNotFoundError(f"path is {path}; allowed: in a folder that exists, unlike {whole.parent}")
-    if not os.access(whole.parent, os.W_OK):
-        raise PermissionError(f"path is {path}; allowed: in a folder one may write to, unlike {whole.parent}")
-    return whole
-
-
-def _point_fields(frame: Frame) -> dict[str, NDArray[Any]]:
-    """All point data of a frame by name, in the types the file stores."""
-    fields = {"displacement": frame.displacement, "velocity": frame.velocity}
-    if frame.damage is not None:
-        fields["damage"] = frame.damage
-    for name, values in frame.point_data.items():
-        if name in _OWN_FIELDS or not name or "/" in name or name == ".":
-            raise ValueError(f"point_data has a field '{name}'; allowed: any other name, without '/'")
-        fields[name] = values
-    return {name: _stored(np.asarray(values)) for name, values in fields.items()}
-
-
-def _same(a: NDArray[Any] | None, b: NDArray[Any] | None) -> bool:
-    return a is b or (a is not None and b is not None and np.array_equal(a, b))
-
-
-def _stored(values: NDArray[Any]) -> NDArray[Any]:
-    """Real numbers in single precision; VTK knows no truth values, so these become 0 and 1."""
-    if values.dtype == np.bool_:
-        return values.astype(np.uint8)
-    return values if np.issubdtype(values.dtype, np.integer) else values.astype(np.float32, copy=False)
 
 
 def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:

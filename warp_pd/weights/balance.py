@@ -1,27 +1,4 @@
-"""Area weights of the bonds: plain, and corrected so that a uniform stress is in equilibrium up to the edge.
-
-The variational bond-associated form has the energy E = h sum_ij W_ij Psi(F_ij). W_ij is the area that bond
-(i, j) stands for, and F_ij = sum_m y_m (x) G_ij,m is the deformation gradient of the intersection D_ij of the
-families of i and j (j itself belongs to it):
-
-    G_ij,k = w_ik a_k K_ij^-1 X_ik  for k in D_ij,   G_ij,i = -(sum of these),
-    K_ij = sum_{k in D_ij} w_ik a_k X_ik (x) X_ik.
-
-Under a uniform first Piola stress P the internal force on point m is -h P sum_ij W_ij G_ij,m. It balances
-the traction on the sheet's edge if sum_ij W_ij G_ij,m = b_m at every point, where b_m is half of each
-adjacent edge times its outward normal. The plain weights W0_ij = a_i |D_ij| / sum_j |D_ij| fulfil this inside
-a lattice only. The corrected ones fulfil it everywhere, stay positive, and change W0 as little as they can:
-
-    minimise  sum_q W0_q phi(W_q / W0_q)   subject to   sum_q W_q G_q,m = b_m   for every point m,
-    phi(s) = (s - 1)^2 / 2 + (s - 1) / (1 - f) - log((s - f) / (1 - f)),   f = `floor`.
-
-The square is the relative change; the logarithm keeps W above f W0. Squares alone give weights down to
--4.5 W0 at a horizon of 3.15 spacings, and Newton's method then finds no equilibrium of a sheet that is
-clamped at both ends and stretched by 1.2.
-
-The bond-associated family is that of Yang, Chen & Liu (Eng. Fract. Mech. 2024, 110131). Their published force
-uses other weights and has no energy; the energy, the plain weights and the correction are this project's own.
-"""
+"""Plain weights, and the corrected ones of any cloud of points; the equations are in weights/__init__.py."""
 
 from __future__ import annotations
 
@@ -31,21 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
-from .checks import InputError, count, finite
-from .kernels.kinematics import DEGENERATE
+from ..checks import InputError, finite
+from ..kernels.kinematics import DEGENERATE
+from .dual import BALANCED, closest_balanced
 
 # Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
 FLOOR = 0.05
-# Force per unit stress, in spacings, that counts as balanced.
-BALANCED = 1e-10
 # Entries of the dense (points, members, members) blocks that are held at once.
-_BLOCK = 2_000_000
-# Where positive weights cannot balance a point, residual^2 / (2 softness) joins the objective instead.
-_SOFTNESS = (1e-2, 1e-4)
-# Ratio beyond which the dual is taken to have no maximum; the largest seen at one is 60.
-_HOPELESS = 1e4
+BLOCK = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,47 +43,6 @@ class CorrectedWeights:
     unbalanced_points: int
     changed_points: int
     seconds: float
-
-
-@dataclass(frozen=True, eq=False)
-class RectangleWeights:
-    """Corrected weights of a rectangular lattice of any size, as one row a kind of place.
-
-    Attributes:
-        table: W_ij [m^2], shape (kinds along x, kinds along y, n).
-        columns: Points along x.
-        rows: Points along y.
-        depth: Points further than this many spacings from all edges keep the plain weights.
-        solved: The solve on the reduced lattice; its weights have one row a point of that lattice.
-    """
-
-    table: np.ndarray
-    columns: int
-    rows: int
-    depth: int
-    solved: CorrectedWeights
-
-    def at(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
-        """Weights [m^2] of the points in lattice places (column, row), each of shape (P,); shape (P, n)."""
-        x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
-        return np.asarray(self.table[x[column], y[row]])
-
-    def kinds(self) -> np.ndarray:
-        """Row of `table.reshape(-1, n)` of each point, shape (N,); point = column + row * columns."""
-        x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
-        return np.asarray((x[None, :] * self.table.shape[1] + y[:, None]).ravel())
-
-
-def clipped_index(length: int, depth: int) -> np.ndarray:
-    """Kind of each place along an edge of `length` points, shape (length,).
-
-    0 .. depth - 1 from one end, depth in the middle, depth + 1 .. 2 depth up to the other end; if the edge is
-    shorter than that, each place is a kind of its own.
-    """
-    index = np.arange(length)
-    if length <= 2 * depth + 1:
-        return index
-    return np.where(index < depth, index, np.maximum(index - (length - 1 - 2 * depth), depth))
 
 
 def edge_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -250,7 +180,7 @@ def corrected_weights(
     matrix = _balance_matrix(table, column, len(unknown_start)) * length
     plain = unknown_start / length**2
     rows = np.flatnonzero(np.repeat(asked, 2) & (np.diff(matrix.indptr) > 0))
-    ratio = _closest_balanced(matrix[rows], plain, gap.ravel()[rows], floor)
+    ratio = closest_balanced(matrix[rows], plain, gap.ravel()[rows], floor)
 
     weights = start.copy()
     changed = column >= 0
@@ -266,78 +196,6 @@ def corrected_weights(
         changed_points=int(free.sum()),
         seconds=time.perf_counter() - begin,
     )
-
-
-def rectangle_corrected(
-    columns: int,
-    rows: int,
-    spacing: float | tuple[float, float],
-    *,
-    offsets: np.ndarray,
-    influence: np.ndarray,
-    common: np.ndarray,
-    depth: int | None = None,
-    floor: float = FLOOR,
-) -> RectangleWeights:
-    """Corrected weights of a rectangular lattice of any size, whose outer points lie on its edges.
-
-    Places with the same distances from the edges, up to `depth`, share their weights. A lattice with just
-    enough points that its middle does not feel its edges has all kinds of places; the weights found on it
-    balance every larger one exactly.
-
-    Args:
-        columns: Points along x.
-        rows: Points along y.
-        spacing: Distance of neighbouring points, or (along x, along y) [m].
-        offsets: Lattice steps to each family member, int, shape (n, 2).
-        influence: w of each member, shape (n,).
-        common: Whether member k belongs to the intersection of member j, shape (n, n) [j, k].
-        depth: Layers of points along the edges that may change; by default twice the reach of
-            the families, 3 at least.
-        floor: Least ratio of corrected to plain weights.
-
-    Raises:
-        InputError: for fewer than 2 points along an edge, or a depth less than the reach of the families.
-    """
-    columns, rows = count("columns", columns, 2), count("rows", rows, 2)
-    reach = int(np.abs(offsets).max())
-    depth = max(2 * reach, 3) if depth is None else count("depth", depth, reach)
-    step = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (2,))
-    lengths = tuple(min(length, 2 * (depth + reach) + 1) for length in (columns, rows))
-    place = np.indices(lengths).reshape(2, -1)
-
-    target = place[:, :, None] + offsets.T[:, None, :]
-    exists = ((target >= 0) & (target < np.array(lengths)[:, None, None])).all(axis=0)
-    neighbours = np.where(exists, target[0] * lengths[1] + target[1], -1).astype(np.int32)
-    share, normal = np.empty((2, place.shape[1])), np.empty((2, place.shape[1]))
-    for axis in range(2):
-        low, high = place[axis] == 0, place[axis] == lengths[axis] - 1
-        share[axis] = step[axis] * np.where(low | high, 0.5, 1.0)
-        normal[axis] = high.astype(np.float64) - low
-
-    clip = [clipped_index(length, depth) for length in lengths]
-    kind = clip[0][place[0]] * (clip[1].max() + 1) + clip[1][place[1]]
-    deep = np.logical_and.reduce([(lengths[a] > 2 * depth) & (clip[a][place[a]] == depth) for a in range(2)])
-    # The balance of a point feels families up to one reach away: beyond depth + reach all are the same.
-    balance = [clipped_index(length, depth + reach) for length in lengths]
-    balance_kind = balance[0][place[0]] * (balance[1].max() + 1) + balance[1][place[1]]
-    repeated = np.ones(place.shape[1], bool)
-    repeated[np.unique(balance_kind, return_index=True)[1]] = False
-    solved = corrected_weights(
-        points=(place * step[:, None]).T,
-        areas=share[0] * share[1],
-        neighbours=neighbours,
-        influence=influence,
-        common=common,
-        edge_vectors=(normal * share[::-1]).T,
-        strip=~deep,
-        kind=kind,
-        unbalanced=repeated,
-        floor=floor,
-    )
-    first = np.unique(kind, return_index=True)[1]
-    table = solved.weights[first].reshape(clip[0].max() + 1, clip[1].max() + 1, -1)
-    return RectangleWeights(table, columns, rows, depth, solved)
 
 
 class _Table(NamedTuple):
@@ -359,7 +217,7 @@ def _check_shapes(size: int, **arrays: tuple[np.ndarray | None, tuple[int, ...]]
 
 def _parts(at: np.ndarray, neighbours: np.ndarray) -> list[np.ndarray]:
     """The point indices `at` in parts whose dense blocks fit in memory."""
-    return np.array_split(at, max(1, len(at) * neighbours.shape[1] ** 2 // _BLOCK))
+    return np.array_split(at, max(1, len(at) * neighbours.shape[1] ** 2 // BLOCK))
 
 
 def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -423,112 +281,3 @@ def _balance_matrix(table: _Table, column: np.ndarray, unknowns: int) -> sparse.
         total += sparse.csr_matrix((vectors[keep].ravel(), (row.ravel(), col.ravel())), shape=extent)
     total.sum_duplicates()
     return total
-
-
-def _closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float) -> np.ndarray:
-    """Ratios s above the floor that close the gap, matrix (plain (s - 1)) = gap, with the least change.
-
-    Returns:
-        Ratios, shape (U,).
-    """
-    if np.abs(gap).max(initial=0.0) <= BALANCED:
-        return np.ones(len(plain))
-    problem = _Dual(matrix, matrix.T.tocsr(), plain, gap, floor)
-    nothing = np.zeros(len(gap))
-    _, ratio, balanced = _maximise(problem, nothing, nothing)
-    if balanced:
-        return ratio
-    multiplier = nothing
-    for price in _SOFTNESS:
-        multiplier, ratio, _ = _maximise(problem, multiplier, np.full(len(gap), price))
-    # Most points can be balanced all the same: stay soft only where much is left.
-    left = np.abs(price * multiplier)
-    for share in (0.3, 0.1, 0.03):
-        local = np.where(left > share * left.max(), price, 0.0)
-        _, local_ratio, balanced = _maximise(problem, multiplier, local)
-        if balanced:
-            return local_ratio
-    return ratio
-
-
-class _Dual(NamedTuple):
-    """The problem of `_closest_balanced`, in units of the spacing."""
-
-    matrix: sparse.csr_matrix
-    transposed: sparse.csr_matrix
-    plain: np.ndarray
-    gap: np.ndarray
-    floor: float
-
-    def left(self, ratio: np.ndarray) -> np.ndarray:
-        """The gap that the ratios leave, shape (M,)."""
-        return np.asarray(self.gap - self.matrix @ (self.plain * (ratio - 1.0)))
-
-    def value(self, multiplier: np.ndarray, softness: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """The dual's value, the ratios s with phi'(s) = z, z = G lambda, and ds / dz, shape (U,)."""
-        pull = self.transposed @ multiplier
-        above, slope = _above_floor(pull, self.floor)
-        ratio = self.floor + above
-        conjugate = pull * (ratio - 1.0) - _change(above, self.floor)
-        value = multiplier @ self.gap - self.plain @ conjugate - 0.5 * softness @ multiplier**2
-        return float(value), ratio, slope
-
-
-def _maximise(
-    problem: _Dual, multiplier: np.ndarray, softness: np.ndarray, steps: int = 40
-) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Newton's method on the dual, which is smooth and has no constraints.
-
-    Args:
-        problem: With M balances and U unknowns.
-        multiplier: Where to start, shape (M,).
-        softness: Where it is above zero, residual^2 / (2 softness) replaces the constraint, shape (M,).
-        steps: Most Newton steps; problems that have a solution took up to 15.
-
-    Returns:
-        Multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
-    """
-    value, ratio, slope = problem.value(multiplier, softness)
-    for _ in range(steps):
-        gradient = problem.left(ratio) - softness * multiplier
-        if np.abs(gradient).max() <= 1e-12 or ratio.max() > _HOPELESS:
-            break
-        curvature = problem.matrix @ sparse.diags(problem.plain * slope) @ problem.transposed
-        # Multipliers that translate, turn or shear the sheet pull on no bond: their curvature is zero.
-        shift = softness + 1e-13 * float(curvature.diagonal().max())
-        factors = splu(
-            (curvature + sparse.diags(shift)).tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-        direction = factors.solve(gradient)
-        rise = float(gradient @ direction)
-        fraction = 1.0
-        while fraction > 1e-8:
-            trial = multiplier + fraction * direction
-            trial_value, trial_ratio, trial_slope = problem.value(trial, softness)
-            if trial_value >= value + 1e-4 * fraction * rise - 1e-13 * abs(value):
-                break
-            fraction *= 0.5
-        else:
-            break
-        multiplier, value, ratio, slope = trial, trial_value, trial_ratio, trial_slope
-    gradient = problem.left(ratio) - softness * multiplier
-    return multiplier, ratio, float(np.abs(gradient).max()) <= BALANCED
-
-
-def _change(above: np.ndarray, floor: float) -> np.ndarray:
-    """phi(s) of s = floor + above: zero and smallest at s = 1, infinite at the floor."""
-    room = 1.0 - floor
-    return 0.5 * (above - room) ** 2 + (above - room) / room - np.log(above / room)
-
-
-def _above_floor(pull: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
-    """The s - floor with phi'(s) = (s - 1) + 1 / (1 - floor) - 1 / (s - floor) = pull, and ds / dpull."""
-    room = 1.0 - floor
-    half = 0.5 * (pull + room - 1.0 / room)
-    root = np.sqrt(half * half + 1.0)
-    # Of the two equal forms of the root, the one without cancellation.
-    above = np.where(half >= 0.0, half + root, 1.0 / (root + np.abs(half)))
-    return above, 1.0 / (1.0 + above**-2)

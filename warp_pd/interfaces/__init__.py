@@ -1,0 +1,39 @@
+"""Where parts meet: what a simulation asks of supports, loads, contact, rupture, force laws, solvers and writers.
+
+A scene names parts: small frozen dataclasses. Each is built on a device and then adds its own launches, phase by phase
+(phases.py). To write a part of your own, inherit from the protocol: optional methods have defaults. See
+docs/write-your-own-part.md.
+"""
+
+from .built_part import BuiltPart, History, StepLimit
+from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
+from .output import FrameReport, Reporter, Writer
+from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, External, Load, Part, Rupture
+from .solver import BuiltSolver, FrameSink, Solver, System
+
+__all__ = [
+    "BuiltContact",
+    "BuiltLaw",
+    "BuiltLoad",
+    "BuiltPart",
+    "BuiltRupture",
+    "BuiltSolver",
+    "Constraint",
+    "Contact",
+    "External",
+    "FrameReport",
+    "FrameSink",
+    "History",
+    "Law",
+    "Load",
+    "Part",
+    "Reporter",
+    "Rupture",
+    "Solve",
+    "Solver",
+    "SparseTangent",
+    "StepLimit",
+    "System",
+    "Tangent",
+    "Writer",
+]

@@ -1,0 +1,187 @@
+"""Supports, loads, contact and rupture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..schedules import Schedule
+from ..sheet import Sheet
+from .built_part import BuiltPart
+from .law import BuiltLaw
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """Components of points that a part holds or moves.
+
+    Attributes:
+        owner: Name of the part, for messages.
+        points: Point indices, int32.
+        components: Bits: 1, 2, 4 for x, y, z; 8 for points that a rigid body moves.
+        motion: Schedule of the displacement [m], or None for points that stay where they start.
+    """
+
+    owner: str
+    points: np.ndarray
+    components: int
+    motion: Schedule | None = None
+
+
+@runtime_checkable
+class Part(Protocol):
+    """What a scene names. A frozen dataclass whose `build` puts it on a device.
+
+    Attributes:
+        argument: Argument of a scene that takes it: "loads", "contact" or "damage".
+        adds_force: Whether it adds to the external force.
+        does_work: Whether it does work on the sheet, for the energy balance.
+    """
+
+    argument: ClassVar[str] = "loads"
+    adds_force: ClassVar[bool] = False
+    does_work: ClassVar[bool] = False
+
+    def compile_key(self) -> tuple[object, ...]:
+        """What decides which kernels are compiled, besides the type."""
+        return ()
+
+    def check(self, others: Sequence[Part]) -> None:
+        """Raise InputError for parts that do not go with this one."""
+        return None
+
+    def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
+        """Components of points that it holds or moves."""
+        return ()
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
+        """The part on a device: allocate arrays, register schedules; launches come later."""
+        ...
+
+
+class BuiltLoad(BuiltPart, Protocol):
+    """A load on a device. Every solver calls the same `add_force`.
+
+    Attributes:
+        follows_displacement: Whether the force depends on the displacement.
+        coarsens: Whether a load that follows the displacement exists on coarser sheets, for multigrid.
+    """
+
+    follows_displacement: bool = False
+    coarsens: bool = False
+
+    def constant_force(self) -> np.ndarray | None:
+        """The force [N], shape (N, 3), if it never changes: then `add_force` is not called. Else None."""
+        return None
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that add the force at a displacement [m] to `out` [N], both (N,) vec3."""
+        ...
+
+    def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
+        """Add the launches that add the change of the force along a direction [m] to `out` [N].
+
+        Asked of loads that follow the displacement.
+
+        Returns:
+            False if there is no tangent: then Newton's method refuses the load.
+        """
+        return False
+
+    def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad | None:
+        """The same load on a coarser sheet, for multigrid; None if there is none.
+
+        Asked of loads that follow the displacement. Schedules are those of this load.
+        """
+        return None
+
+
+class External(BuiltPart, Protocol):
+    """The sum of all loads.
+
+    Attributes:
+        following: Loads that follow the displacement.
+    """
+
+    following: Sequence[BuiltLoad]
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that fill `out` with the external force [N]; none if it never changes."""
+        ...
+
+    def add_dead(self, stage: Stage, out: Array) -> None:
+        """Add the launches that fill `out` with the force of the loads that do not follow the displacement [N]."""
+        ...
+
+    def add_following(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches that add to `out` the force of the loads that follow the displacement [N]."""
+        ...
+
+
+class Load(Part, Protocol):
+    """A part that adds to the external force."""
+
+    adds_force: ClassVar[bool] = True
+    does_work: ClassVar[bool] = True
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """The load on a device."""
+        ...
+
+
+class BuiltContact(BuiltPart, Protocol):
+    """Contact on a device."""
+
+    def ball_diameter(self) -> float | None:
+        """Diameter of a ball to be drawn [m], or None."""
+        return None
+
+    def centre(self, time: float) -> np.ndarray | None:
+        """Its centre at a time [m], shape (3,), or None."""
+        return None
+
+
+@runtime_checkable
+class Contact(Part, Protocol):
+    """Contact with a body."""
+
+    argument: ClassVar[str] = "contact"
+    does_work: ClassVar[bool] = True
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
+        """The contact on a device."""
+        ...
+
+
+class BuiltRupture(BuiltPart, Protocol):
+    """Rupture on a device.
+
+    Attributes:
+        damage: Broken share of each point's bonds as of the last frame, 0 to 1, (N,) float32.
+        intact_faces: Which triangles no crack has cut as of the last frame, (F,) uint8.
+    """
+
+    damage: Array
+    intact_faces: Array
+
+
+@runtime_checkable
+class Rupture(Part, Protocol):
+    """A rupture criterion.
+
+    Attributes:
+        spared: Points whose bonds never break, such as those in a clamp; None spares none.
+    """
+
+    argument: ClassVar[str] = "damage"
+    spared: Any
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
+        """The criterion on a device."""
+        ...

@@ -1,0 +1,176 @@
+"""Solvers, and the system that they work on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+
+from ..checks import InputError
+from ..device.context import Context
+from ..device.graph import LaunchSequence
+from ..device.launches import Stage
+from ..phases import Phase
+from ..schedules import Schedule
+from .built_part import BuiltPart
+from .law import BuiltLaw
+from .part import Constraint, External
+
+
+class FrameSink(Protocol):
+    """What a solver reports to: takes frames, knows where a resumed run stands.
+
+    Attributes:
+        frame_index: Index of the last frame.
+        time: Its time [s].
+        steps: Steps so far.
+        stable_dt: Newest stable step [s], or None.
+        residual: Newest relative residual of a sheet in static equilibrium, or None.
+        solve: Report of a static solver, or None.
+    """
+
+    frame_index: int
+    time: float
+    steps: int
+    stable_dt: float | None
+    residual: float | None
+    solve: dict[str, Any] | None
+
+    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
+        """Record a frame at a time [s], so many steps of dt [s] after the last one."""
+        ...
+
+    def progress(self, steps: int, residual: float, tolerance: float) -> None:
+        """Report a static solver on its way."""
+        ...
+
+
+@dataclass(eq=False)
+class System:
+    """A sheet with its law and parts on a device: what solvers work on.
+
+    Attributes:
+        context: Arrays, stages, shared state.
+        law: The force law.
+        external: The sum of all loads.
+        parts: All parts that add launches, in the order in which they act within a phase.
+        constraints: Held and moved components of points.
+    """
+
+    context: Context
+    law: BuiltLaw
+    external: External
+    parts: tuple[BuiltPart, ...]
+    constraints: tuple[Constraint, ...]
+    _schedules: LaunchSequence | None = field(default=None, init=False, repr=False)
+
+    def add(self, phases: Iterable[Phase], stage: Stage) -> None:
+        """Add the launches of all parts in some phases, in order."""
+        for phase in phases:
+            for part in self.parts:
+                part.add(phase, stage)
+
+    def refuse_phases(self, solver: str, phases: Iterable[Phase]) -> None:
+        """Refuse parts that act in phases that a solver does not have.
+
+        Raises:
+            InputError: for the first of them.
+        """
+        context = self.context
+        for phase in phases:
+            for part in self.parts:
+                trial = Stage("trial", "", context.device, context.module, context.block_dim, [])
+                part.add(phase, trial)
+                if len(trial):
+                    raise InputError(
+                        f"{part.label}: the solver {solver} does not do this ({phase.value}); take Explicit"
+                    )
+
+    def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
+        """Let time advance by so much per step [s] until `end`, from `now` or where it is, and evaluate schedules."""
+        if self._schedules is None:
+            self._schedules = self.context.sequence("clock")
+        self.context.clock.set(self._schedules, advance, end, now)
+
+    def prescribed(self, time: float) -> np.ndarray:
+        """Displacement of held components at a time [m], shape (N, 3); free components keep the initial one."""
+        target = self.context.initial_displacement.copy()
+        for constraint in self.constraints:
+            if constraint.motion is not None:
+                for c in range(3):
+                    if constraint.components & (1 << c):
+                        knots = constraint.motion
+                        target[constraint.points, c] = np.interp(time, knots.times, knots.values[:, c])
+        return target
+
+
+class BuiltSolver(BuiltPart, Protocol):
+    """A solver on a device."""
+
+    def prepare(self, system: System) -> None:
+        """Compose the stages of the solver from the launches of all parts."""
+        ...
+
+    def run(self, sink: FrameSink) -> str:
+        """Run to the end, handing every frame to the sink; returns the final status."""
+        ...
+
+    def host_state(self) -> dict[str, Any]:
+        """Numbers that a restart needs, besides fields; anything that JSON takes."""
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Put back what `host_state` gave."""
+        return None
+
+
+@runtime_checkable
+class Solver(Protocol):
+    """How displacements follow from forces. A frozen dataclass.
+
+    Attributes:
+        dynamic: Whether it steps in time: then work and losses are summed up.
+    """
+
+    dynamic: ClassVar[bool]
+
+    @property
+    def duration(self) -> float:
+        """Time to simulate, or load time of the whole load [s]."""
+        ...
+
+    @property
+    def precision(self) -> int:
+        """32 or 64, where the run does not say."""
+        ...
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames after the first one."""
+        ...
+
+    @property
+    def equal_frames(self) -> bool:
+        """Whether the frames are equally spaced in time."""
+        ...
+
+    @property
+    def mass_damping(self) -> float | None:
+        """Mass damping at the start [1/s]; None without any."""
+        ...
+
+    @property
+    def steps_explicitly(self) -> bool:
+        """Whether points move by explicit steps."""
+        ...
+
+    @property
+    def default_ramp(self) -> Schedule | None:
+        """Schedule of the factor of loads that have none of their own; None if those are constant."""
+        ...
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
+        """The solver on a device."""
+        ...

@@ -1,0 +1,41 @@
+"""Point fields of frames in the types that files store."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..frame import Frame
+
+OWN_FIELDS = ("displacement", "velocity", "damage")
+
+
+def point_fields(frame: Frame) -> dict[str, NDArray[Any]]:
+    """All point data of a frame by name, in the types the file stores."""
+    fields = {"displacement": frame.displacement, "velocity": frame.velocity}
+    if frame.damage is not None:
+        fields["damage"] = frame.damage
+    for name, values in frame.point_data.items():
+        if name in OWN_FIELDS or not name or "/" in name or name == ".":
+            raise ValueError(f"point_data has a field '{name}'; expected any other name, without '/'")
+        fields[name] = values
+    return {name: stored(np.asarray(values)) for name, values in fields.items()}
+
+
+def stored(values: NDArray[Any]) -> NDArray[Any]:
+    """Real numbers in single precision; VTK knows no truth values, so these become 0 and 1."""
+    if values.dtype == np.bool_:
+        return values.astype(np.uint8)
+    return values if np.issubdtype(values.dtype, np.integer) else values.astype(np.float32, copy=False)
+
+
+def same_arrays(a: NDArray[Any] | None, b: NDArray[Any] | None) -> bool:
+    """Whether two arrays, or None, are equal."""
+    return a is b or (a is not None and b is not None and np.array_equal(a, b))
+
+
+def plain_value(value: Any) -> Any:
+    """A number of NumPy as one of Python."""
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,102 @@
+"""What writers of surfaces share: colours of damage, boxes, normals, paths that can be written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Linear red, green and blue from natural rubber to torn. It darkens all the way, so that it also reads in
+# grey print, and turns red early: along a crack the damage is near 0.4, the share of bonds that cross it.
+RAMP_DAMAGE = (0.0, 0.15, 0.4, 0.7, 1.0)
+RAMP_COLOUR = np.array(
+    [[0.80, 0.52, 0.26], [0.86, 0.36, 0.13], [0.72, 0.06, 0.10], [0.32, 0.01, 0.24], [0.03, 0.02, 0.22]]
+)
+
+# From where a camera looks at the sheet: from the front, a little to the right, and above.
+VIEW_DIRECTION = np.array([0.45, -0.80, 0.62])
+VIEW_MARGIN = 1.12
+
+
+def damage_colours(damage: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Linear red, green and blue of the damage, shape (N, 3): amber 0, red around 0.4, deep blue 1."""
+    return np.stack([np.interp(damage, RAMP_DAMAGE, channel) for channel in RAMP_COLOUR.T], axis=-1)
+
+
+def bounding_box(points: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Lowest and highest corner of points [m], shape (2, 3)."""
+    return np.array([points.min(axis=0), points.max(axis=0)], np.float64)
+
+
+def point_normals(
+    positions: NDArray[np.floating], faces: NDArray[np.integer], *, fallback: NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """Unit normals at the points, shape (N, 3): the mean over each point's faces, weighted with their area.
+
+    A point without a face, or whose faces cancel, takes its `fallback`, shape (N, 3) or (3,).
+    """
+    first, second, third = (positions[faces[:, corner]] for corner in range(3))
+    # Twice the area is the length of this product, so a plain sum is weighted with the area already.
+    products = np.cross(second - first, third - first)
+    corners = np.asarray(faces).T.ravel()
+    sums = np.stack([np.bincount(corners, np.tile(part, 3), minlength=len(positions)) for part in products.T], axis=-1)
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    usable = lengths > 1e-12 * max(lengths.max(), np.finfo(np.float64).tiny)
+    return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)
+
+
+def require_writable(path: str | os.PathLike[str], endings: Sequence[str]) -> Path:
+    """The resolved path, once it is known that a file can be written there.
+
+    Raises:
+        ValueError: for another ending.
+        FileNotFoundError: for a folder that does not exist.
+        PermissionError: for a folder that cannot be written to.
+    """
+    whole = Path(path).resolve()
+    if whole.suffix not in endings:
+        raise ValueError(f"path is {path}; expected a name ending in {' or '.join(endings)}")
+    if not whole.parent.is_dir():
+        raise FileNotFoundError(f"path is {path}; expected a folder that exists, unlike {whole.parent}")
+    if not os.access(whole.parent, os.W_OK):
+        raise PermissionError(f"path is {path}; expected a folder that can be written to, unlike {whole.parent}")
+    return whole
+
+
+def camera_place(
+    box: NDArray[np.float64], apertures: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Where a camera sees a whole box.
+
+    Args:
+        box: Lowest and highest corner [m], shape (2, 3).
+        apertures: Width and height of the picture over the focal length.
+
+    Returns:
+        Eye and target [m], shape (3,), and their distance [m].
+    """
+    target = box.mean(axis=0)
+    towards_camera = VIEW_DIRECTION / np.linalg.norm(VIEW_DIRECTION)
+    right = np.cross([0.0, 0.0, 1.0], towards_camera)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(towards_camera, right), towards_camera])
+    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    across, upwards, nearer = axes @ (corners - target).T * VIEW_MARGIN
+    slopes = 0.5 * np.array(apertures)
+    for_width, for_height = np.abs(across) / slopes[0] + nearer, np.abs(upwards) / slopes[1] + nearer
+    distance = float(max(for_width.max(), for_height.max()))
+    return target + distance * towards_camera, target, distance
+
+
+def plain_metadata(metadata: Mapping[str, str | float | int], seconds_per_frame: float | None) -> dict[str, Any]:
+    """The metadata in types USD knows: it takes no numpy numbers."""
+    values: dict[str, Any] = {
+        name: value.item() if isinstance(value, np.generic) else value for name, value in metadata.items()
+    }
+    if seconds_per_frame is not None:
+        values["seconds_per_frame"] = float(seconds_per_frame)
+    return values

@@ -1,0 +1,179 @@
+"""Lattices, triangles and segments of flat sheets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .checks import InputError
+
+Segment = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A complete rectangular grid; point (column, row) has the index column + row * columns.
+
+    Attributes:
+        columns: Points along x.
+        rows: Points along y.
+        dx: Spacing along x [m].
+        dy: Spacing along y [m].
+    """
+
+    columns: int
+    rows: int
+    dx: float
+    dy: float
+
+
+def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
+    """Which of the bonds from `tail` to `head`, shape (B, 2), cross the segment; shape (B,).
+
+    A point on the line of the segment counts as left of it, so that every bond has one answer.
+    """
+    start, end = np.array(segment[0]), np.array(segment[1])
+    along = end - start
+    length_squared = float(along @ along)
+
+    def height(p: np.ndarray) -> np.ndarray:
+        offset = p - start
+        value = along[0] * offset[..., 1] - along[1] * offset[..., 0]
+        return np.where(np.abs(value) < 1e-12 * length_squared, 0.0, value)
+
+    above, below = height(tail), height(head)
+    differ = (above >= 0.0) != (below >= 0.0)
+    share = above / np.where(differ, above - below, 1.0)
+    meeting = tail + share[..., None] * (head - tail) - start
+    place = (meeting @ along) / length_squared
+    return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
+
+
+def cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
+    """Two triangles for each whole cell, the diagonals alternating."""
+    row, column = np.nonzero(whole)
+    a = row * columns + column
+    b, c, d = a + 1, a + 1 + columns, a + columns
+    even = ((row + column) % 2 == 0)[:, None]
+    first = np.where(even, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
+    second = np.where(even, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
+    return np.stack([first, second], axis=1).reshape(-1, 3).astype(np.int32)
+
+
+def whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
+    """Which cells of a lattice have no corner among the points `inside`, shape (rows - 1, columns - 1)."""
+    kept = ~inside.reshape(lattice.rows, lattice.columns)
+    return np.asarray(kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:])
+
+
+def cell_areas(lattice: Lattice, whole: np.ndarray) -> np.ndarray:
+    """A quarter of each whole cell around a point [m^2]."""
+    padded = np.pad(whole.astype(np.float64), 1)
+    corners = padded[:-1, :-1] + padded[:-1, 1:] + padded[1:, :-1] + padded[1:, 1:]
+    return 0.25 * lattice.dx * lattice.dy * corners.ravel()
+
+
+def signed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas of triangles [m^2], positive if counter-clockwise, shape (F,)."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.asarray(0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]))
+
+
+def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The triangles, all counter-clockwise.
+
+    Raises:
+        InputError: for another shape, or a point that does not exist.
+    """
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
+        raise InputError(f"triangles has shape {triangles.shape}: expected (F, 3) with F of 1 or more")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError(f"triangles names point {int(triangles.max())}: expected 0 to {len(points) - 1}")
+    turned = signed_areas(points, triangles) < 0.0
+    triangles = triangles.copy()
+    triangles[turned] = triangles[turned][:, ::-1]
+    return triangles
+
+
+def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """A third of each adjacent triangle for every point [m^2], shape (N,)."""
+    areas = np.zeros(len(points))
+    third = np.abs(signed_areas(points, triangles)) / 3.0
+    for k in range(3):
+        np.add.at(areas, triangles[:, k], third)
+    return areas
+
+
+def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
+    """Delaunay's triangles, without those whose circumscribed circle is wider than two and a half spacings.
+
+    Raises:
+        InputError: for points on one line.
+    """
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        triangles = Delaunay(points).simplices
+    except QhullError:
+        raise InputError("points lie on one line: expected points that span an area") from None
+    signed = np.abs(signed_areas(points, triangles))
+    sides = [
+        np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))
+    ]
+    if spacing is None:
+        spacing = float(np.sqrt(2.0 * np.median(signed)))
+    radius = sides[0] * sides[1] * sides[2] / np.maximum(4.0 * signed, 1e-300)
+    # Slivers along a straight edge have a huge circle and no area.
+    return np.asarray(triangles[radius < 2.5 * spacing])
+
+
+def refuse_coincident(points: np.ndarray) -> None:
+    """Raise InputError for two points at one place."""
+    from scipy.spatial import cKDTree
+
+    extent = float(np.ptp(points, axis=0).max())
+    pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
+    if len(pairs):
+        a, b = sorted(int(p) for p in pairs[0])
+        raise InputError(f"points[{a}] and points[{b}] coincide at {points[a].tolist()}: expected distinct points")
+
+
+def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, turn: float) -> np.ndarray:
+    """Points of a grid about the origin, turned [m], shape (N, 2).
+
+    Args:
+        spacing: Along its two directions [m].
+        half: Where the origin lies in a cell along both, 0 (a point) or 0.5.
+        extent: Least distance that it reaches [m].
+        turn: Angle [degrees].
+    """
+    reach = int(np.ceil(extent / min(spacing))) + 1
+    step = np.arange(-reach, reach + 1)
+    u, v = np.meshgrid((step + half[0]) * spacing[0], (step + half[1]) * spacing[1])
+    angle = np.deg2rad(turn)
+    x = np.cos(angle) * u.ravel() - np.sin(angle) * v.ravel()
+    y = np.sin(angle) * u.ravel() + np.cos(angle) * v.ravel()
+    return np.column_stack([x, y])
+
+
+def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segment) -> np.ndarray:
+    """Which triangles have an edge across the segment, shape (F,)."""
+    gone = np.zeros(len(triangles), bool)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        gone |= crosses(points[triangles[:, a]], points[triangles[:, b]], segment)
+    return gone
+
+
+def triangulation_without(
+    removed: np.ndarray, points: np.ndarray, triangles: np.ndarray, lattice: Lattice | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles that keep all corners when the points of a mask, shape (N,), go, and the areas of all points.
+
+    A cell of a lattice goes as a whole.
+    """
+    if lattice is None:
+        kept = triangles[~removed[triangles].any(axis=1)]
+        return kept, point_areas(points, kept)
+    intact_cells = whole_cells(lattice, removed)
+    return cell_triangles(lattice.columns, intact_cells), cell_areas(lattice, intact_cells)

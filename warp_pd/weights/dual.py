@@ -1,0 +1,125 @@
+"""The weights closest to given ones that balance a uniform stress: a convex problem, solved by its dual."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+# Force per unit stress, in spacings, that counts as balanced.
+BALANCED = 1e-10
+# Where positive weights cannot balance a point, residual^2 / (2 softness) joins the objective instead.
+SOFTNESS = (1e-2, 1e-4)
+# Ratio beyond which the dual is taken to have no maximum; the largest seen at one is 60.
+HOPELESS = 1e4
+
+
+def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarray, floor: float) -> np.ndarray:
+    """Ratios s above the floor that close the gap, matrix (plain (s - 1)) = gap, with the least change.
+
+    Returns:
+        Ratios, shape (U,).
+    """
+    if np.abs(gap).max(initial=0.0) <= BALANCED:
+        return np.ones(len(plain))
+    problem = _Dual(matrix, matrix.T.tocsr(), plain, gap, floor)
+    nothing = np.zeros(len(gap))
+    _, ratio, balanced = _maximise(problem, nothing, nothing)
+    if balanced:
+        return ratio
+    multiplier = nothing
+    for price in SOFTNESS:
+        multiplier, ratio, _ = _maximise(problem, multiplier, np.full(len(gap), price))
+    # Most points can be balanced all the same: stay soft only where much is left.
+    left = np.abs(price * multiplier)
+    for share in (0.3, 0.1, 0.03):
+        local = np.where(left > share * left.max(), price, 0.0)
+        _, local_ratio, balanced = _maximise(problem, multiplier, local)
+        if balanced:
+            return local_ratio
+    return ratio
+
+
+class _Dual(NamedTuple):
+    """The problem of `_closest_balanced`, in units of the spacing."""
+
+    matrix: sparse.csr_matrix
+    transposed: sparse.csr_matrix
+    plain: np.ndarray
+    gap: np.ndarray
+    floor: float
+
+    def left(self, ratio: np.ndarray) -> np.ndarray:
+        """The gap that the ratios leave, shape (M,)."""
+        return np.asarray(self.gap - self.matrix @ (self.plain * (ratio - 1.0)))
+
+    def value(self, multiplier: np.ndarray, softness: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """The dual's value, the ratios s with phi'(s) = z, z = G lambda, and ds / dz, shape (U,)."""
+        pull = self.transposed @ multiplier
+        above, slope = _above_floor(pull, self.floor)
+        ratio = self.floor + above
+        conjugate = pull * (ratio - 1.0) - _change(above, self.floor)
+        value = multiplier @ self.gap - self.plain @ conjugate - 0.5 * softness @ multiplier**2
+        return float(value), ratio, slope
+
+
+def _maximise(
+    problem: _Dual, multiplier: np.ndarray, softness: np.ndarray, steps: int = 40
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Newton's method on the dual, which is smooth and has no constraints.
+
+    Args:
+        problem: With M balances and U unknowns.
+        multiplier: Where to start, shape (M,).
+        softness: Where it is above zero, residual^2 / (2 softness) replaces the constraint, shape (M,).
+        steps: Most Newton steps; problems that have a solution took up to 15.
+
+    Returns:
+        Multipliers, shape (M,); ratios, shape (U,); whether the optimum was reached.
+    """
+    value, ratio, slope = problem.value(multiplier, softness)
+    for _ in range(steps):
+        gradient = problem.left(ratio) - softness * multiplier
+        if np.abs(gradient).max() <= 1e-12 or ratio.max() > HOPELESS:
+            break
+        curvature = problem.matrix @ sparse.diags(problem.plain * slope) @ problem.transposed
+        # Multipliers that translate, turn or shear the sheet pull on no bond: their curvature is zero.
+        shift = softness + 1e-13 * float(curvature.diagonal().max())
+        factors = splu(
+            (curvature + sparse.diags(shift)).tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        direction = factors.solve(gradient)
+        rise = float(gradient @ direction)
+        fraction = 1.0
+        while fraction > 1e-8:
+            trial = multiplier + fraction * direction
+            trial_value, trial_ratio, trial_slope = problem.value(trial, softness)
+            if trial_value >= value + 1e-4 * fraction * rise - 1e-13 * abs(value):
+                break
+            fraction *= 0.5
+        else:
+            break
+        multiplier, value, ratio, slope = trial, trial_value, trial_ratio, trial_slope
+    gradient = problem.left(ratio) - softness * multiplier
+    return multiplier, ratio, float(np.abs(gradient).max()) <= BALANCED
+
+
+def _change(above: np.ndarray, floor: float) -> np.ndarray:
+    """phi(s) of s = floor + above: zero and smallest at s = 1, infinite at the floor."""
+    room = 1.0 - floor
+    return 0.5 * (above - room) ** 2 + (above - room) / room - np.log(above / room)
+
+
+def _above_floor(pull: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
+    """The s - floor with phi'(s) = (s - 1) + 1 / (1 - floor) - 1 / (s - floor) = pull, and ds / dpull."""
+    room = 1.0 - floor
+    half = 0.5 * (pull + room - 1.0 / room)
+    root = np.sqrt(half * half + 1.0)
+    # Of the two equal forms of the root, the one without cancellation.
+    above = np.where(half >= 0.0, half + root, 1.0 / (root + np.abs(half)))
+    return above, 1.0 / (1.0 + above**-2)
