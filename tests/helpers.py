@@ -3,9 +3,8 @@
 import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Gent, NeoHookean, Sheet, Simulation
-from warp_pd.bonds import pack
-from warp_pd.launches import run_once
-from warp_pd.sheet import crosses
+from warp_pd.families import pack
+from warp_pd.triangulation import crosses
 
 MU, BULK = 1e3, 100e3
 NEO = NeoHookean(mu=MU, bulk=BULK)
@@ -26,40 +25,42 @@ def jittered(points=13, size=0.1, share=0.2, seed=0):
     return Sheet.from_points(lattice.points + move, thickness=1e-3, density=1000.0)
 
 
-def build(sheet, *, horizon=2.015, weights="plain", material=NEO, precision=64, solver=None, law=None, **parts):
+def build(
+    sheet, *, horizon=2.015, weights="plain", material=NEO, precision=64, solver=None, law=None, device="cpu", **parts
+):
     force = BondAssociated(material, horizon=horizon, weights=weights, **(law or {}))
     simulation = Simulation(sheet, force=force, solver=solver or Explicit(1.0), **parts)
-    built = simulation.build("cpu", precision)
-    built.workspace.compile()
+    built = simulation.build(device, precision)
+    built.context.compile()
     return built
 
 
 def internal_force(built, displacement):
     """Internal force [N], shape (N, 3)."""
     built.state.displacement.assign(displacement.astype(built.state.displacement.numpy().dtype))
-    run_once(built.workspace.device, built.workspace.stages["setup"])
+    built.context.run("setup")
     return built.to_numpy(built.state.force)
 
 
 def strain_energy(built, displacement):
     """Strain energy [J]."""
     built.state.displacement.assign(displacement.astype(built.state.displacement.numpy().dtype))
-    run_once(built.workspace.device, built.workspace.stages["frame"])
-    return float(built.strain_energy.numpy().sum())
+    built.context.run("frame")
+    return float(built.law.strain_energy.numpy().sum())
 
 
 def array(built, name):
-    return next(use.array for use in built.workspace.arrays if use.name == name)
+    return built.context.fields[name]
 
 
 def sever(built, segment):
     """Break the bonds across a segment, as rupture would."""
-    families, points = built.force.families, built.simulation.sheet.points
+    families, points = built.law.families, built.simulation.sheet.points
     tail = np.repeat(points[:, None], families.members, axis=1)
     offsets = (families.bonds if families.bonds.ndim == 3 else families.bonds[None]) * families.horizon
     lost = crosses(tail, tail + offsets, segment)
-    standing = families.rows_of_points(families.exists) & ~lost
-    built.force.alive.assign(np.ascontiguousarray(pack(standing).T))
+    intact = families.rows_of_points(families.exists) & ~lost
+    built.law.intact.assign(np.ascontiguousarray(pack(intact).T))
     return lost
 
 

@@ -6,25 +6,25 @@ from click.testing import CliRunner
 
 from warp_pd import InputError
 from warp_pd.bench import FEATURES, Case, break_some, copy_rate, measure, table
-from warp_pd.bonds import unpack
 from warp_pd.cli import main
+from warp_pd.families import unpack
 
 
 @pytest.mark.parametrize("layout", ["lattice", "cloud"])
 def test_bonds_are_broken_at_both_ends(layout):
     case = Case(15, 2.015, 64, features=("rupture",), layout=layout, damaged=0.3)
     built = case.simulation().build("cpu", 64)
-    families = built.force.families
-    before = unpack(built.force.alive.numpy().T.copy(), families.members)
+    families = built.law.families
+    before = unpack(built.law.intact.numpy().T.copy(), families.members)
     break_some(built, case.damaged)
-    after = unpack(built.force.alive.numpy().T.copy(), families.members)
+    after = unpack(built.law.intact.numpy().T.copy(), families.members)
     lost = before & ~after
     assert 0.15 < lost.any(axis=1).mean() < 0.45
     tail, member = np.nonzero(lost)
     if families.neighbours is None:
-        head, mate = tail + families.shift[member], families.mates[member]
+        head, mate = tail + families.shift[member], families.reverse[member]
     else:
-        head, mate = families.neighbours[tail, member], families.mates[tail, member]
+        head, mate = families.neighbours[tail, member], families.reverse[tail, member]
     assert lost[head, mate].all()
 
 
@@ -43,8 +43,8 @@ def test_a_measured_sheet_stays_as_it_is_and_the_table_has_its_numbers():
 
 def test_a_feature_that_is_left_out_takes_no_bytes():
     bare, torn = (Case(15, 1.5, 64, features=f).simulation().build("cpu", 64) for f in ((), ("rupture",)))
-    assert bare.workspace.array_bytes() < torn.workspace.array_bytes()
-    assert len(bare.workspace.stages["step"]) < len(torn.workspace.stages["step"])
+    assert bare.context.array_bytes() < torn.context.array_bytes()
+    assert len(bare.context.stages["step"]) < len(torn.context.stages["step"])
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def force_across(built, horizontal):
 
     All pairs with one end in row (column) r at or before the line and the other end beyond it.
     """
-    lattice, families = built.simulation.sheet.lattice, built.force.families
+    lattice, families = built.simulation.sheet.lattice, built.law.families
     bond_force = built.to_numpy(array(built, "bond_force"))
     ox, oy = families.steps[:, 0], families.steps[:, 1]
     across = oy if horizontal else ox
@@ -42,7 +42,7 @@ def force_across(built, horizontal):
         row = middle_row - (back if horizontal else 0)
         i = column + row * lattice.columns
         for k in np.flatnonzero(across > back):
-            total += bond_force[k, i] - bond_force[families.mates[k], i + families.shift[k]]
+            total += bond_force[k, i] - bond_force[families.reverse[k], i + families.shift[k]]
     return total / (lattice.dx if horizontal else lattice.dy)
 
 
@@ -142,19 +142,19 @@ def broken_sheet(law):
     sheet = square(11)
     built = build(sheet, horizon=3.15, damage=CriticalStretch(9.0), law=law)
     sever(built, ((0.02, 0.048), (0.07, 0.062)))
-    alive = built.force.alive.numpy()
+    alive = built.law.intact.numpy()
     # Besides the crack, some points with few and collinear bonds, and one with none.
     rng = np.random.default_rng(2)
-    keep = built.force.families.rows_of_points(built.force.families.exists)
+    keep = built.law.families.rows_of_points(built.law.families.exists)
     for i in (30, 31, 44):
         lost = rng.random(keep.shape[1]) < 0.8
         lost |= i == 44
         for k in np.flatnonzero(lost & keep[i]):
-            j = i + built.force.families.shift[k]
-            back = built.force.families.mates[k]
+            j = i + built.law.families.shift[k]
+            back = built.law.families.reverse[k]
             alive[k // 32, i] &= ~np.uint32(1 << (k % 32))
             alive[back // 32, j] &= ~np.uint32(1 << (back % 32))
-    built.force.alive.assign(alive)
+    built.law.intact.assign(alive)
     return built
 
 
@@ -250,18 +250,18 @@ def test_a_checkerboard_is_resisted(horizon, direction):
 def test_any_pattern_of_broken_bonds_is_finite_and_conserves_momentum(seed, lost):
     sheet = square(9)
     built = build(sheet, horizon=2.015, damage=CriticalStretch(9.0))
-    families = built.force.families
+    families = built.law.families
     rng = np.random.default_rng(seed)
     standing = families.exists[families.kind].copy()
     for k in range(families.members):
-        back = families.mates[k]
+        back = families.reverse[k]
         for i in np.flatnonzero(standing[:, k]):
             j = i + families.shift[k]
             if i < j and rng.random() < lost:
                 standing[i, k] = standing[j, back] = False
-    from warp_pd.bonds import pack
+    from warp_pd.families import pack
 
-    built.force.alive.assign(np.ascontiguousarray(pack(standing).T))
+    built.law.intact.assign(np.ascontiguousarray(pack(standing).T))
     force = internal_force(built, rough(sheet, seed=seed))
     assert np.isfinite(force).all()
     assert np.isfinite(strain_energy(built, rough(sheet, seed=seed)))

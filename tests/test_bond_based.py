@@ -26,7 +26,6 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.cli import build_scene, main
-from warp_pd.launches import run_once
 from warp_pd.solvers.equilibrium import assign
 
 E = 2.0e4
@@ -38,7 +37,7 @@ SHEETS = {"lattice": square(11), "cloud": jittered(11), "cells": square(11, cent
 def built(sheet, material=LAWS["equal"], horizon=3.0, precision=64, solver=None, state="plane stress", **parts):
     simulation = Simulation(sheet, BondBased(material, horizon, state), solver or Explicit(1.0), **parts)
     result = simulation.build("cpu", precision)
-    result.workspace.compile()
+    result.context.compile()
     return result
 
 
@@ -65,7 +64,7 @@ def test_isotropic_strain_has_the_energy_and_stress_of_plane_stress_at_every_poi
     sheet, strain = SHEETS[sheet], 1e-6
     part = built(sheet, horizon=horizon, fields=("principal_stress", "wrinkle_level"))
     strain_energy(part, uniform(sheet, (1.0 + strain) * np.eye(3)[:, :2]))
-    density = part.strain_energy.numpy() / (sheet.areas * sheet.thickness)
+    density = part.law.strain_energy.numpy() / (sheet.areas * sheet.thickness)
     assert density == pytest.approx(E * strain**2 / (1.0 - 1.0 / 3.0), rel=1e-5)
     largest, smallest, _ = part.fields["principal_stress"].numpy().T
     inside = np.linalg.norm(sheet.points - 0.05, ord=np.inf, axis=1) < 0.05 - 2.2 * horizon * sheet.spacing
@@ -85,7 +84,7 @@ def test_uniaxial_strain_has_the_energy_of_the_lattice(horizon):
     part = built(sheet, horizon=horizon)
     strain_energy(part, uniform(sheet, [[1.0 + strain, 0.0], [0.0, 1.0 - strain / 3.0], [0.0, 0.0]]))
     middle = sheet.nearest(0.05, 0.05)
-    density = part.strain_energy.numpy()[middle] / (sheet.areas[middle] * sheet.thickness)
+    density = part.law.strain_energy.numpy()[middle] / (sheet.areas[middle] * sheet.thickness)
     assert density == pytest.approx(UNIAXIAL[horizon] * 0.5 * E * strain**2, rel=1e-3)
 
 
@@ -172,7 +171,7 @@ def test_the_tangent_is_the_derivative_of_the_force(sheet, material, broken):
     matrix = sparse.matrix()
     lost = np.zeros(sheet.size, bool)
     if broken:
-        lost = (part.force.alive.numpy() == 0).all(axis=0)
+        lost = (part.law.intact.numpy() == 0).all(axis=0)
     found = matrix @ direction.ravel()[sparse.free]
     assert not lost.any()
     assert found == pytest.approx(product.ravel()[sparse.free], abs=1e-12 * np.abs(product).max())
@@ -322,9 +321,9 @@ def test_bonds_break_at_rest_until_none_is_over_stretched(solver, strain):
     force, uncut = (np.abs(r.built.to_numpy(r.built.state.force)[ends]).sum() for r in (result, whole))
     assert 0.1 < result.frame.damage.max() <= 1.0
     assert force < (0.95 if strain == 0.012 else 0.5) * uncut
-    before = result.built.force.alive.numpy().copy()
-    run_once(result.built.workspace.device, result.built.workspace.stages["rupture"])
-    assert (result.built.force.alive.numpy() == before).all()
+    before = result.built.law.intact.numpy().copy()
+    result.built.context.run("rupture")
+    assert (result.built.law.intact.numpy() == before).all()
 
 
 def test_energy_balances_through_rupture_in_time():
@@ -374,11 +373,11 @@ def test_one_spacing_of_horizon_leaves_nothing_wrinkled():
 
 def test_nothing_is_left_for_what_is_not_asked_for():
     sheet = square(9)
-    names = {use.name for use in built(sheet).workspace.arrays}
+    names = {use.name for use in built(sheet).context.fields}
     assert not names & {"principal_stress", "wrinkle_level", "alive", "bond_force", "stencil_common", "kind_shape"}
-    assert "wrinkle_level" in {use.name for use in built(sheet, fields=("wrinkle_level",)).workspace.arrays}
+    assert "wrinkle_level" in {use.name for use in built(sheet, fields=("wrinkle_level",)).context.fields}
     cloud = built(jittered(9))
-    assert not {use.name for use in cloud.workspace.arrays} & {"commons", "shapes", "bond_force"}
+    assert not {use.name for use in cloud.context.fields} & {"commons", "shapes", "bond_force"}
     assert array(cloud, "weights").shape[1] == 81
 
 

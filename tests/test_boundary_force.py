@@ -19,9 +19,8 @@ from warp_pd import (
     Relaxation,
     Simulation,
 )
-from warp_pd.launches import run_once
-from warp_pd.loads import near_edges
-from warp_pd.off_plane import distance_from_local_plane, family_members
+from warp_pd.out_of_plane import distance_from_local_plane, family_members
+from warp_pd.parts.boundary_force import near_edges
 
 A = 2e12
 HORIZON = 2.015
@@ -46,7 +45,7 @@ def built_on(sheet="lattice", form="normal", precision=64, points=None, breakabl
 def force(built, displacement):
     """Boundary force [N], shape (N, 3)."""
     built.state.displacement.assign(displacement.astype(built.state.displacement.numpy().dtype))
-    run_once(built.workspace.device, built.workspace.stages["setup"])
+    built.context.run("setup")
     return built.to_numpy(built.state.external)
 
 
@@ -230,7 +229,7 @@ def test_carriers_are_the_points_less_than_a_horizon_from_an_edge(horizon):
 
 
 def build_families_of(sheet, horizon):
-    from warp_pd.bonds import build_families
+    from warp_pd.families import build_families
 
     return build_families(sheet, horizon, "linear")
 
@@ -255,7 +254,7 @@ def test_only_the_carriers_and_their_neighbours_feel_it(sheet):
     built = built_on(sheet, points=(0, 1))
     s = built.simulation.sheet
     found = force(built, rough(s, 0.3))
-    reached = np.unique(np.append(family_members(built.force.families, np.array([0, 1])), [0, 1]))
+    reached = np.unique(np.append(family_members(built.law.families, np.array([0, 1])), [0, 1]))
     assert set(np.flatnonzero(np.abs(found).max(axis=1) > 0.0)) <= set(reached[reached >= 0])
     assert found == pytest.approx(exact(s, rough(s, 0.3), [0, 1], "normal"), abs=1e-11 * np.abs(found).max())
     assert set(np.flatnonzero(array(built, "edge_normals").numpy().any(axis=1))) == {0, 1}
@@ -265,13 +264,13 @@ def test_only_the_carriers_and_their_neighbours_feel_it(sheet):
 def test_points_that_lost_a_bond_join(sheet):
     built = built_on(sheet, points=(0,), breakable=True)
     s = built.simulation.sheet
-    whole = built.force.alive.numpy().copy()
+    whole = built.law.intact.numpy().copy()
     u = rough(s, 0.3)
     force(built, u)
     assert set(np.flatnonzero(array(built, "edge_normals").numpy().any(axis=1))) == {0}
     try:
         lost = sever(built, ((0.03, 0.0444), (0.07, 0.0444)))
-        members = family_members(built.force.families, np.arange(s.size))
+        members = family_members(built.law.families, np.arange(s.size))
         i, k = np.nonzero(lost & (members >= 0))
         torn = np.unique(i)
         found = force(built, u)
@@ -280,17 +279,17 @@ def test_points_that_lost_a_bond_join(sheet):
         expected = exact(s, u, sorted({0, *torn}), "normal", lost=zip(i, members[i, k], strict=True))
         assert found == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
         # A point without a bond has no plane and no force.
-        alive = built.force.alive.numpy()
+        alive = built.law.intact.numpy()
         alive[:] = 0
-        built.force.alive.assign(alive)
+        built.law.intact.assign(alive)
         assert (force(built, u) == 0.0).all()
     finally:
-        built.force.alive.assign(whole)
+        built.law.intact.assign(whole)
 
 
 def names_of(built):
-    return {use.name for use in built.workspace.arrays} | {
-        name for launches in built.workspace.stages.values() for launch in launches for name in launch.parts
+    return {use.name for use in built.context.fields} | {
+        name for launches in built.context.stages.values() for launch in launches for name in launch.parts
     }
 
 
@@ -304,13 +303,13 @@ def test_the_plan_has_it_only_where_a_scene_asks():
     assert breakable >= ours | {"edge_mask"} and not breakable & {"edge_points", "edge_reach"}
     # Where nothing breaks, the launches leave the inside of the sheet alone.
     built = built_on()
-    launches = {launch.name: launch.threads for launch in built.workspace.stages["step"]}
-    assert launches["edge_normals"] == len(near_edges(built.simulation.sheet, built.force.families.horizon))
+    launches = {launch.name: launch.threads for launch in built.context.stages["step"]}
+    assert launches["edge_normals"] == len(near_edges(built.simulation.sheet, built.law.families.horizon))
     assert launches["edge_normals"] <= launches["add_boundary_force"] <= built.simulation.sheet.size
 
 
 def test_the_forms_do_not_share_a_module():
-    assert built_on("lattice", "normal").workspace.module != built_on("lattice", "printed").workspace.module
+    assert built_on("lattice", "normal").context.module != built_on("lattice", "printed").context.module
 
 
 def test_a_run_keeps_its_energy_balance():
@@ -423,7 +422,7 @@ def test_off_plane_is_second_order_on_a_curved_surface():
 def test_off_plane_follows_the_standing_bonds():
     built = built_on("lattice", points=(0,), breakable=True)
     s = built.simulation.sheet
-    whole = built.force.alive.numpy().copy()
+    whole = built.law.intact.numpy().copy()
     # Two leaves, one raised: each is a plane of its own once the bonds between them are gone.
     u = np.zeros((s.size, 3))
     u[s.points[:, 1] > 0.0444, 2] = 0.01
@@ -432,10 +431,10 @@ def test_off_plane_follows_the_standing_bonds():
     try:
         sever(built, ((-0.01, 0.0444), (0.11, 0.0444)))
         assert distance(built, u, near)[0] < 1e-15
-        built.force.alive.assign(np.zeros_like(whole))
+        built.law.intact.assign(np.zeros_like(whole))
         assert np.isnan(distance(built, u, near)).all()
     finally:
-        built.force.alive.assign(whole)
+        built.law.intact.assign(whole)
 
 
 def test_off_plane_refuses_points_that_do_not_exist():

@@ -28,13 +28,13 @@ from warp_pd import (
     Visco,
     Yeoh,
 )
-from warp_pd.bonds import pack
-from warp_pd.launches import run_once
+from warp_pd.device.graph import run_once
+from warp_pd.families import pack
 from warp_pd.solvers.explicit import STEPS_BETWEEN
 
 
 def totals(built):
-    mass = built.to_numpy(built.mass)[:, None]
+    mass = built.to_numpy(built.state.mass)[:, None]
     velocity = built.to_numpy(built.state.velocity)
     sheet = built.simulation.sheet
     position = np.column_stack([sheet.points, np.zeros(sheet.size)]) + built.to_numpy(built.state.displacement)
@@ -46,14 +46,14 @@ def test_a_free_sheet_keeps_its_momentum_over_ten_thousand_steps():
     velocity = np.random.default_rng(0).normal(size=(sheet.size, 3))
     built = build(sheet, horizon=2.015, initial_velocity=velocity)
     linear, angular = totals(built)
-    stable = 2.0 / built.stable_step.omega(100)
-    run_once(built.workspace.device, built.workspace.stages["setup"])
-    built.step.assign(np.array([0.2 * stable]))
-    steps = built.workspace.sequence("step")
+    stable = 2.0 / built.solver.stable_step.omega(100)
+    built.context.run("setup")
+    built.state.step.assign(np.array([0.2 * stable]))
+    steps = built.context.sequence("step")
     for _ in range(10_000):
         steps.run()
     linear_after, angular_after = totals(built)
-    mass = built.to_numpy(built.mass)
+    mass = built.to_numpy(built.state.mass)
     speed = np.abs(built.to_numpy(built.state.velocity)).max()
     assert np.abs(linear_after - linear).max() < 1e-10 * mass.sum() * speed
     assert np.abs(angular_after - angular).max() < 1e-10 * mass.sum() * speed * 0.1
@@ -101,22 +101,22 @@ def test_steps_that_share_launches_are_the_steps_one_by_one(scene, precision):
         built = Simulation(sheet, solver=Explicit(1.0, damping=1.0), initial_velocity=velocity, **values).build(
             "cpu", precision
         )
-        built.workspace.compile()
-        turn = built.workspace.turns.get("step")
+        built.context.compile()
+        turn = built.context.turns.get("step")
         assert (turn and turn.parts) == joined
-        built.step.fill_(2e-5)
+        built.state.step.fill_(2e-5)
         if built.advance is not None:
             built.advance.assign(np.array([2e-5, 1.0]))
-        run_once(built.workspace.device, built.workspace.stages["setup"])
-        steps = built.workspace.sequence("step", repeat)
+        built.context.run("setup")
+        steps = built.context.sequence("step", repeat)
         for _ in range(60 // repeat):
             steps.run()
         state = built.state
-        kept = [state.displacement, state.velocity, state.work, state.impulse, state.time, built.force.alive]
+        kept = [state.displacement, state.velocity, state.work, built.contact.impulse, state.time, built.law.intact]
         states.append([array.numpy() for array in kept if array is not None])
-        if built.force.alive is not None:
-            intact = pack(built.force.families.exists)[built.force.families.kind].T
-            assert (built.force.alive.numpy() != intact).any()
+        if built.law.intact is not None:
+            intact = pack(built.law.families.exists)[built.law.families.kind].T
+            assert (built.law.intact.numpy() != intact).any()
     for other in states[1:]:
         for one, many in zip(states[0], other, strict=True):
             assert (one == many).all()
@@ -135,14 +135,14 @@ def test_schedules_are_known_a_step_ahead():
         now, soon = (min(k * 3e-5, 3.5e-4) for k in (step, step + 1))
         wanted = [np.interp(t, x, y) for t in (now, soon) for x, y in ((times, places), ([0.0, 2e-4], [0.5, 1.0]))]
         assert built.scheduled.numpy()[:, 0] == pytest.approx(wanted, abs=1e-12)
-        run_once(built.workspace.device, [x for x in built.workspace.stages["step"] if x.name == "tick"])
+        run_once(built.context.device, [x for x in built.context.stages["step"] if x.name == "tick"])
 
 
 def test_pressure_that_follows_does_not_share_a_launch_with_motion():
     """It reads where the neighbours are."""
     sheet = square(9)
-    assert "step" in build(sheet, loads=[Pressure(1.0, follower=False)]).workspace.turns
-    assert "step" not in build(sheet, loads=[Pressure(1.0)]).workspace.turns
+    assert "step" in build(sheet, loads=[Pressure(1.0, follower=False)]).context.turns
+    assert "step" not in build(sheet, loads=[Pressure(1.0)]).context.turns
 
 
 def oscillation(weights, precision=64, duration=2.0, horizon=3.15):
@@ -184,13 +184,13 @@ def largest_frequency(built):
     """omega_max by ARPACK on the same operator."""
     response = array(built, "response")
     n = built.simulation.sheet.size
-    free = np.array([[(bits >> c) & 1 for c in range(3)] for bits in built.held]).ravel() == 0
+    free = np.array([[(bits >> c) & 1 for c in range(3)] for bits in built.context.held]).ravel() == 0
 
     def apply(v):
         v = np.where(free, v.ravel(), 0.0)
         size = np.abs(v).max()
-        built.stable_step.direction.assign((v / size).reshape(n, 3))
-        run_once(built.workspace.device, built.workspace.stages["estimate"])
+        built.solver.stable_step.direction.assign((v / size).reshape(n, 3))
+        built.context.run("estimate")
         return size * response.numpy().ravel()
 
     start = np.where(free, np.random.default_rng(1).normal(size=3 * n), 0.0)
@@ -206,7 +206,7 @@ def test_the_estimate_of_the_stable_step_is_right(horizon, weights):
     built = build(
         sheet, horizon=horizon, weights=weights, loads=[Fixed(sheet.edges("left"))], initial_displacement=start
     )
-    estimate = built.stable_step.omega(120)
+    estimate = built.solver.stable_step.omega(120)
     assert estimate == pytest.approx(largest_frequency(built), rel=0.01)
 
 
@@ -229,7 +229,7 @@ def test_the_stable_step_is_a_bound(law, stretch):
     built = Simulation(
         sheet, law, Explicit(1.0), loads=[Fixed(sheet.edges("left"))], initial_displacement=start
     ).build("cpu", 64)  # fmt: skip
-    built.workspace.compile()
+    built.context.compile()
     estimate = Explicit(1.0).estimate(built, FIRST_ITERATIONS)
     exact = 2.0 / largest_frequency(built)
     assert 0.97 * exact < estimate <= exact
@@ -285,10 +285,10 @@ def test_stable_at_the_estimate_and_unstable_above():
         velocity[sheet.edges()] = 0.0
         built = build(sheet, horizon=2.015, weights="corrected", loads=[Fixed(sheet.edges())], initial_displacement=start,  # noqa: E501
                       initial_velocity=velocity)  # fmt: skip
-        stable = 2.0 / built.stable_step.omega(300, settle=0.0)
-        run_once(built.workspace.device, built.workspace.stages["setup"])
-        built.step.assign(np.array([share * stable]))
-        steps = built.workspace.sequence("step")
+        stable = 2.0 / built.solver.stable_step.omega(300, settle=0.0)
+        built.context.run("setup")
+        built.state.step.assign(np.array([share * stable]))
+        steps = built.context.sequence("step")
         for _ in range(200):
             steps.run()
         growth[share] = np.abs(built.to_numpy(built.state.velocity)).max() / np.abs(velocity).max()

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from warp_pd import Sheet, bonds
-from warp_pd.bonds import build_families, pack, unpack
+from warp_pd.families import build_families, pack, unpack
 from warp_pd.sheet import crosses
 
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15, 9.015)
@@ -69,7 +69,7 @@ def test_tables_of_a_cloud_are_those_of_a_loop_over_points(sheet, block, monkeyp
     for i, row in enumerate(rows):
         n, bond = len(row), (sheet.points[row] - sheet.points[i]) / families.horizon
         np.testing.assert_array_equal(families.neighbours[i], np.append(row, np.full(families.members - n, -1)))
-        np.testing.assert_array_equal(families.mates[i, :n], [np.flatnonzero(rows[j] == i)[0] for j in row])
+        np.testing.assert_array_equal(families.reverse[i, :n], [np.flatnonzero(rows[j] == i)[0] for j in row])
         np.testing.assert_array_equal(families.bonds[i, :n], bond)
         together = ((bond[:, None] - bond[None]) ** 2).sum(axis=-1) <= (1 + 1e-9) ** 2
         np.testing.assert_array_equal(common[i, :n, :n], together)
@@ -89,11 +89,11 @@ def test_mates_point_back(sheet):
     for i in range(sheet.size):
         for k in np.flatnonzero(exists[i]):
             if families.neighbours is None:
-                j, back = i + families.shift[k], families.mates[k]
+                j, back = i + families.shift[k], families.reverse[k]
                 assert exists[j, back] and j + families.shift[back] == i
             else:
                 j = families.neighbours[i, k]
-                assert families.neighbours[j, families.mates[i, k]] == i
+                assert families.neighbours[j, families.reverse[i, k]] == i
 
 
 @pytest.mark.parametrize("precision", [32, 64])

@@ -6,7 +6,7 @@ import warp as wp
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, square
 
 from warp_pd import CriticalStretch, Explicit, Gent, launches
-from warp_pd.forces import fast_path
+from warp_pd.laws import fast_path
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
 
@@ -33,7 +33,7 @@ def rough(sheet, seed=0):
 
 
 def names(built):
-    return [name for launch in built.workspace.stages["step"] for name in launch.parts]
+    return [name for launch in built.context.stages["step"] for name in launch.parts]
 
 
 def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT):
@@ -104,7 +104,7 @@ def test_the_list_of_other_points_is_used_up(large_on_gpu):
     assert array(built, "other_count").numpy()[0] == 0
     assert (internal_force(built, rough(built.simulation.sheet)) == first).all()
     listed = np.unique(array(built, "other_points").numpy())
-    inner = built.force.families.kind == built.force.fast_path.stencil[1]
+    inner = built.law.families.kind == built.law.fast_path.stencil[1]
     assert set(np.flatnonzero(~inner)) <= set(listed)
 
 
@@ -115,12 +115,12 @@ def test_rupture_ends_alike():
         built = build(
             square(15), horizon=2.015, law={"fast": fast}, damage=CriticalStretch(1.5), solver=Explicit(duration=0.02)
         )
-        sheet, intact = built.simulation.sheet, built.force.alive.numpy().copy()
+        sheet, intact = built.simulation.sheet, built.law.intact.numpy().copy()
         built.state.velocity.assign(np.column_stack([120.0 * sheet.points[:, 0], 0 * sheet.points]))
         internal_force(built, np.zeros((sheet.size, 3)))
-        built.step.fill_(2e-5)
-        built.workspace.sequence("step", 400).run()
-        results.append((built.force.alive.numpy().copy(), built.to_numpy(built.state.displacement)))
+        built.state.step.fill_(2e-5)
+        built.context.sequence("step", 400).run()
+        results.append((built.law.intact.numpy().copy(), built.to_numpy(built.state.displacement)))
     (alive, moved), (plain_alive, plain_moved) = results
     assert (alive == plain_alive).all()
     assert (alive != intact).any()

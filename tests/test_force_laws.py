@@ -34,24 +34,24 @@ from warp_pd import (
     Nodal,
     Pressure,
     Simulation,
+    networks,
 )
 from warp_pd.cli import build_scene, main
-from warp_pd.forces import network as networks
-from warp_pd.forces.network import Network
-from warp_pd.forces.training import relative_errors, sampled_states, training_data
+from warp_pd.networks import Network
+from warp_pd.torch_backend.training import relative_errors, sampled_states, training_data
 
 RANGE = (0.8, 4.0)
 
 
 def build(sheet, law, precision=64, device="cpu", solver=None, **parts):
     built = Simulation(sheet, force=law, solver=solver or Explicit(1.0), **parts).build(device, precision)
-    built.workspace.compile()
+    built.context.compile()
     return built
 
 
 def tiny(seed=0, hidden=(5, 7), **changes):
     """A network with random weights, force-free at rest."""
-    from warp_pd.forces.training import at_rest
+    from warp_pd.torch_backend.training import at_rest
 
     rng = np.random.default_rng(seed)
     sizes = [4, *hidden, 2]
@@ -208,15 +208,15 @@ def test_forces_turn_with_the_sheet(law):
 def broken(sheet, law):
     built = build(sheet, law, damage=CriticalStretch(9.0))
     sever(built, ((0.02, 0.048), (0.07, 0.062)))
-    alive = built.force.alive.numpy()
+    alive = built.law.intact.numpy()
     rng = np.random.default_rng(2)
-    keep = built.force.families.rows_of_points(built.force.families.exists)
+    keep = built.law.families.rows_of_points(built.law.families.exists)
     for i in (30, 31, 44):
         for k in np.flatnonzero(((rng.random(keep.shape[1]) < 0.8) | (i == 44)) & keep[i]):
-            j, back = i + built.force.families.shift[k], built.force.families.mates[k]
+            j, back = i + built.law.families.shift[k], built.law.families.reverse[k]
             alive[k // 32, i] &= ~np.uint32(1 << (k % 32))
             alive[back // 32, j] &= ~np.uint32(1 << (back % 32))
-    built.force.alive.assign(alive)
+    built.law.intact.assign(alive)
     return built
 
 
@@ -330,7 +330,7 @@ def test_a_family_does_not_feel_its_own_middle_only_in_the_nodal_law(direction):
 
 def test_the_default_network_is_as_good_as_promised():
     """R^2 >= 0.9999 and at most 1 % relative error (of the force, or 0.1 mu) on states training never saw."""
-    from warp_pd.forces.training import determination
+    from warp_pd.torch_backend.training import determination
 
     network = networks.default()
     data = training_data(NEO, sampled_states(RANGE, 20_000, seed=99))
@@ -341,7 +341,7 @@ def test_the_default_network_is_as_good_as_promised():
 
 
 def test_training_finds_the_law_and_repeats_itself(tmp_path):
-    from warp_pd.forces.training import Training, train
+    from warp_pd.torch_backend.training import Training, train
 
     seen = []
     how = Training(samples=400, hidden=(6,), steps=25, seed=3, stretches=(0.9, 2.0))
@@ -478,8 +478,8 @@ def test_thousand_steps_record_no_gradients_and_hold_no_memory():
 
     module = torch.nn.Sequential(torch.nn.Linear(4, 8), torch.nn.Tanh(), torch.nn.Linear(8, 2))
     built = build(square(13), Neural(NEO, network=module))
-    sequence = built.workspace.sequence("step", repeat=10)
-    step = built.force._infer
+    sequence = built.context.sequence("step", repeat=10)
+    step = built.law._infer
     assert any(p.requires_grad for p in step.function.parameters())
 
     def tensors():
@@ -629,8 +629,8 @@ def test_the_network_in_a_graph_on_cuda():
             ended = []
             for device, repeat in (("cpu", 1), ("cuda:0", 1), ("cuda:0", 10)):
                 built = build(sheet, law, precision, device, **parts)
-                built.step.assign(np.array([1e-5], built.step.numpy().dtype))
-                sequence = built.workspace.sequence("step", repeat=repeat)
+                built.state.step.assign(np.array([1e-5], built.state.step.numpy().dtype))
+                sequence = built.context.sequence("step", repeat=repeat)
                 for _ in range(20 // repeat):
                     sequence.run()
                 ended.append(built.to_numpy(built.state.velocity))

@@ -5,13 +5,12 @@ import pytest
 from helpers import NEO, build, jittered, rough, sever, square
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Measure, Pressure, RigidBall, Sheet, Simulation
-from warp_pd.bonds import unpack
-from warp_pd.launches import run_once
-from warp_pd.runner import DivergedError, Recorder
+from warp_pd.families import unpack
+from warp_pd.run.runner import DivergedError, Recorder
 
 
 def refresh(built):
-    run_once(built.workspace.device, built.workspace.stages["frame"])
+    built.context.run("frame")
 
 
 @pytest.mark.parametrize("points", [9, 16, 17, 33])
@@ -30,15 +29,15 @@ def test_totals_are_the_sums_over_all_points(points, precision):
     rng, state = np.random.default_rng(1), built.state
     for array in (state.work, state.dissipated, state.released):
         array.assign(rng.normal(size=sheet.size))
-    for array in (state.velocity, state.impulse):
+    for array in (state.velocity, built.contact.impulse):
         array.assign(rng.normal(size=(sheet.size, 3)).astype(array.numpy().dtype))
     refresh(built)
     arrays = {
-        "kinetic": built.kinetic_energy, "strain": built.strain_energy, "external": state.work,
+        "kinetic": built.energy.kinetic, "strain": built.law.strain_energy, "external": state.work,
         "damping": state.dissipated, "rupture": state.released,
     }  # fmt: skip
     expected = {name: array.numpy() for name, array in arrays.items()}
-    expected |= {f"impulse_{c}": built.to_numpy(state.impulse)[:, k] for k, c in enumerate("xyz")}
+    expected |= {f"impulse_{c}": built.to_numpy(built.contact.impulse)[:, k] for k, c in enumerate("xyz")}
     totals = built.totals()
     assert totals.keys() == expected.keys()
     for name, values in expected.items():
@@ -63,7 +62,7 @@ def test_the_point_that_crosses_a_horizon_in_a_step_is_named(precision):
     velocity = np.random.default_rng(0).uniform(-1.0, 1.0, (17**2, 3))
     velocity[77] = (0.0, -3.0, 4.0)
     built.state.velocity.assign(velocity.astype(built.state.velocity.numpy().dtype))
-    horizon = built.force.families.horizon
+    horizon = built.law.families.horizon
     Recorder(built, []).frame(0, 0.0, 0, 0.999 * horizon / 5.0)
     with pytest.raises(DivergedError, match="point 77 moves more than a horizon"):
         Recorder(built, []).frame(0, 0.0, 0, 1.001 * horizon / 5.0)
@@ -79,7 +78,7 @@ STRIP = Sheet.rectangle(0.1, 0.0125, thickness=1e-3, density=1000.0, points=(25,
 def test_a_face_is_torn_where_a_bond_along_its_edge_is_gone(sheet, horizon):
     built = build(sheet, horizon=horizon, damage=CriticalStretch(3.0))
     sever(built, ((0.0312, -0.01), (0.0529, 0.041)))
-    families, alive = built.force.families, unpack(built.force.alive.numpy().T, built.force.families.members)
+    families, alive = built.law.families, unpack(built.law.intact.numpy().T, built.law.families.members)
     whole, at = families.rows_of_points(families.exists), np.arange(sheet.size)
     head = families.neighbours if families.kind is None else at[:, None] + families.shift
     gone = {(i, head[i, k]) for i, k in np.argwhere(whole & ~alive)}

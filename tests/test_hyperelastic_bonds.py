@@ -32,7 +32,7 @@ BOTH = [(mode, fit) for mode in MODES for fit in FITS]
 def build(sheet, mode="uniaxial", fit="published", horizon=3.015, correction=True, precision=64, **parts):
     law = HyperelasticBonds(BondNeoHookean(MU, mode, fit), horizon, correction)
     built = Simulation(sheet, force=law, solver=parts.pop("solver", Explicit(1.0)), **parts).build("cpu", precision)
-    built.workspace.compile()
+    built.context.compile()
     return built
 
 
@@ -277,7 +277,7 @@ def test_without_surface_correction_a_lattice_counts_a_fifth_too_little():
 def test_the_plan_holds_what_is_asked_for():
     sheet = square(11)
     names = {
-        key: {use.name for use in build(sheet, correction=correction, **parts).workspace.arrays}
+        key: {use.name for use in build(sheet, correction=correction, **parts).context.fields}
         for key, correction, parts in [
             ("corrected", True, {}), ("bare", False, {}), ("breakable", True, {"damage": CriticalStretch(2.0)}),
         ]
@@ -285,7 +285,7 @@ def test_the_plan_holds_what_is_asked_for():
     assert names["corrected"] - names["bare"] == {"surface_factors"}
     assert "alive" in names["breakable"] and "alive" not in names["corrected"]
     assert not {"kind_shape", "stencil_common", "bond_force", "strain_energy"} & names["corrected"]
-    launches = [launch.name for launch in build(sheet).workspace.stages["step"]]
+    launches = [launch.name for launch in build(sheet).context.stages["step"]]
     assert launches == ["drift", "pair_force", "kick"]
 
 

@@ -26,7 +26,6 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.cli import build_scene, main
-from warp_pd.launches import run_once
 from warp_pd.solvers.equilibrium import assign
 from warp_pd.solvers.tangent import SparseTangent, Tangent
 
@@ -72,10 +71,10 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
         sever(built, crack)
     follower = any(isinstance(load, Pressure) for load in loads)
     tangent = Tangent(
-        built.workspace, built.force, built.held, built.has_loads, follower, built.state.displacement,
+        built.context, built.force, built.context.held, built.has_loads, follower, built.state.displacement,
         built.state.force, built.state.external, assembled,
     )  # fmt: skip
-    built.workspace.compile()
+    built.context.compile()
     return built, tangent
 
 
@@ -366,9 +365,9 @@ def test_relaxation_breaks_only_at_rest_and_relaxes_again():
     assert torn.frame.damage.max() > 0.0
     assert torn.history[-1]["strain"] < whole.history[-1]["strain"]
     # Nothing left to break: one more round of rupture leaves the bits alone.
-    alive = torn.built.force.alive.numpy()
-    run_once(torn.built.workspace.device, torn.built.workspace.stages["rupture"])
-    assert (torn.built.force.alive.numpy() == alive).all()
+    alive = torn.built.law.intact.numpy()
+    torn.built.context.run("rupture")
+    assert (torn.built.law.intact.numpy() == alive).all()
 
 
 def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
@@ -376,14 +375,14 @@ def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
     kernels = {}
     for solver in (Explicit(1.0), Relaxation(), Newton()):
         built = simulate(sheet, solver, loads=[Fixed(sheet.edges())]).build("cpu")
-        names = {launch.name for stage in built.workspace.stages.values() for launch in stage}
+        names = {launch.name for stage in built.context.stages.values() for launch in stage}
         kernels[type(solver).__name__] = names | {key.split(".")[-1] for key in module_kernels(built)}
     assert not any("linearise" in name or "product" in name for name in kernels["Explicit"] | kernels["Relaxation"])
-    assert not {use.name for use in built.workspace.arrays} & {"step", "damping", "direction", "previous_force"}
+    assert not {use.name for use in built.context.fields} & {"step", "damping", "direction", "previous_force"}
 
 
 def module_kernels(built):
-    launch = next(iter(built.workspace.stages["setup"]))
+    launch = next(iter(built.context.stages["setup"]))
     return list(launch.kernel.module.kernels)
 
 

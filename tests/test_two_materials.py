@@ -92,7 +92,7 @@ LAWS = {
 
 def built_with(law, sheet, precision=64, **parts):
     built = Simulation(sheet, force=law, solver=Explicit(1.0), **parts).build("cpu", precision)
-    built.workspace.compile()
+    built.context.compile()
     return built
 
 
@@ -166,7 +166,7 @@ def test_a_second_material_adds_no_array_and_no_launch(name):
     """It lies in the weights: on a lattice more rows of the table, and nothing else."""
     plans = []
     for sheet in (square(12), laminate(12)):
-        w = built_with(LAWS[name], sheet).workspace
+        w = built_with(LAWS[name], sheet).context
         launches = {stage: [x.name for x in part] for stage, part in w.stages.items()}
         plans.append(([(use.name, use.owner) for use in w.arrays], launches, w.module))
     assert plans[0] == plans[1]

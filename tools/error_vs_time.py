@@ -34,7 +34,7 @@ from warp_pd.cli import build_scene
 from warp_pd.forces import ForceLaw, force_law
 from warp_pd.frame import Frame
 from warp_pd.runner import DivergedError, Result, write_aside
-from warp_pd.simulation import find_device
+from warp_pd.device.context import find_device
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA, DOCS = ROOT / "tests/validation/data", ROOT / "docs"

@@ -16,7 +16,7 @@ from pathlib import Path
 from stamp import device_name, one_line, stamp
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, Sheet, Simulation
-from warp_pd.simulation import find_device
+from warp_pd.device.context import find_device
 
 SAFETY = 0.5
 # Small against the shear modulus times thickness over the side: the sheet must not inflate, however long it runs.

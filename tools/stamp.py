@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from warp_pd.checks import InputError
-from warp_pd.simulation import find_device
+from warp_pd.device.context import find_device
 
 
 def commit() -> str:

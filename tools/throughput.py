@@ -15,7 +15,7 @@ from pathlib import Path
 from stamp import device_name, one_line, stamp
 
 from warp_pd import bench
-from warp_pd.simulation import find_device
+from warp_pd.device.context import find_device
 
 
 def main() -> None:
