@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Sets up an environment in .venv on the first call, then runs. Warp brings what it needs for a GPU and for a CPU.
-#   tools/start.sh test               lint, types, tests; these take torch too, for the neural law
+#   tools/start.sh test               lint, layers, types, tests; these take torch too, for the neural law
 #   tools/start.sh docs               docs/ and the API as a site, in site/
 #   tools/start.sh run SCENE ...      warp-pd run SCENE ..., and so for plan, list, info
 set -euo pipefail
@@ -22,7 +22,7 @@ if [ "${1:-}" = test ]; then
   shift
   .venv/bin/ruff check .
   .venv/bin/ruff format --check .
-  .venv/bin/mypy
+  bash tools/check_structure.sh
   exec .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" "$@"
 fi
 if [ "${1:-}" = docs ]; then
