@@ -14,8 +14,14 @@ from .numeric import numeric
 
 
 @functools.cache
-def adaptive_damping(bits: int, module: str) -> tuple[Kernel, Kernel]:
-    """Kernels `measure_motion`, which sums blocks of points in order, and `set_damping`, one thread."""
+def adaptive_damping(bits: int, following: bool, module: str) -> tuple[Kernel, Kernel]:
+    """Kernels `measure_motion`, which sums blocks of points in order, and `set_damping`, one thread.
+
+    Args:
+        bits: 32 or 64.
+        following: Whether some load follows the displacement: then the external force counts, as part of the stiffness.
+        module: Name of the Warp module.
+    """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
@@ -25,6 +31,7 @@ def adaptive_damping(bits: int, module: str) -> tuple[Kernel, Kernel]:
         held_mask: wp.array(dtype=wp.uint8),
         velocity: wp.array(dtype=vec3),
         force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
         block: int,
         first: int,
         previous: wp.array(dtype=vec3),
@@ -39,9 +46,12 @@ def adaptive_damping(bits: int, module: str) -> tuple[Kernel, Kernel]:
                 for c in range(3):
                     if (wp.int32(held_mask[i]) & (1 << c)) != 0:
                         v[c] = real(0.0)
+            total = force[i]
+            if wp.static(following):
+                total += external[i]
             inertia += wp.float64(mass[i] * wp.dot(v, v))
-            stiffness += wp.float64(wp.dot(v, previous[i] - force[i]))
-            previous[i] = force[i]
+            stiffness += wp.float64(wp.dot(v, previous[i] - total))
+            previous[i] = total
         sums[0, b] = inertia
         sums[1, b] = stiffness
 

@@ -14,13 +14,14 @@ from .numeric import numeric
 
 
 @functools.cache
-def residual(bits: int, held: bool, loaded: bool, module: str) -> Kernel:
+def residual(bits: int, held: bool, loaded: bool, apart: bool, module: str) -> Kernel:
     """Kernel that fills the unbalanced force [points], N, its square and the squared loads and reactions, N^2.
 
     Args:
         bits: 32 or 64.
         held: Whether any component is held.
         loaded: Whether external forces act.
+        apart: Whether dead loads also count on their own: those that follow the displacement may balance them.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -32,6 +33,7 @@ def residual(bits: int, held: bool, loaded: bool, module: str) -> Kernel:
         held_mask: wp.array(dtype=wp.uint8),
         force: wp.array(dtype=vec3),
         external: wp.array(dtype=vec3),
+        dead: wp.array(dtype=vec3),
         first: int,
         unbalanced: wp.array(dtype=vec3),
         squared: wp.array(dtype=wp.float64),
@@ -52,6 +54,9 @@ def residual(bits: int, held: bool, loaded: bool, module: str) -> Kernel:
                     free[c] = real(0.0)
         unbalanced[i] = free
         squared[i] = wp.float64(wp.dot(free, free))
-        reaction[i] = wp.float64(wp.dot(support, support) + wp.dot(load, load))
+        size = wp.dot(support, support) + wp.dot(load, load)
+        if wp.static(apart):
+            size += wp.dot(dead[i], dead[i])
+        reaction[i] = wp.float64(size)
 
     return residual

@@ -111,6 +111,14 @@ class External(BuiltPart, Protocol):
 
     following: Sequence[BuiltLoad]
 
+    def keep_dead_apart(self) -> Array | None:
+        """Let `add_force` keep the sum of the loads that do not follow the displacement [N] as well, (N,) vec3.
+
+        Returns:
+            Its array; None unless there are loads of both kinds.
+        """
+        ...
+
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the external force [N]; none if it never changes."""
         ...

@@ -1,13 +1,14 @@
 """The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
 
 from .boundary_force import BoundaryForce
-from .contact import RigidBall
+from .contact import RigidBall, RigidContact
 from .loads import BodyForce, PointForce, Pressure
-from .rupture import CriticalEnergy, CriticalStretch
+from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .supports import Fixed, Motion, stretching_edges
 
 __all__ = [
     "BodyForce",
+    "BondCriterion",
     "BoundaryForce",
     "CriticalEnergy",
     "CriticalStretch",
@@ -16,5 +17,6 @@ __all__ = [
     "PointForce",
     "Pressure",
     "RigidBall",
+    "RigidContact",
     "stretching_edges",
 ]

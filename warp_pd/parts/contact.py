@@ -60,8 +60,11 @@ class RigidContact(BuiltContact):
     """Contact with a body of some shape that moves at constant velocity.
 
     Attributes:
+        column: What the columns of the history with the force on the body begin with.
         impulse: What the body gave each point since the last frame [N s], vec3.
     """
+
+    column = "contact_force"
 
     def __init__(
         self,
@@ -116,11 +119,11 @@ class RigidContact(BuiltContact):
 
     def column_names(self) -> Sequence[str]:
         """Components of the force on the body."""
-        return [f"ball_force_{c}" for c in "xyz"]
+        return [f"{self.column}_{c}" for c in "xyz"]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Force on the body since the last frame [N]."""
-        return {f"ball_force_{c}": -totals[f"impulse_{c}"] / elapsed if elapsed > 0.0 else 0.0 for c in "xyz"}
+        return {f"{self.column}_{c}": -totals[f"impulse_{c}"] / elapsed if elapsed > 0.0 else 0.0 for c in "xyz"}
 
     def end_frame(self) -> None:
         """Begin to sum up anew."""
@@ -129,6 +132,8 @@ class RigidContact(BuiltContact):
 
 class BuiltBall(RigidContact):
     """A ball on a device."""
+
+    column = "ball_force"
 
     def __init__(self, body: RigidBall, context: Context) -> None:
         super().__init__(

@@ -211,6 +211,7 @@ class ExternalForce(External):
         self._constant: Array | None = None
         if self.changing and self.constant.any():
             self._constant = context.array("constant_loads", "loads", context.types.vec3, self.constant)
+        self._dead: Array | None = None
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that renew the external force; none if it never changes."""
@@ -221,17 +222,31 @@ class ExternalForce(External):
         """Add the launches that fill `out` with the external force [N]; none if it never changes."""
         if not self.changing:
             return
-        self._add_begin(stage, out)
-        for load in self.changing:
-            load.add_force(stage, displacement, out)
+        if self._dead is None:
+            self._add_begin(stage, self._constant, out)
+            for load in self.changing:
+                load.add_force(stage, displacement, out)
+        else:
+            self.add_dead(stage, self._dead)
+            self._add_begin(stage, self._dead, out)
+            self.add_following(stage, displacement, out)
 
-    def _add_begin(self, stage: Stage, out: Array) -> None:
-        begin = begin_loads(self.context.bits, self._constant is not None, self.context.module)
-        stage.pointwise("loads", begin, self.context.sheet.size, constant=self._constant, external=out)
+    def keep_dead_apart(self) -> Array | None:
+        """Let `add_force` keep the sum of the loads that do not follow the displacement [N]; None if all or none do."""
+        if not self.following:
+            return None
+        if self._dead is None and len(self.following) < len(self.changing):
+            context = self.context
+            self._dead = context.array("dead_loads", "loads", context.types.vec3, shape=context.sheet.size)
+        return self._constant if self._dead is None else self._dead
+
+    def _add_begin(self, stage: Stage, constant: Array | None, out: Array) -> None:
+        begin = begin_loads(self.context.bits, constant is not None, self.context.module)
+        stage.pointwise("loads", begin, self.context.sheet.size, constant=constant, external=out)
 
     def add_dead(self, stage: Stage, out: Array) -> None:
         """Add the launches that fill `out` with the force of the loads that do not follow the displacement [N]."""
-        self._add_begin(stage, out)
+        self._add_begin(stage, self._constant, out)
         for load in self.changing:
             if load not in self.following:
                 load.add_force(stage, self.context.state.displacement, out)

@@ -71,13 +71,18 @@ class Level:
         """Which components are held, shape (N, 3)."""
         return np.asarray((self.context.held[:, None] >> np.arange(3)) & 1 == 1)
 
-    def add_residual(self, stage: Stage) -> None:
-        """Add the residual to the stage "evaluate", which has filled internal and external force."""
+    def add_residual(self, stage: Stage, dead: Array | None) -> None:
+        """Add the residual to the stage "evaluate", which has filled internal and external force.
+
+        Args:
+            stage: That stage.
+            dead: Dead loads [N], where loads that follow the displacement may balance them; else None.
+        """
         state, f = self.context.state, self.context.features
         stage.launch(
-            OWNER, residual(self.context.bits, f.held, f.loaded, self.context.module), self.points,
-            held_mask=state.held_mask, force=state.force, external=state.external, unbalanced=self.residual,
-            squared=self._squared, reaction=self._reaction,
+            OWNER, residual(self.context.bits, f.held, f.loaded, dead is not None, self.context.module), self.points,
+            held_mask=state.held_mask, force=state.force, external=state.external, dead=dead,
+            unbalanced=self.residual, squared=self._squared, reaction=self._reaction,
         )  # fmt: skip
 
     def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:

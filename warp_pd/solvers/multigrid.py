@@ -78,7 +78,7 @@ class Hierarchy:
             stage = context.stage("dead loads", "every load step, for the coarser lattices")
             system.external.add_dead(stage, self._dead)
         for depth, lattice in enumerate(coarser_lattices, 1):
-            self._add_coarser(finest, depth, lattice)
+            self._add_coarser(finest, system, depth, lattice)
         self._omegas: list[Array] = []
         self._sides: list[tuple[Array, Array]] = []
         for level in self.levels:
@@ -88,7 +88,7 @@ class Hierarchy:
         self._sparse = self.levels[-1].tangent.sparse()
         self._coarsest: Solve | None = None
 
-    def _add_coarser(self, finest: Level, depth: int, lattice: Lattice) -> None:
+    def _add_coarser(self, finest: Level, system: System, depth: int, lattice: Lattice) -> None:
         context = coarse_context(finest.context, depth, lattice, self.lattices[0])
         law = coarse_law(finest.law, context, lattice)
         following = [found for load in finest.following if (found := load.on_coarser(context, law)) is not None]
@@ -99,7 +99,8 @@ class Hierarchy:
         if state.external is not None:
             loads = CoarseLoads(context)
             loads.add_force(stage, following, state.displacement, state.external)
-        level.add_residual(stage)
+        apart = system.external.keep_dead_apart() is not None
+        level.add_residual(stage, loads.dead if apart and loads is not None else None)
         self._loads.append(loads)
         self.levels.append(level)
         self.lattices.append(lattice)

@@ -33,6 +33,7 @@ FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
 FINISHED, NOT_CONVERGED = "finished", "not converged"
 # Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
 STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
+NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
 
 
 @dataclass(frozen=True)
@@ -128,11 +129,12 @@ class BuiltRelaxation(BuiltSolver):
         context, state = self.context, self.context.state
         add_motion(phase, stage, context, self.inertia())
         if phase is Phase.DAMPING:
-            measure_motion, set_damping = adaptive_damping(context.bits, context.module)
+            following = bool(self.system.external.following)
+            measure_motion, set_damping = adaptive_damping(context.bits, following, context.module)
             stage.launch(
                 OWNER, measure_motion, self._blocks,
                 mass=self.inertia(), held_mask=state.held_mask, velocity=state.velocity, force=state.force,
-                block=BLOCK, previous=self._previous, sums=self._sums,
+                external=state.external, block=BLOCK, previous=self._previous, sums=self._sums,
             )  # fmt: skip
             stage.launch(OWNER, set_damping, 1, sums=self._sums, step=state.step, damping=state.damping)
 
@@ -143,7 +145,8 @@ class BuiltRelaxation(BuiltSolver):
             InputError: for parts that need time.
         """
         self.system, context, state = system, self.context, self.context.state
-        system.refuse_phases("Relaxation", [Phase.INTERNAL_VARIABLES, Phase.BOND_WORK])
+        system.refuse_phases("Relaxation", NOT_DONE)
+        dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")
         system.add(STEPPED, step)
         step.fuse_wraparound()
@@ -152,8 +155,8 @@ class BuiltRelaxation(BuiltSolver):
         self._mass_launches = context.sequence("fictitious mass")
         f = context.features
         context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(
-            OWNER, residual(context.bits, f.held, f.loaded, context.module), context.sheet.size,
-            held_mask=state.held_mask, force=state.force, external=state.external, unbalanced=self._unbalanced,
+            OWNER, residual(context.bits, f.held, f.loaded, dead is not None, context.module),
+            context.sheet.size, held_mask=state.held_mask, force=state.force, external=state.external, dead=dead, unbalanced=self._unbalanced,
             squared=self._squared, reaction=self._reaction,
         )  # fmt: skip
 

@@ -58,11 +58,12 @@ class Search:
         self.good = context.array("last_load_step", OWNER, vec3, shape=n)
         self.earlier = context.array("earlier_load_step", OWNER, vec3, shape=n, restart=True)
         finest = Level(context, system.law, tangent, system.external.following)
+        dead = system.external.keep_dead_apart()
         stage = context.stage("evaluate", "every residual of Newton")
         system.law.add_force(stage, state.displacement, state.force)
         if state.external is not None:
             system.external.add_force(stage, state.displacement, state.external)
-        finest.add_residual(stage)
+        finest.add_residual(stage, dead)
         self.rupture = StaticRupture(system)
         self.preconditioner = self._preconditioner(tangent)
         self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None

@@ -1,0 +1,286 @@
+"""Parts written outside the package, those of docs/write-your-own-part.md: physics, restart, plan, refusals."""
+
+import re
+
+import numpy as np
+import own_parts
+import pytest
+from helpers import MU, NEO, StopAt, square
+
+from warp_pd import (
+    Bimodular,
+    BondAssociated,
+    BondBased,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    InputError,
+    Motion,
+    Newton,
+    Pressure,
+    Relaxation,
+    Simulation,
+)
+
+NAMES = ("elastic_foundation", "weak_seam", "moving_plane", "obj_writer")
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own_parts")
+    return {name: own_parts.load(name, folder) for name in NAMES}
+
+
+def test_page_has_four_parts_of_less_than_sixty_lines():
+    lines = {name: len([x for x in text.splitlines() if x.strip()]) for name, text in own_parts.sources().items()}
+    assert set(lines) == set(NAMES)
+    assert max(lines.values()) < 60, lines
+
+
+LAW = BondAssociated(NEO, horizon=2.015, weights="plain")
+SOLVERS = {
+    "newton": Newton(tolerance=1e-10),
+    "newton, jacobi": Newton(tolerance=1e-10, preconditioner="jacobi"),
+    "newton, multigrid": Newton(tolerance=1e-10, preconditioner="multigrid"),
+    "relaxation": Relaxation(tolerance=1e-9),
+}
+
+
+def on_springs(parts, solver, stiffness=1e6, pressure=20.0):
+    """A sheet that is free to move up and down, on springs."""
+    sheet = square(25)
+    loads = [
+        Pressure(pressure, follower=False), parts["elastic_foundation"].ElasticFoundation(stiffness),
+        Fixed(np.arange(sheet.size), components="xy"),
+    ]  # fmt: skip
+    return Simulation(sheet, LAW, solver, loads=loads)
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_foundation_carries_a_pressure_in_every_static_solver(parts, name):
+    result = on_springs(parts, SOLVERS[name]).run(device="cpu", precision=64)
+    assert result.status == "finished"
+    # Every point has its own springs: p = k u.
+    np.testing.assert_allclose(result.frame.displacement[:, 2], 20.0 / 1e6, rtol=1e-6)
+
+
+def test_foundation_lets_a_sheet_swing_at_its_frequency(parts):
+    sheet = square(9)
+    stiffness = 1e6
+    omega = np.sqrt(stiffness / (sheet.thickness * sheet.density))
+    start = np.tile([0.0, 0.0, 1e-4], (sheet.size, 1))
+    simulation = Simulation(
+        sheet, LAW, Explicit(2.0 * np.pi / omega, frames=8, safety=0.02), initial_displacement=start,
+        loads=[parts["elastic_foundation"].ElasticFoundation(stiffness)],
+    )  # fmt: skip
+    result = simulation.run(device="cpu", precision=64)
+    np.testing.assert_allclose(result.frame.displacement, start, atol=2e-7)
+    # Energy goes into the springs and comes back; the trapezoidal rule for the work is of second order in the step.
+    kinetic, work = (np.array([row[name] for row in result.history]) for name in ("kinetic", "external"))
+    np.testing.assert_allclose(kinetic, work, atol=(omega * result.built.state.step.numpy()[0]) ** 2 * kinetic.max())
+    assert kinetic.max() > 0.99 * 0.5 * stiffness * 1e-8 * sheet.areas.sum()
+
+
+def test_springs_are_in_the_stable_step(parts):
+    """The step that explicit dynamics takes knows the stiffness of a load."""
+    sheet = square(9)
+
+    def omega(stiffness):
+        loads = [parts["elastic_foundation"].ElasticFoundation(stiffness)]
+        built = Simulation(sheet, LAW, Explicit(1.0), loads=loads).build("cpu", 64)
+        built.context.compile()
+        return built.solver.stable_step.omega(200)
+
+    soft, hard = 1.0, 1e12
+    assert omega(hard) == pytest.approx(np.sqrt(hard / (sheet.thickness * sheet.density)), rel=1e-3)
+    assert omega(soft) < 1e-2 * omega(hard)
+
+
+def test_a_load_without_a_tangent_is_refused_by_newton_alone(parts):
+    foundation = parts["elastic_foundation"]
+
+    class Built(foundation.BuiltFoundation):
+        def add_tangent(self, stage, displacement, direction, out):
+            return False
+
+    class NoTangent(foundation.ElasticFoundation):
+        def build(self, context, law):
+            return Built(self.stiffness, context)
+
+    sheet = square(9)
+    loads = [NoTangent(1e3), Fixed(sheet.edges("left"))]
+    with pytest.raises(InputError, match="ElasticFoundation") as caught:
+        Simulation(sheet, LAW, Newton(), loads=loads).build("cpu")
+    assert "\n" not in str(caught.value)
+    Simulation(sheet, LAW, Relaxation(), loads=loads).build("cpu")
+
+
+def pulled(sheet, solver, damage, law=LAW, supports=()):
+    loads = [
+        Fixed(sheet.edges("left")),
+        *supports,
+        Motion(sheet.edges("right"), (0.0, solver.duration), x=(0.0, 0.05), y=0.0, z=0.0),
+    ]
+    return Simulation(sheet, law, solver, loads=loads, damage=damage)
+
+
+def seam_of(parts, sheet):
+    """Weak within a spacing of the middle."""
+    weak = np.abs(sheet.points[:, 0] - 0.05) < 1.1 * sheet.spacing
+    return weak, parts["weak_seam"].WeakSeam(np.where(weak, 1.2, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("solver", "law"),
+    [
+        (Explicit(0.2, frames=8), LAW),
+        (Relaxation(tolerance=1e-4), LAW),
+        (Newton(load_steps=6), BondBased(Bimodular(3.0 * MU), horizon=2.015)),
+    ],
+    ids=["explicit", "relaxation", "newton"],
+)
+def test_a_sheet_tears_along_its_weak_seam(parts, solver, law):
+    sheet = square(17)
+    weak, seam = seam_of(parts, sheet)
+    in_plane = [Fixed(sheet.where(lambda x, y: (x > 0.0) & (x < 0.1)), components="z")]
+    built = pulled(sheet, solver, seam, law, in_plane).run(device="cpu", precision=64).built
+    damage = built.to_numpy(built.rupture.damage)
+    near = np.abs(sheet.points[:, 0] - 0.05) < (1.1 + 2.015) * sheet.spacing
+    assert damage[weak].max() > 0.3
+    assert damage[~near].max() == 0.0
+
+
+def test_an_even_seam_is_the_critical_stretch(parts):
+    sheet = square(17)
+    solver = Explicit(0.2, frames=8)
+    own, ours = (
+        pulled(sheet, solver, damage).run(device="cpu", precision=64).built
+        for damage in (parts["weak_seam"].WeakSeam(np.full(sheet.size, 1.25)), CriticalStretch(1.25))
+    )
+    assert (own.law.intact.numpy() == ours.law.intact.numpy()).all()
+    assert own.to_numpy(own.rupture.damage).max() > 0.0
+
+
+def lifted(parts, frames=6):
+    """A sheet that falls freely until a plane that moves up lifts it."""
+    sheet = square(13)
+    plane = parts["moving_plane"].MovingPlane((0.05, 0.05, -1e-4), (0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
+    return Simulation(sheet, LAW, Explicit(2e-3, frames=frames), contact=plane)
+
+
+def test_plane_lifts_a_free_sheet_to_its_own_velocity(parts):
+    result = lifted(parts).run(device="cpu", precision=64)
+    sheet = result.built.simulation.sheet
+    height = -1e-4 + 2e-3 * 1.0
+    np.testing.assert_allclose(result.frame.displacement[:, 2], height, atol=1e-9)
+    np.testing.assert_allclose(result.frame.velocity[:, 2], 1.0, atol=1e-9)
+    # What the plane gave is the momentum of the sheet, with the sign turned.
+    given = -sum(row["contact_force_z"] * 2e-3 / 6 for row in result.history)
+    assert given == pytest.approx(sheet.thickness * sheet.density * sheet.areas.sum(), rel=1e-9)
+
+
+def test_plane_limits_the_step(parts):
+    fast = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1e4))
+    built = Simulation(square(9), LAW, Explicit(1.0), contact=fast).build("cpu")
+    assert built.contact.step_limit().seconds == pytest.approx(0.25 * built.context.sheet.spacing / 1e4)
+
+
+@pytest.mark.parametrize("solver", [Relaxation(), Newton()])
+def test_solvers_without_contact_refuse_the_plane(parts, solver):
+    plane = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
+    sheet = square(9)
+    with pytest.raises(InputError, match=r"contact = MovingPlane: the solver \w+ does not do this .*; take Explicit"):
+        Simulation(sheet, LAW, solver, loads=[Fixed(sheet.edges("left"))], contact=plane).build("cpu")
+
+
+def test_writer_leaves_a_file_per_frame(parts, tmp_path):
+    sheet = square(17)
+    _, seam = seam_of(parts, sheet)
+    simulation = pulled(sheet, Explicit(0.2, frames=8), seam)
+    writer = parts["obj_writer"].ObjWriter(tmp_path, sheet)
+    frame = simulation.run(device="cpu", precision=64, writers=[writer]).frame
+    files = sorted(tmp_path.glob("*.obj"))
+    assert [path.name for path in files] == [f"frame-{k:04d}.obj" for k in range(9)]
+    text = files[-1].read_text()
+    vertices = np.array(re.findall(r"^v (\S+) (\S+) (\S+)$", text, re.MULTILINE), float)
+    expected = np.column_stack([sheet.points, np.zeros(sheet.size)]) + frame.displacement
+    np.testing.assert_allclose(vertices, expected, atol=1e-8)
+    faces = np.array(re.findall(r"^f (\d+) (\d+) (\d+)$", text, re.MULTILINE), int) - 1
+    assert len(faces) == frame.intact_faces.sum() < len(sheet.triangles)
+    np.testing.assert_array_equal(faces, sheet.triangles[frame.intact_faces])
+
+
+def everything(parts, sheet):
+    """All four parts but the plane, which the next function adds, in one scene."""
+    _, seam = seam_of(parts, sheet)
+    simulation = pulled(sheet, Explicit(0.2, frames=8), seam)
+    simulation.loads = [*simulation.loads, parts["elastic_foundation"].ElasticFoundation(1e4)]
+    # Already over the plane, which rises through the sheet.
+    simulation.contact = parts["moving_plane"].MovingPlane((0.0, 0.0, -1e-3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.01))
+    return simulation
+
+
+def test_own_parts_go_on_from_a_restart_bit_for_bit(parts, tmp_path):
+    sheet = square(17)
+    options = {"device": "cpu", "precision": 64, "usd": False}
+    writer = parts["obj_writer"].ObjWriter
+    through = everything(parts, sheet).run(
+        out=tmp_path / "through", writers=[writer(tmp_path / "through_obj", sheet)], **options
+    )
+    everything(parts, sheet).run(
+        out=tmp_path / "stopped", writers=[writer(tmp_path / "stopped_obj", sheet), StopAt(5)], **options
+    )
+    resumed = everything(parts, sheet).run(
+        out=tmp_path / "stopped", resume=True, writers=[writer(tmp_path / "stopped_obj", sheet)], **options
+    )
+    assert through.status == resumed.status == "finished", through.summary["message"]
+    assert through.frame.damage.max() > 0.0
+    assert (through.frame.displacement == resumed.frame.displacement).all()
+    assert (through.built.law.intact.numpy() == resumed.built.law.intact.numpy()).all()
+    assert through.history[-1] == resumed.history[-1]
+    for path in (tmp_path / "through_obj").glob("*.obj"):
+        assert path.read_bytes() == (tmp_path / "stopped_obj" / path.name).read_bytes()
+
+
+def test_plan_names_own_parts_and_what_they_allocate(parts):
+    plan = everything(parts, square(17)).plan("cpu", 64)
+    for array, owner in (
+        ("springs", "ElasticFoundation"),
+        ("critical_stretch", "WeakSeam"),
+        ("impulse", "MovingPlane"),
+    ):
+        assert re.search(rf"^  {array} .*{owner}$", plan, re.MULTILINE), array
+    for kernel, owner in (("add_spring_force", "ElasticFoundation"), ("project", "MovingPlane")):
+        assert re.search(rf"{kernel}.*{owner}", plan), kernel
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "message"),
+    [
+        ("elastic_foundation", ("ElasticFoundation", -1.0), "ElasticFoundation.stiffness = -1"),
+        ("weak_seam", ("WeakSeam", [0.5]), "WeakSeam.stretch"),
+        ("moving_plane", ("MovingPlane", (0, 0, 0), (0, 0, 0)), "MovingPlane.normal"),
+    ],
+)
+def test_wrong_arguments_of_own_parts_end_in_one_line(parts, name, arguments, message):
+    with pytest.raises(InputError, match=message) as caught:
+        getattr(parts[name], arguments[0])(*arguments[1:])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_part_given_as_another_argument_is_refused(parts):
+    plane = parts["moving_plane"].MovingPlane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
+    with pytest.raises(InputError, match="MovingPlane"):
+        Simulation(square(9), LAW, Explicit(1.0), loads=[plane]).build("cpu")
+    with pytest.raises(InputError, match="contact"):
+        Simulation(square(9), LAW, Explicit(1.0), contact=Fixed([0])).build("cpu")
+
+
+def test_a_module_is_named_by_the_part(parts):
+    """Two parts of other types never share kernels."""
+    sheet = square(9)
+    names = {
+        Simulation(sheet, LAW, Explicit(1.0), loads=loads).build("cpu").context.module
+        for loads in ([Pressure(MU)], [parts["elastic_foundation"].ElasticFoundation(MU)], [])
+    }
+    assert len(names) == 3
