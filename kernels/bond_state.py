@@ -157,7 +157,7 @@ def sums_of_bonds(
     bonds = bond_state(layout, bits, breakable, module)
     word_size = WORD
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(module, gathers=("displacement", "constants.factors"))
     def pair_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -181,7 +181,7 @@ def sums_of_bonds(
                 pull += force_of(family, constants, i, k, m, f.bond(family, i, k), U)
         force[i] = unit_force * pull
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(module, gathers=("displacement", "constants.factors"))
     def row_sums(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -35,7 +35,7 @@ def build(
     most_cuts: int = 6,
 ) -> Simulation:
     if solver == "relaxation" and stiffness != "tangent":
-        raise InputError(f"stiffness = {stiffness!r}: allowed with the solver relaxation, which has none, is 'tangent'")
+        raise InputError(f"stiffness = {stiffness!r}: expected 'tangent' with the solver relaxation")
     finite("load", load)
     solvers: dict[str, Solver] = {
         "newton": Newton(

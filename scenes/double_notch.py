@@ -44,7 +44,7 @@ def build(
 ) -> Simulation:
     width, height = 20e-3, 10e-3
     if not 0.0 < positive("notch", notch) < 0.5 * width:
-        raise InputError(f"notch = {notch!r}: allowed are lengths up to below {0.5 * width:g} m, half the width")
+        raise InputError(f"notch = {notch!r}: expected lengths up to below {0.5 * width:g} m, half the width")
     # The grips go on outside the sheet for one horizon: families cut off beside them fold out and tear first.
     sheet = Sheet.filled(
         width, height, thickness=1e-3, density=1000.0, points=points,

@@ -57,7 +57,7 @@ def build(
     if stretch is None:
         stretch = 6.0 if failure else 1.2 if viscous and crack else 1.5
     if positive("stretch", stretch) <= 1.0:
-        raise InputError(f"stretch = {stretch!r}: allowed is a stretch above 1")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch above 1")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     if rate is None:
         rate = (159.4 if viscous else 205.0) if failure else 0.15

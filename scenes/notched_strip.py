@@ -44,14 +44,12 @@ def build(
     tolerance: float = 1e-6,
 ) -> Simulation:
     if not 0.0 < positive("start", start) < TRAVEL:
-        raise InputError(f"start = {start!r}: allowed are displacements above 0 and below {TRAVEL:g} m")
+        raise InputError(f"start = {start!r}: expected displacements above 0 and below {TRAVEL:g} m")
     if not 0.0 < positive("increment", increment) <= TRAVEL - start:
-        raise InputError(f"increment = {increment!r}: allowed are steps above 0, up to {TRAVEL - start:g} m")
+        raise InputError(f"increment = {increment!r}: expected steps above 0, up to {TRAVEL - start:g} m")
     further = max(1, round((TRAVEL - start) / increment))
     if count("points", points, 3) * NOTCH < 2.0 * WIDTH:
-        raise InputError(
-            f"points = {points}: allowed is {math.ceil(2.0 * WIDTH / NOTCH)} or more, two spacings a notch"
-        )
+        raise InputError(f"points = {points}: expected {math.ceil(2.0 * WIDTH / NOTCH)} or more, two spacings a notch")
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, load_steps=1 + further, most_iterations=60),
         "relaxation": Relaxation(tolerance=tolerance, load_steps=1 + further, most_steps=10_000_000),

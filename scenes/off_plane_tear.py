@@ -54,7 +54,7 @@ def build(
 ) -> Simulation:
     side = 0.1
     if not 0.0 < positive("cut", cut) < side:
-        raise InputError(f"cut = {cut!r}: allowed are lengths up to below {side:g} m, the width")
+        raise InputError(f"cut = {cut!r}: expected lengths up to below {side:g} m, the width")
     # The grips go on outside the sheet for one horizon: families cut off beside them fold out and tear first.
     sheet = Sheet.filled(
         side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(positive("horizon", horizon)), 0),

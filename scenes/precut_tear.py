@@ -58,7 +58,7 @@ def build(
 ) -> Simulation:
     for name, value in (("slit", slit), ("slit_at", slit_at)):
         if not 0.0 < positive(name, value) < 1.0:
-            raise InputError(f"{name} = {value!r}: allowed are lengths up to below 1 m, the width")
+            raise InputError(f"{name} = {value!r}: expected lengths up to below 1 m, the width")
     sheet = Sheet.filled(1.0, 1.0, thickness=0.01, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed)
     resolved("slit", slit, sheet.spacing)
     lower, upper = (slit_at, 0.5 - 0.5 * slit), (slit_at, 0.5 + 0.5 * slit)

@@ -76,12 +76,12 @@ def build(
     one_of("law", law, ("auto", *MODES))
     one_of("grip", grip, GRIPS)
     if not 1.0 < finite("stretch", stretch) <= 4.0:
-        raise InputError(f"stretch = {stretch!r}: allowed are numbers above 1 up to 4")
+        raise InputError(f"stretch = {stretch!r}: expected numbers above 1 up to 4")
     bonds = one_of("force", force, LAWS) != "bond_associated"
     if not bonds and law != "auto":
-        raise InputError(f"law = {law!r}: allowed with force 'bond_associated' is 'auto', it has no mode")
+        raise InputError(f"law = {law!r}: expected 'auto' with force 'bond_associated', which has no mode")
     if bonds and weights != "auto":
-        raise InputError(f"weights = {weights!r}: allowed with force {force!r} is 'auto', only bond_associated has any")
+        raise InputError(f"weights = {weights!r}: expected 'auto' with force {force!r}")
     if horizon is None:
         horizon = HORIZON[mode] if bonds else 2.015
     positive("horizon", horizon)

@@ -30,7 +30,7 @@ def build(
     # The published weights have no energy, which Newton asks for, and it is slow at wide horizons (docs/solvers.md).
     solvers["auto"] = solvers["relaxation" if weights == "published" or horizon > 2.5 else "newton"]
     if finite("extension", extension) <= -SIDE:
-        raise InputError(f"extension = {extension!r} m: allowed is more than {-SIDE}, which takes the sheet to nothing")
+        raise InputError(f"extension = {extension!r} m: expected more than {-SIDE}, at which no sheet is left")
     sheet = Sheet.rectangle(SIDE, SIDE, thickness=1e-3, density=1000.0, points=points)
     middle = sheet.nearest(0.05, 0.0)
     right = sheet.edges("right")

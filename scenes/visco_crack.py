@@ -64,7 +64,7 @@ def build(
     safety: float | None = None,
 ) -> Simulation:
     if positive("stretch", stretch) <= 1.0:
-        raise InputError(f"stretch = {stretch!r}: allowed is a stretch above 1")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch above 1")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     if rate is None:
         rate = (159.4 if viscous else 205.0) if failure else 0.15

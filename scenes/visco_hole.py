@@ -51,7 +51,7 @@ def build(
     safety: float = 0.5,
 ) -> Simulation:
     if not 1.0 < positive("stretch", stretch) <= 10.0:
-        raise InputError(f"stretch = {stretch!r}: allowed are stretches above 1 up to 10")
+        raise InputError(f"stretch = {stretch!r}: expected stretches above 1 up to 10")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     duration = (stretch - 1.0) / positive("rate", rate) if viscous else 1.0
     # The published law's stress at a point depends on the whole families of its neighbours.

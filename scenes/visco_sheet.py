@@ -41,7 +41,7 @@ def build(
     safety: float = 0.5,
 ) -> Simulation:
     if positive("stretch", stretch) <= 1.0:
-        raise InputError(f"stretch = {stretch!r}: allowed is a stretch above 1")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch above 1")
     duration = (stretch - 1.0) / positive("rate", rate)
     prony = (TERM,) if viscous else ()
     published = one_of("law", law, LAWS) == "published"
@@ -69,15 +69,15 @@ def build(
     def kinetic_share(built, frame):
         """Kinetic energy of what is not uniform stretching, over the work of the whole load."""
         uneven = frame.velocity - velocity
-        energy = 0.5 * (built.to_numpy(built.mass)[:, None] * uneven**2).sum()
+        energy = 0.5 * (built.to_numpy(built.state.mass)[:, None] * uneven**2).sum()
         return energy / (SIZE**2 * THICKNESS * 2.0 * np.trapezoid(exact, path))
 
     def viscous_stress(built, frame):
         """What relaxes of the nominal stress at the point, from the internal variables of its bonds [Pa]."""
         now = 1.0 + rate * frame.time
         if not published:
-            return now * built.to_numpy(built.force.internal["overstress"])[:, middle, 0].mean()
-        gamma = built.to_numpy(built.force.internal["viscous_stretch"])[:, middle].mean()
+            return now * built.to_numpy(built.law.internal["overstress"])[:, middle, 0].mean()
+        gamma = built.to_numpy(built.law.internal["viscous_stretch"])[:, middle].mean()
         return 2.0 * (TERM.c10 + 4.0 * TERM.c20 * (now**2 - 1.0)) * gamma
 
     viscous_measure = [Measure("viscous_stress", "Pa", viscous_stress, exact[-1] - elastic[-1], source)] * viscous

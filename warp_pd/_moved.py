@@ -17,6 +17,7 @@ MOVED = {
     "warp_pd.forces": "warp_pd.laws",
     "warp_pd.forces.network": "warp_pd.networks",
     "warp_pd.forces.training": "warp_pd.torch_backend.training",
+    "warp_pd.launches": "warp_pd.device.launches",
     "warp_pd.homogeneous": "warp_pd.analytic_response",
     "warp_pd.loads": "warp_pd.parts",
     "warp_pd.off_plane": "warp_pd.out_of_plane",

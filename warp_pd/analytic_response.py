@@ -83,4 +83,4 @@ def _relaxing(term: Prony, time: np.ndarray, change: np.ndarray, driven: np.ndar
 
 def _require_rising(time: np.ndarray) -> None:
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
-        raise InputError(f"time has {len(time)} values: allowed are two or more, rising")
+        raise InputError(f"time has {len(time)} values: expected two or more, rising")

@@ -63,9 +63,9 @@ class Case:
         one_of("layout", self.layout, ("lattice", "cloud"))
         one_of("law", self.law, ("bond_associated", "bond_based"))
         if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
-            raise InputError(f"damaged = {self.damaged!r}: allowed is a share from 0 to 1")
+            raise InputError(f"damaged = {self.damaged!r}: expected a share from 0 to 1")
         if self.damaged > 0.0 and "rupture" not in self.features:
-            raise InputError(f"damaged = {self.damaged!r}: allowed is 0 without the feature 'rupture'")
+            raise InputError(f"damaged = {self.damaged!r}: expected 0 without the feature 'rupture'")
 
     def simulation(self) -> Simulation:
         """The sheet with what acts on it."""
@@ -151,7 +151,7 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
     return Timing(
         case=case,
         points=built.simulation.sheet.size,
-        bonds=built.force.families.bond_count,
+        bonds=built.law.families.bond_count,
         step=median,
         spread=spread,
         array_bytes=built.context.fields.nbytes,
@@ -224,7 +224,7 @@ def multiply_adds(built: Built) -> float:
     Of the bond-associated law 12 a member of each intersection for its gradient, as many for its forces, and 100 a
     stress; of the bond-based law 20 a bond. The fast kernels need fewer: a ratio to a limit counted so is a lower one.
     """
-    families = built.force.families
+    families = built.law.families
     if families.common.size == 0:
         return float(20.0 * families.bond_count)
     members = int(

@@ -66,7 +66,7 @@ class BondNeoHookean:
         one_of("mode", self.mode, MODES)
         one_of("fit", self.fit, FITS)
         if self.fit == "published_both" and self.mode != "uniaxial":
-            raise InputError(f"fit = 'published_both' with mode = {self.mode!r}: allowed with 'uniaxial'")
+            raise InputError(f"fit = 'published_both' with mode = {self.mode!r}: expected mode = 'uniaxial'")
 
     @property
     def coefficients(self) -> Coefficients:

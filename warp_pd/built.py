@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 import functools
-import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import warp as wp
 
+from ._renamed import RenamedAttributes
 from .checks import InputError, one_of
+from .compile_key import module_name
 from .device.clock import Clock
 from .device.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State, find_device
 from .device.fields import Array, FieldRegister, to_float64, to_host
-from .interfaces import (
-    BuiltContact,
-    BuiltLoad,
-    BuiltPart,
-    BuiltRupture,
-    BuiltSolver,
-    Constraint,
-    Part,
-    System,
-)
+from .interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Constraint, Part, System
 from .kernels.numeric import numeric
 from .parts.clock import Ticking
 from .parts.frame_checks import EnergyBalance, FrameChecks, Sums
@@ -38,7 +29,7 @@ OWNER = "Simulation"
 
 
 @dataclass(eq=False)
-class Built(System):
+class Built(RenamedAttributes, System):
     """A simulation on a device.
 
     Attributes:
@@ -63,11 +54,6 @@ class Built(System):
     def state(self) -> State:
         """Shared arrays: displacement, velocity, force, ..."""
         return self.context.state
-
-    @property
-    def force(self) -> Any:
-        """The force law on the device."""
-        return self.law
 
     @functools.cached_property
     def volume(self) -> np.ndarray:
@@ -154,29 +140,11 @@ def _context(
         breakable=scene.damage is not None,
     )
     return Context(
-        sheet=sheet, device=device, types=numeric(bits), module=_module_name(scene, parts, features, bits),
+        sheet=sheet, device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),
         features=features, held=held, initial_displacement=scene.initial("initial_displacement"),
         fields=FieldRegister(device), clock=Clock(solver.duration, solver.default_ramp),
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip
-
-
-def _module_name(scene: Scene, parts: list[Part], features: Features, bits: int) -> str:
-    """One Warp module per configuration, named by everything that decides its kernels."""
-    layout = "cloud" if scene.sheet.lattice is None else "lattice"
-    law = (*_name(type(scene.force)), *scene.force.compile_key(layout, features.breakable))
-    named = sorted({repr(_named((*_name(type(part)), *part.compile_key()))) for part in parts})
-    key = (bits, features, *_name(type(scene.solver)), _named(law), named)
-    return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
-
-
-def _name(kind: type | Callable[..., Any]) -> tuple[str, str]:
-    return kind.__module__, kind.__qualname__
-
-
-def _named(key: tuple[object, ...]) -> list[object]:
-    """The key with functions by name: their text must be the same in every process."""
-    return [".".join(_name(entry)) if callable(entry) else entry for entry in key]
 
 
 def _state(scene: Scene, context: Context, external: ExternalForce, energy: EnergyBalance) -> State:

@@ -103,7 +103,7 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     with user_code(functools.partial(_said_in, Path(name))) if own else contextlib.nullcontext():
         simulation = scene.build(**values)
     if not isinstance(simulation, Simulation):
-        raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; allowed is a Simulation")
+        raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; expected a Simulation")
     simulation.scene = Path(name).stem
     simulation.file = str(Path(name).resolve()) if own else None
     used = {key: values.get(key, p.default) for key, p in parameters.items()}
@@ -129,13 +129,13 @@ def _convert(key: str, value: Any, parameters: Any) -> Any:
         try:
             return int(value)
         except ValueError:
-            raise InputError(f"--set {key} = {value!r}: allowed is a whole number") from None
+            raise InputError(f"--set {key} = {value!r}: expected a whole number") from None
     if value.lower() == "none" and default is None:
         return None
     try:
         return float(value)
     except ValueError:
-        raise InputError(f"--set {key} = {value!r}: allowed is a number") from None
+        raise InputError(f"--set {key} = {value!r}: expected a number") from None
 
 
 def _settings(
@@ -150,10 +150,10 @@ def _settings(
     for text in assignments:
         key, separator, value = text.partition("=")
         if not separator or not key.strip():
-            raise InputError(f"--set {text!r}: allowed is name=value")
+            raise InputError(f"--set {text!r}: expected name=value")
         name = key.strip().replace("-", "_")
         if name in settings:
-            raise InputError(f"--set {text}: {name} = {settings[name]} is given already; allowed is one of them")
+            raise InputError(f"--set {text}: {name} = {settings[name]} is given already; expected one of them")
         settings[name] = value.strip()
     return settings
 
@@ -288,7 +288,7 @@ def _read_summary(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         summary = None
     if not isinstance(summary, dict) or not {"scene", "settings"} <= set(summary):
-        raise InputError(f"folder = {str(path.parent)!r}: allowed is one with the summary.json of a run")
+        raise InputError(f"folder = {str(path.parent)!r}: expected one with the summary.json of a run")
     return summary
 
 

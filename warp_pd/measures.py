@@ -168,11 +168,12 @@ def virial_stress(built: Built, point: int) -> np.ndarray:
 
     Half the sum of (force of the pair) (x) X over the volume of the point; for laws that keep `bond_force`.
     """
-    force, sheet = built.force, built.simulation.sheet
+    force, sheet = built.law, built.simulation.sheet
     families, halves = force.families, built.to_numpy(force.bond_force())[:, :, :2]
     exists = families.rows_of_points(families.exists)[point]
     k = np.flatnonzero(exists)
-    pair = halves[k, point] - halves[families.reverse_members(point, k), families.heads(point, k)]
+    at = np.full_like(k, point)
+    pair = halves[k, at] - halves[families.reverse_members(at, k), families.heads(at, k)]
     volume = sheet.areas[point] * sheet.thickness
     return np.asarray(0.5 * pair.T @ (families.bonds[k] * families.horizon) / volume)
 

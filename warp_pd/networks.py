@@ -101,7 +101,7 @@ class Network:
         same = type(material).__name__ == self.material and set(ratios) == set(self.ratios)
         if not same or any(abs(ratios[k] / self.ratios[k] - 1.0) > SAME for k in ratios):
             raise InputError(
-                f"material = {_material(type(material).__name__, ratios)}: allowed with network {name!r} is "
+                f"material = {_material(type(material).__name__, ratios)}: expected with network {name!r} "
                 f"{_material(self.material, self.ratios)}; tools/train_neural_law.py trains another"
             )
 
@@ -140,7 +140,7 @@ def load(path: str | Path) -> Network:
     path = Path(path)
     said = f"network = {str(path)!r}"
     if not path.is_file():
-        raise InputError(f"{said}: the file does not exist; allowed is one that tools/train_neural_law.py wrote")
+        raise InputError(f"{said}: the file does not exist; expected one that tools/train_neural_law.py wrote")
     try:
         with np.load(path) as stored:
             arrays = {name: stored[name] for name in stored.files}
@@ -149,7 +149,7 @@ def load(path: str | Path) -> Network:
     except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
         raise InputError(f"{said}: the file is damaged or no network ({type(error).__name__})") from None
     if version != VERSION:
-        raise InputError(f"{said}: it is of version {version!r}, allowed is {VERSION}; train it again")
+        raise InputError(f"{said}: it is of version {version!r}, expected {VERSION}; train it again")
     layers = sum(name.startswith("weights_") for name in arrays)
     try:
         network = Network(
@@ -183,19 +183,19 @@ def require_sound(network: Network, said: str) -> None:
     """
     width = INPUTS
     if len(network.weights) < 2:
-        raise InputError(f"{said}: it has {len(network.weights)} layers, allowed are 2 or more")
+        raise InputError(f"{said}: it has {len(network.weights)} layers, expected 2 or more")
     for k, (w, b) in enumerate(zip(network.weights, network.biases, strict=True)):
         if w.ndim != 2 or w.shape[1] != width or b.shape != (w.shape[0],):
-            raise InputError(f"{said}: layer {k} has weights of shape {w.shape}, allowed are {width} inputs")
+            raise InputError(f"{said}: layer {k} has weights of shape {w.shape}, expected {width} inputs")
         if not np.isfinite(w).all() or not np.isfinite(b).all():
-            raise InputError(f"{said}: layer {k} has a weight that is not finite; allowed are finite numbers")
+            raise InputError(f"{said}: layer {k} has a weight that is not finite; expected finite numbers")
         width = w.shape[0]
     if width != OUTPUTS:
-        raise InputError(f"{said}: it has {width} outputs, allowed are {OUTPUTS}")
+        raise InputError(f"{said}: it has {width} outputs, expected {OUTPUTS}")
     for name, size in (("input_mean", INPUTS), ("input_scale", INPUTS), ("output_scale", OUTPUTS)):
         values = getattr(network, name)
         if values.shape != (size,) or not np.isfinite(values).all() or (name != "input_mean" and (values <= 0.0).any()):
-            raise InputError(f"{said}: {name} = {values.tolist()!r}, allowed are {size} finite scales")
+            raise InputError(f"{said}: {name} = {values.tolist()!r}, expected {size} finite scales")
 
 
 def _material(name: str, ratios: Mapping[str, float]) -> str:

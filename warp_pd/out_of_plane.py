@@ -35,13 +35,13 @@ def distance_from_local_plane(built: Built, frame: Frame, points: Any) -> np.nda
     Raises:
         InputError: if there is no point, or an index does not exist.
     """
-    sheet, families = built.simulation.sheet, built.force.families
+    sheet, families = built.simulation.sheet, built.law.families
     point_indices("points", points, sheet.size)
     chosen = np.atleast_1d(np.asarray(points, dtype=np.int64))
     members = families.members_of(chosen)
     present = members >= 0
-    if built.force.intact is not None:
-        words = built.force.intact.numpy()[:, chosen].T
+    if built.law.intact is not None:
+        words = built.law.intact.numpy()[:, chosen].T
         present &= unpack(words, families.members)
     position = np.column_stack([sheet.points, np.zeros(sheet.size)]) + np.asarray(frame.displacement, np.float64)
     # About the point itself, so that a sheet far from the origin keeps its digits.

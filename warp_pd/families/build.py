@@ -34,11 +34,11 @@ def build_families(
     """
     ratio = finite("horizon", horizon)
     if ratio < 1.0:
-        raise InputError(f"horizon = {horizon!r}: allowed is 1 spacing or more, and 1.42 on a lattice")
+        raise InputError(f"horizon = {horizon!r}: expected 1 spacing or more, and 1.42 on a lattice")
     across = float(np.ptp(sheet.points, axis=0).max()) / sheet.spacing * (1.0 + TOLERANCE)
     if ratio > min(across, MAX_HORIZON):
         raise InputError(
-            f"horizon = {horizon!r}: allowed is up to {min(across, MAX_HORIZON):.4g} spacings, "
+            f"horizon = {horizon!r}: expected up to {min(across, MAX_HORIZON):.4g} spacings, "
             + (
                 f"for the sheet is {across:.4g} spacings long"
                 if across < MAX_HORIZON
@@ -63,6 +63,6 @@ def require_diagonals(sheet: Sheet, horizon: float) -> None:
         return
     if horizon * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
         raise InputError(
-            f"horizon = {horizon!r}: allowed on a lattice is 1.42 or more, "
+            f"horizon = {horizon!r}: expected on a lattice 1.42 or more, "
             f"so that families hold their diagonal neighbours"
         )

@@ -67,7 +67,7 @@ def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndar
         lone = int(np.flatnonzero(sizes == 0)[0])
         raise InputError(
             f"points[{lone}] at {points[lone].tolist()} has no neighbour within the horizon "
-            f"{horizon:.6g} m: allowed are points with at least one; raise the horizon or remove the point"
+            f"{horizon:.6g} m: expected points with at least one; raise the horizon or remove the point"
         )
     member = np.arange(int(sizes.max()), dtype=np.int32)
     exists = member < sizes[:, None]

@@ -116,7 +116,7 @@ class BondAssociatedForce(FamilyLaw):
             sheet, law.horizon, law.influence, self.weights
         )  # fmt: skip
         weights = families.stiffened(weights)
-        super().__init__("BondAssociated", law, context, families, inverse, weights)
+        super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.key: Key = (families.layout, context.bits, law.material.functions, broken, law.form)
         self.kernels = bond_associated(*self.key, context.module)

@@ -51,6 +51,7 @@ class BondBased:
     state: str = "plane stress"
 
     weights: ClassVar[str] = "pairwise"
+    has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -89,7 +90,7 @@ class BondBasedForce(FamilyLaw):
             )
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
         weights = families.stiffened(_bond_weights(families, STIFFNESS[law.state]))
-        super().__init__("BondBased", law, context, families, None, weights)
+        super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
         self.kernels = bond_based(families.layout, context.bits, law.material.pairwise, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy

@@ -40,6 +40,7 @@ class FamilyLaw(BuiltLaw):
         owner: Name of the law, in the lists of arrays and launches.
         context: Arrays and stages.
         points: Number of points.
+        depends_on_time: Whether the force depends on more than the present displacement.
         thickness: Of the sheet [m].
         fields: Further point fields of the frames that the law offers.
     """
@@ -49,11 +50,11 @@ class FamilyLaw(BuiltLaw):
     earlier_energy: wp.Function | None = None
     breaks_at_rest: bool = False
     coarsens: bool = False
+    depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
 
     def __init__(
         self,
-        owner: str,
         law: Law,
         context: Context,
         families: Families,
@@ -63,16 +64,16 @@ class FamilyLaw(BuiltLaw):
         """Put the families on the device.
 
         Args:
-            owner: Name of the law.
             law: What the user wrote.
             context: Where to put arrays.
             families: The families.
             inverse: K^-1 by row, shape (R, n, 3), or None for laws that know no intersections.
             weights: By row, shape (R, n).
         """
-        self.owner, self.label, self.context, self.families = owner, f"force = {owner}", context, families
+        self.owner = type(law).__name__
+        self.label, self.context, self.families = f"force = {self.owner}", context, families
         self.horizon = law.horizon
-        self.struct = family_struct(families, context, owner, inverse, weights)
+        self.struct = family_struct(families, context, self.owner, inverse, weights)
         self.intact: Array | None = None
         if context.features.breakable:
             bits = families.rows_of_points(pack(families.exists)).T
@@ -151,9 +152,10 @@ class FamilyLaw(BuiltLaw):
         Raises:
             InputError: if the law has none.
         """
+        others = "Explicit" if self.depends_on_time else "Explicit or Relaxation"
         raise InputError(
             f"force = {self.owner}: expected BondAssociated or BondBased, which have a tangent, with the solver "
-            f"Newton; take the solver Relaxation"
+            f"Newton; take {others}"
         )
 
     def request_fields(self, names: Sequence[str]) -> None:

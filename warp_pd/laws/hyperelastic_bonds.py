@@ -53,6 +53,7 @@ class HyperelasticBonds:
     surface_correction: bool = True
 
     weights: ClassVar[str] = "pairwise"
+    has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -91,7 +92,7 @@ class HyperelasticBondsForce(FamilyLaw):
             raise InputError("a sheet of one row of points: expected one in the plane with the law HyperelasticBonds")
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
         weights = families.stiffened(_bond_weights(families))
-        super().__init__("HyperelasticBonds", law, context, families, None, weights)
+        super().__init__(law, context, families, None, weights)
         shortened = law.material.compressed_constants
         self.kernels = hyperelastic_bonds(
             families.layout, context.bits, shortened is not None, law.surface_correction, context.features.breakable,

@@ -63,6 +63,7 @@ class Neural:
     loaded: Network | None = field(init=False, default=None)
 
     weights: ClassVar[str] = "point"
+    has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -128,7 +129,7 @@ class NeuralForce(PointLaw):
     has_energy = False
 
     def __init__(self, law: Neural, context: Context) -> None:
-        super().__init__("Neural", law, law.influence, context)
+        super().__init__(law, law.influence, context)
         self.law = law
         known = capabilities(law.material)
         assert known.membrane is not None and known.mu is not None

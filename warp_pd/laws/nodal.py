@@ -44,6 +44,7 @@ class Nodal:
     influence: str | InfluenceFunction = "inverse"
 
     weights: ClassVar[str] = "point"
+    has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -75,13 +76,13 @@ class PointLaw(FamilyLaw):
 
     weights = "point"
 
-    def __init__(self, owner: str, law: Law, influence: str | InfluenceFunction, context: Context) -> None:
-        require_one_material(context.sheet, f"the law {owner}")
+    def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context) -> None:
+        require_one_material(context.sheet, f"the law {type(law).__name__}")
         families = build_families(context.sheet, law.horizon, influence, intersections=False)
         require_diagonals(context.sheet, law.horizon)
-        super().__init__(owner, law, context, families, *_shapes(families))
+        super().__init__(law, context, families, *_shapes(families))
         shape = (families.members, context.sheet.size)
-        self.pairs = context.array("bond_force", owner, context.types.vec3, shape=shape, per="bond", halo=True)
+        self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
 
 
 class NodalForce(PointLaw):
@@ -90,7 +91,7 @@ class NodalForce(PointLaw):
     has_energy = True
 
     def __init__(self, law: Nodal, context: Context) -> None:
-        super().__init__("Nodal", law, law.influence, context)
+        super().__init__(law, law.influence, context)
         breakable = context.features.breakable
         self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy

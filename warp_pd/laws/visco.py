@@ -82,6 +82,8 @@ class ViscoForce(ElasticVisco):
         viscous: Energy that each family has dissipated [J], (N,) float64, as of the last frame.
     """
 
+    depends_on_time = True
+
     def __init__(self, law: Visco, context: Context) -> None:
         super().__init__(law, context)
         layout, bits, material, broken, _form = self.key
@@ -91,14 +93,14 @@ class ViscoForce(ElasticVisco):
         self.prony = prony_array(law.prony, context)
 
         def internal(name: str, shape: tuple[int, int]) -> Array:
-            return context.array(name, "Visco", vec3, shape=shape, per="bond", restart=True)
+            return context.array(name, self.owner, vec3, shape=shape, per="bond", restart=True)
 
         self.internal: dict[str, Any] = {
             "strain": internal("strain", (members, self.points)),
             "overstress": internal("overstress", (terms * members, self.points)),
-            "viscous_work": context.array("viscous_work", "Visco", wp.float64, shape=self.points, restart=True),
+            "viscous_work": context.array("viscous_work", self.owner, wp.float64, shape=self.points, restart=True),
         }
-        self.viscous = context.array("viscous", "Visco", wp.float64, shape=self.points)
+        self.viscous = context.array("viscous", self.owner, wp.float64, shape=self.points)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase; at the start those that reach the initial displacement at once."""

@@ -83,10 +83,10 @@ class ViscoBondBasedForce(FamilyLaw):
     weights = "pairwise"
 
     def __init__(self, law: ViscoBondBased, context: Context) -> None:
-        self.law, self.has_energy = law, law.has_energy
+        self.law, self.has_energy, self.depends_on_time = law, law.has_energy, bool(law.prony)
         require_one_material(context.sheet, "the law ViscoBondBased")
         families = build_families(context.sheet, law.horizon, "inverse_square", intersections=False)
-        super().__init__("ViscoBondBased", law, context, families, None, _bond_weights(families))
+        super().__init__(law, context, families, None, _bond_weights(families))
         self.kernels = visco_bonds(
             families.layout, context.bits, context.features.breakable, bool(law.prony), law.update == "series",
             context.module,

@@ -137,7 +137,7 @@ class ArrudaBoyce(Incompressible):
     def __post_init__(self) -> None:
         positive("mu", self.mu)
         if finite("lock", self.lock) <= 1.0:
-            raise InputError(f"lock = {self.lock!r}: allowed is a stretch above 1")
+            raise InputError(f"lock = {self.lock!r}: expected a stretch above 1")
 
     @property
     def constants(self) -> tuple[float, ...]:
@@ -175,12 +175,12 @@ class Ogden:
     def __post_init__(self) -> None:
         for name in ("mu", "exponents"):
             if not isinstance(getattr(self, name), tuple | list):
-                raise InputError(f"{name} = {getattr(self, name)!r}: allowed is a tuple of one or two numbers")
+                raise InputError(f"{name} = {getattr(self, name)!r}: expected a tuple of one or two numbers")
         if len(self.mu) != len(self.exponents) or len(self.mu) not in (1, 2):
-            raise InputError(f"mu = {self.mu!r} with exponents = {self.exponents!r}: allowed are one or two of each")
+            raise InputError(f"mu = {self.mu!r} with exponents = {self.exponents!r}: expected one or two of each")
         if sum(m * a for m, a in zip(self.mu, self.exponents, strict=True)) <= 0.0:
             raise InputError(
-                f"mu = {self.mu!r} with exponents = {self.exponents!r}: allowed is a sum of products above 0"
+                f"mu = {self.mu!r} with exponents = {self.exponents!r}: expected a sum of products above 0"
             )
 
     @property

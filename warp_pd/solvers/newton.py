@@ -45,7 +45,7 @@ class Newton:
         most_iterations: Newton steps of one load step after which it counts as failed.
         most_cuts: Cutbacks, halved load steps, over the whole path.
         preconditioner: "multigrid" (uncut rectangles of more than 300 points, horizons up to 2.5), "direct" (a
-            sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto": multigrid where that is allowed,
+            sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto": multigrid where possible,
             else direct on a CPU and jacobi on a GPU. The bond-based law has no multigrid, and is solved directly
             on either up to 100 000 points.
         stiffness: "tangent", or, for the bond-based law, "constant": without the part of the bonds' tension

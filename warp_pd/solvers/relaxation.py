@@ -154,10 +154,11 @@ class BuiltRelaxation(BuiltSolver):
         self.stable_step = StableStep(system, self.inertia())
         self._mass_launches = context.sequence("fictitious mass")
         f = context.features
+        kernel = residual(context.bits, f.held, f.loaded, dead is not None, context.module)
         context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(
-            OWNER, residual(context.bits, f.held, f.loaded, dead is not None, context.module),
-            context.sheet.size, held_mask=state.held_mask, force=state.force, external=state.external, dead=dead, unbalanced=self._unbalanced,
-            squared=self._squared, reaction=self._reaction,
+            OWNER, kernel, context.sheet.size,
+            held_mask=state.held_mask, force=state.force, external=state.external, dead=dead,
+            unbalanced=self._unbalanced, squared=self._squared, reaction=self._reaction,
         )  # fmt: skip
 
     def run(self, sink: FrameSink) -> str:

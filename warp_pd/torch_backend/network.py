@@ -56,13 +56,13 @@ def check_network(function: Callable[[Any], Any], torch_dtype: Any, device: Any)
         except (RuntimeError, ValueError, TypeError, IndexError) as error:
             reason = str(error).splitlines()[0]
             raise InputError(
-                f"network = {name}: allowed is a callable from a tensor (bonds, 4) to one (bonds, 2); this one "
+                f"network = {name}: expected a callable from a tensor (bonds, 4) to one (bonds, 2); this one "
                 f"refused (2, 4): {reason}"
             ) from None
     if not torch.is_tensor(out) or tuple(out.shape) != (2, OUTPUTS):
         shape = tuple(out.shape) if torch.is_tensor(out) else type(out).__name__
         raise InputError(
-            f"network = {name}: allowed is a callable from a tensor (bonds, 4) to one (bonds, 2); this one gave {shape}"
+            f"network = {name}: expected a callable from a tensor (bonds, 4) to one (bonds, 2); this one gave {shape}"
         )
     if not bool(torch.isfinite(out).all()):
-        raise InputError(f"network = {name}: its answer for a bond at rest is not finite; allowed are finite weights")
+        raise InputError(f"network = {name}: its answer for an undeformed bond is not finite; expected finite weights")

@@ -67,12 +67,12 @@ class Training:
     def __post_init__(self) -> None:
         least, most = positive("stretches[0]", self.stretches[0]), finite("stretches[1]", self.stretches[1])
         if not least < 1.0 < most:
-            raise InputError(f"stretches = {self.stretches!r}: allowed are two numbers with 1 in between")
+            raise InputError(f"stretches = {self.stretches!r}: expected two numbers with 1 in between")
         count("samples", self.samples, 100)
         for name in ("steps", "patience"):
             count(name, getattr(self, name), 1)
         if not self.hidden:
-            raise InputError("hidden = (): allowed is at least one width")
+            raise InputError("hidden = (): expected at least one width")
         for width in self.hidden:
             count("hidden", width, 1)
 

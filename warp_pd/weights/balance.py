@@ -153,7 +153,7 @@ def corrected_weights(
     begin = time.perf_counter()
     floor = finite("floor", floor)
     if not 0.0 <= floor < 1.0:
-        raise InputError(f"floor = {floor!r}: allowed is a number of 0 or more, below 1")
+        raise InputError(f"floor = {floor!r}: expected a number of 0 or more, below 1")
     size = len(points)
     _check_shapes(
         size,
@@ -212,7 +212,7 @@ class _Table(NamedTuple):
 def _check_shapes(size: int, **arrays: tuple[np.ndarray | None, tuple[int, ...]]) -> None:
     for name, (array, inner) in arrays.items():
         if array is not None and array.shape != (size, *inner):
-            raise InputError(f"{name} has shape {array.shape}: allowed is {(size, *inner)} for {size} points")
+            raise InputError(f"{name} has shape {array.shape}: expected {(size, *inner)} for {size} points")
 
 
 def _parts(at: np.ndarray, neighbours: np.ndarray) -> list[np.ndarray]:

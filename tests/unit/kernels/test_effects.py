@@ -1,0 +1,248 @@
+"""Declared effects of kernels, compared with what the kernels read and write.
+
+A launch may write the arrays that it declares and no others. A kernel that works on points may write its own point
+alone, and may read other points only of what it declares as gathered. To find out, a part of the points is launched
+while all other entries hold NaN.
+"""
+
+import ast
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers import NEO, square
+
+from warp_pd import (
+    Bimodular,
+    BondAssociated,
+    BondBased,
+    Fixed,
+    Newton,
+    PointForce,
+    Pressure,
+    Relaxation,
+    Simulation,
+)
+from warp_pd.device import launches
+from warp_pd.device.launches import Launch, arrays_in
+
+ROOT = Path(__file__).parents[3]
+SPEC = importlib.util.spec_from_file_location("compare_checkouts", ROOT / "tools" / "compare_checkouts.py")
+compare_checkouts = importlib.util.module_from_spec(SPEC)
+sys.modules[SPEC.name] = compare_checkouts
+SPEC.loader.exec_module(compare_checkouts)
+
+CASES = (
+    "law published", "law plain, cloud, torn", "law slow", "law nodal", "law nodal, cloud, torn", "law bonds",
+    "law hyperelastic both", "law closed form", "law fused", "law torch", "law visco", "law visco bonds",
+    "law visco bonds, cloud, torn", "material gent", "material ogden", "all loads", "pressure torn", "ball torn",
+    "boundary force torn", "inclusion", "critical energy visco", "fields", "relaxed", "relaxed pressure",
+    "relaxed cloud", "newton", "newton jacobi", "newton pressure", "newton bonds constant",
+)  # fmt: skip
+
+
+def further():
+    """Cases that the small ones of compare_checkouts leave out, by name."""
+    loads = lambda sheet: [Fixed(sheet.edges("left")), Pressure(2.0)]  # noqa: E731
+    plane, bonds = square(25), BondBased(Bimodular(3e3, 1e3))
+    in_plane = [Fixed(plane.edges("left")), Fixed(plane.where(lambda x, y: x > 0.0), "z")]
+    dead = [*in_plane, PointForce(plane.edges("right"), (1e-3, 0.0, 0.0), ramp=((0.0, 0.0), (1.0, 1.0)))]
+    law = BondAssociated(NEO, horizon=2.015, weights="plain")
+    return {
+        "newton multigrid": Simulation(plane, law, Newton(preconditioner="multigrid"), loads=[*dead, Pressure(2.0)]),
+        "relaxed bonds": Simulation(plane, bonds, Relaxation(), loads=in_plane),
+        "relaxed pressure and dead loads": Simulation(plane, law, Relaxation(), loads=[*dead, *loads(plane)[1:]]),
+        "newton bonds": Simulation(plane, bonds, Newton(preconditioner="jacobi"), loads=in_plane),
+    }
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
+    found, joined = [], launches._joined
+    launches._joined = lambda first, second: None
+    try:
+        made = compare_checkouts.parts()
+        for simulation in (*(made[name]() for name in CASES), *further().values()):
+            built = simulation.build("cpu", 64)
+            _prepare(built)
+            found += [(built, launch) for stage in built.context.stages.values() for launch in stage.launches()]
+    finally:
+        launches._joined = joined
+    unique = {}
+    for built, launch in found:
+        key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))
+        unique.setdefault(key, (built, launch))
+    return list(unique.values())
+
+
+def _prepare(built):
+    """A state in which nothing is zero by chance."""
+    built.context.compile()
+    for name in ("start", "setup"):
+        built.context.run(name)
+    rng = np.random.default_rng(0)
+    for stored in built.context.fields:
+        array = stored.array
+        if stored.field.per in ("point", "bond") and array.dtype in _REALS and not array.numpy().any():
+            array.assign(1e-3 * rng.uniform(0.5, 1.0, array.numpy().shape).astype(array.numpy().dtype))
+    if built.state.step is not None:
+        built.state.step.assign(np.array([1e-6]))
+
+
+_REALS = {wp.float32, wp.float64, wp.vec2f, wp.vec2d, wp.vec3f, wp.vec3d, wp.vec4f, wp.vec4d, wp.mat33f, wp.mat33d}
+
+
+def _names(launch):
+    return [name.removeprefix("arguments.") for name, array in _arrays(launch)]
+
+
+def _arrays(launch):
+    return [(name, array) for name, array in arrays_in(launch.arguments) if array.ptr]
+
+
+def _declared(launch):
+    effects = launch.source.effects
+    return effects.per, effects.writes, effects.gathers
+
+
+def _run(launch, begin, end):
+    threads, values = launch.slice(begin, end)
+    wp.launch(launch.kernel, threads, inputs=values, device="cpu")
+
+
+def _everything(built, launch):
+    """Copies of all arrays of a simulation and of a launch, by address."""
+    arrays = {stored.array.ptr: stored.array for stored in built.context.fields}
+    arrays.update({array.ptr: array for _, array in _arrays(launch)})
+    return {pointer: (array, array.numpy().copy()) for pointer, array in arrays.items()}
+
+
+def _restore(kept):
+    for array, values in kept.values():
+        if array.size:
+            array.assign(values)
+
+
+def _same(a, b):
+    return a.tobytes() == b.tobytes()
+
+
+def test_launches_write_what_they_declare(recorded):
+    wrong = []
+    for built, launch in recorded:
+        kept = _everything(built, launch)
+        _, writes, _ = _declared(launch)
+        allowed = {array.ptr for name, array in _arrays(launch) if name.removeprefix("arguments.") in writes}
+        _run(launch, launch.begin, launch.begin + launch.threads)
+        changed = {pointer for pointer, (array, values) in kept.items() if not _same(array.numpy(), values)}
+        if not changed <= allowed:
+            names = [name for name, array in _arrays(launch) if array.ptr in changed - allowed]
+            wrong.append(f"{launch.name} writes {names or 'an array that is no argument'}")
+        _restore(kept)
+    assert not wrong, "\n".join(wrong)
+
+
+def _point_axis(values, size):
+    """The axis of an array that counts points; arrays of vectors come with further axes."""
+    if values.ndim and values.shape[0] == size:
+        return 0
+    return 1 if values.ndim > 1 and values.shape[1] == size else None
+
+
+def _outside(values, axis, begin, end):
+    mask = np.ones(values.shape[axis], bool)
+    mask[begin:end] = False
+    return (mask,) if axis == 0 else (slice(None), mask)
+
+
+def _on_points(recorded):
+    for built, launch in recorded:
+        size = built.context.sheet.size
+        if _declared(launch)[0] == "point" and launch.begin == 0 and launch.threads == size:
+            yield built, launch, size
+
+
+def test_kernels_on_points_write_their_own_point(recorded):
+    wrong = []
+    for built, launch, size in _on_points(recorded):
+        kept = _everything(built, launch)
+        begin, end = size // 3, size // 2
+        _run(launch, begin, end)
+        for name, array in _arrays(launch):
+            axis = _point_axis(kept[array.ptr][1], size)
+            if axis is None:
+                continue
+            outside = _outside(kept[array.ptr][1], axis, begin, end)
+            if not _same(array.numpy()[outside], kept[array.ptr][1][outside]):
+                wrong.append(f"{launch.name} writes {name} of another point")
+        _restore(kept)
+    assert not wrong, "\n".join(wrong)
+
+
+def _gathered(built, launch, size):
+    """Names of the real arrays whose entries at other points change what a launch on some points gives."""
+    _, writes, _ = _declared(launch)
+    kept = _everything(built, launch)
+    begin, end = size // 3, size // 2
+    _run(launch, begin, end)
+    expected = {array.ptr: array.numpy().copy() for name, array in _arrays(launch) if _plain(name) in writes}
+    _restore(kept)
+    found = set()
+    for name, array in _arrays(launch):
+        values = kept[array.ptr][1]
+        axis = _point_axis(values, size)
+        if axis is None or values.dtype.kind != "f" or name.split(".")[0] == "family":
+            continue
+        poisoned = values.copy()
+        outside = _outside(values, axis, begin, end)
+        poisoned[outside] = np.nan
+        array.assign(poisoned)
+        _run(launch, begin, end)
+        for pointer, before in expected.items():
+            after, inside_axis = kept[pointer][0].numpy(), _point_axis(before, size)
+            if inside_axis is None:
+                continue
+            inside = (slice(None),) * inside_axis + (slice(begin, end),)
+            if not _same(after[inside], before[inside]):
+                found.add(_plain(name))
+        _restore(kept)
+    return found
+
+
+def _plain(name):
+    return name.removeprefix("arguments.")
+
+
+def test_kernels_on_points_gather_what_they_declare(recorded):
+    wrong = []
+    for built, launch, size in _on_points(recorded):
+        _, _, gathers = _declared(launch)
+        undeclared = _gathered(built, launch, size) - gathers
+        if undeclared:
+            wrong.append(f"{launch.name} gathers {sorted(undeclared)}, declared are {sorted(gathers)}")
+    assert not wrong, "\n".join(wrong)
+
+
+def _kernels_of_the_package():
+    """Names of all functions that the decorators `kernel` and `pointwise` make."""
+    for path in sorted((ROOT / "kernels").glob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                for decorator in node.decorator_list:
+                    if isinstance(decorator, ast.Call) and getattr(decorator.func, "id", "") in ("kernel", "pointwise"):
+                        yield path.name, node.name
+
+
+def test_every_kernel_is_looked_at(recorded):
+    seen = {launch.name for _, launch in recorded}
+    # On a GPU alone: fast paths, linear iterations. In `warp-pd bench` and the training of a network alone: the rest.
+    elsewhere = {
+        "family_block_force", "gather_from_reverse_bonds", "combine", "scale_blocks", "multiply_adds", "samples",
+    }  # fmt: skip
+    missing = {name for _, name in _kernels_of_the_package()} - seen - elsewhere
+    assert missing == set()
+    assert all(isinstance(launch, Launch) for _, launch in recorded)
