@@ -14,7 +14,7 @@ RENAMED = {
     "held": "context.held",
     "stable_step": "solver.stable_step",
     "strain_energy": "law.strain_energy",
-    "kinetic_energy": "energy.kinetic",
+    "kinetic_energy": "checks.kinetic_energy",
     "damage": "rupture.damage",
     "intact": "rupture.intact_faces",
 }
