@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -88,20 +88,31 @@ def _record(item: Item, device: wp.Device) -> list[Callable[[], None]]:
 
 
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:
-    """Run launches now, one by one; those of the side stream beside the others, until one touches their arrays."""
-    beside: list[Touched] = []
-    for item in items:
-        if any(item.touched.must_wait_for(earlier) for earlier in beside):
+    """Run launches now, one by one; on CUDA those of the side stream beside the others, while these do not need them."""
+    items = list(items)
+    waits = side_stream_waits(items) if device.is_cuda else [False] * (len(items) + 1)
+    for item, wait in zip(items, waits, strict=False):
+        if wait:
             device.stream.wait_stream(_side_stream(device.alias))
-            beside = []
         if isinstance(item, Launch):
             _launch(item, device)
-            if device.is_cuda and item.side_stream:
-                beside.append(item.touched)
         else:
             item.function()
-    if beside:
+    if waits[-1]:
         device.stream.wait_stream(_side_stream(device.alias))
+
+
+def side_stream_waits(items: Sequence[Item]) -> list[bool]:
+    """Whether the main stream waits for the side stream before each item, and at the end: one entry more than items."""
+    waits: list[bool] = []
+    beside: list[Touched] = []
+    for item in items:
+        waits.append(any(item.touched.must_wait_for(earlier) for earlier in beside))
+        if waits[-1]:
+            beside = []
+        if item.side_stream:
+            beside.append(item.touched)
+    return [*waits, bool(beside)]
 
 
 def launch_now(item: Launch, device: wp.Device, **changed: Any) -> None:

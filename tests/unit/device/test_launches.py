@@ -1,0 +1,214 @@
+"""Launches: what they touch decides which share one, which wait, and what a stage runs."""
+
+import functools
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warp_pd.device.context import find_device
+from warp_pd.device.graph import LaunchSequence, side_stream_waits
+from warp_pd.device.launches import Stage, Touched
+from warp_pd.kernels.effects import Effects, kernel
+from warp_pd.kernels.pointwise import pointwise
+
+MODULE = "test_launches"
+
+
+@functools.cache
+def add_kernel():
+    """b[i] += a[i]."""
+
+    @kernel(MODULE)
+    def add(a: wp.array(dtype=float), first: int, b: wp.array(dtype=float)):
+        i = wp.tid() + first
+        b[i] = b[i] + a[i]
+
+    return add
+
+
+@functools.cache
+def neighbour_sum():
+    """Pointwise stage: out[i] = source[i - 1] + source[i + 1]."""
+
+    @functools.partial(wp.struct, module=MODULE)
+    class Neighbours:
+        source: wp.array(dtype=float)
+        out: wp.array(dtype=float)
+
+    @pointwise(MODULE, Neighbours, writes=("out",), gathers=("source",))
+    def sum_neighbours(begin: int, end: int, a: Neighbours):
+        for i in range(begin, end):
+            n = a.source.shape[0]
+            a.out[i] = a.source[(i + n - 1) % n] + a.source[(i + 1) % n]
+
+    return sum_neighbours
+
+
+@functools.cache
+def twice():
+    """Pointwise stage: out[i] = 2 source[i]."""
+
+    @functools.partial(wp.struct, module=MODULE)
+    class Twice:
+        source: wp.array(dtype=float)
+        out: wp.array(dtype=float)
+
+    @pointwise(MODULE, Twice, writes=("out",))
+    def double(begin: int, end: int, a: Twice):
+        for i in range(begin, end):
+            a.out[i] = 2.0 * a.source[i]
+
+    return double
+
+
+def stage():
+    return Stage("stage", "once", find_device("cpu"), MODULE, 64, [])
+
+
+def array(*values):
+    return wp.array(values, dtype=float, device="cpu")
+
+
+def run(made, repeat=1):
+    LaunchSequence(made, repeat).run()
+
+
+def test_pointwise_stages_on_the_same_points_share_a_launch():
+    a, b, c = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0), array(0.0, 0.0, 0.0)
+    made = stage()
+    made.pointwise("one", twice(), 3, source=a, out=b)
+    made.pointwise("two", twice(), 3, source=b, out=c)
+    assert len(made) == 1
+    assert made.items[0].parts == ["double", "double"]
+    assert made.items[0].owner == "one, two"
+    run(made)
+    np.testing.assert_array_equal(c.numpy(), [4.0, 8.0, 12.0])
+
+
+@pytest.mark.parametrize("first", ["writer", "gatherer"])
+def test_what_one_gathers_and_the_other_writes_keeps_them_apart(first):
+    """In one launch a point could see its neighbour before or after the other stage."""
+    a, b, c = array(1.0, 2.0, 3.0), array(1.0, 1.0, 1.0), array(0.0, 0.0, 0.0)
+    made = stage()
+    if first == "writer":
+        made.pointwise("one", twice(), 3, source=a, out=b)
+        made.pointwise("two", neighbour_sum(), 3, source=b, out=c)
+        expected = [10.0, 8.0, 6.0]
+    else:
+        made.pointwise("two", neighbour_sum(), 3, source=b, out=c)
+        made.pointwise("one", twice(), 3, source=a, out=b)
+        expected = [2.0, 2.0, 2.0]
+    assert len(made) == 2
+    run(made)
+    np.testing.assert_array_equal(c.numpy(), expected)
+
+
+def test_other_points_keep_stages_apart():
+    a, b = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0)
+    made = stage()
+    made.pointwise("one", twice(), 3, source=a, out=b)
+    made.pointwise("two", twice(), 2, source=a, out=b)
+    made.pointwise("three", twice(), 2, source=a, out=b, begin=1)
+    assert len(made) == 3
+
+
+def test_a_kernel_between_two_stages_keeps_them_apart():
+    a, b = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0)
+    made = stage()
+    made.pointwise("one", twice(), 3, source=a, out=b)
+    made.launch("two", add_kernel(), 3, a=a, b=b)
+    made.pointwise("three", twice(), 3, source=b, out=a)
+    assert [launch.name for launch in made] == ["double", "add", "double"]
+
+
+def test_wraparound_is_the_stage_again_and_again():
+    """The last launch of one repetition shares a launch with the first of the next."""
+    results = []
+    for fused in (False, True):
+        a, b, c = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0), array(0.0, 0.0, 0.0)
+        made = stage()
+        made.pointwise("one", twice(), 3, source=a, out=b)
+        made.launch("two", add_kernel(), 3, a=b, b=c)
+        made.pointwise("three", twice(), 3, source=c, out=a)
+        if fused:
+            made.fuse_wraparound()
+        assert (made.wraparound is not None) == fused
+        sequence = LaunchSequence(made, 5)
+        assert len(sequence.items) == (11 if fused else 15)
+        sequence.run()
+        results.append([x.numpy() for x in (a, b, c)])
+    np.testing.assert_array_equal(results[0], results[1])
+
+
+def test_wraparound_is_left_out_where_the_next_step_gathers():
+    a, b, c = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0), array(0.0, 0.0, 0.0)
+    made = stage()
+    made.pointwise("one", neighbour_sum(), 3, source=a, out=b)
+    made.launch("two", add_kernel(), 3, a=b, b=c)
+    made.pointwise("three", twice(), 3, source=c, out=a)
+    made.fuse_wraparound()
+    assert made.wraparound is None
+
+
+def test_launches_wait_for_the_side_stream_where_they_touch_its_arrays():
+    a, b, c, d = (array(0.0, 0.0) for _ in range(4))
+    made = stage()
+    made.launch("side", add_kernel(), 2, side_stream=True, a=a, b=b)
+    made.launch("beside", add_kernel(), 2, a=c, b=d)
+    made.launch("reader", add_kernel(), 2, a=b, b=d)
+    made.launch("later", add_kernel(), 2, a=b, b=c)
+    assert side_stream_waits(list(made)) == [False, False, True, False, False]
+
+
+@pytest.mark.parametrize("touches", ["reads what it writes", "writes what it writes", "writes what it reads"])
+def test_every_conflict_waits(touches):
+    a, b, c = (array(0.0, 0.0) for _ in range(3))
+    made = stage()
+    made.launch("side", add_kernel(), 2, side_stream=True, a=a, b=b)
+    arguments = {"reads": {"a": b, "b": c}, "writes what it w": {"a": c, "b": b}, "writes what it r": {"a": c, "b": a}}
+    made.launch("other", add_kernel(), 2, **next(v for k, v in arguments.items() if touches.startswith(k)))
+    assert side_stream_waits(list(made)) == [False, True, False]
+
+
+def test_a_stage_ends_with_the_side_stream():
+    a, b = array(0.0, 0.0), array(0.0, 0.0)
+    made = stage()
+    made.launch("side", add_kernel(), 2, side_stream=True, a=a, b=b)
+    assert side_stream_waits(list(made)) == [False, True]
+
+
+def test_reading_together_is_no_conflict():
+    one, other = Touched(frozenset({1}), frozenset({2}), frozenset({3})), Touched(frozenset({1, 2}))
+    assert not other.must_wait_for(one)
+    assert one.may_share_launch(other)
+    assert not one.may_share_launch(Touched(writes=frozenset({2})))
+    assert not Touched(gathers=frozenset({3})).may_share_launch(one)
+    # At the own point they may: a stage after another in one launch sees what that wrote.
+    assert one.may_share_launch(Touched(reads=frozenset({3})))
+
+
+@pytest.mark.parametrize("arguments", [{"a": None}, {"a": None, "b": None, "c": None}])
+def test_arguments_are_compared_by_name(arguments):
+    made = stage()
+    with pytest.raises(TypeError, match="launch of add: missing"):
+        made.launch("one", add_kernel(), 2, **arguments)
+    with pytest.raises(TypeError, match="pointwise stage double: missing"):
+        made.pointwise("one", twice(), 2, **arguments)
+
+
+def test_effects_know_what_a_thread_works_on():
+    with pytest.raises(ValueError, match="per = 'bond': expected one of"):
+        Effects("bond", frozenset())
+    # What works on a list of points may read any of them.
+    made = stage()
+
+    @kernel(MODULE, per="list")
+    def pick(points: wp.array(dtype=int), a: wp.array(dtype=float), first: int, b: wp.array(dtype=float)):
+        i = points[wp.tid() + first]
+        b[i] = a[i]
+
+    a, b = array(0.0, 1.0), array(0.0, 0.0)
+    made.launch("one", pick, 1, points=wp.array([1], dtype=int, device="cpu"), a=a, b=b)
+    assert a.ptr in made.items[0].touched.gathers
+    assert made.items[0].touched.writes == {b.ptr}

@@ -1,0 +1,161 @@
+"""Composing a simulation: stages, the plan, what is compiled, the module's name, owners, and loads in every solver."""
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers import NEO, square
+
+from warp_pd import (
+    BodyForce,
+    BondAssociated,
+    CriticalEnergy,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    InputError,
+    Measure,
+    Newton,
+    PointForce,
+    Pressure,
+    Relaxation,
+    RigidBall,
+    Simulation,
+)
+
+LAW = BondAssociated(NEO, horizon=2.015, weights="plain")
+RAMP = ((0.0, 0.0), (1.0, 1.0))
+
+
+def simulation(solver, loads=(), points=13, **parts):
+    sheet = square(points)
+    return Simulation(sheet, LAW, solver, loads=[Fixed(sheet.edges("left", "right")), *loads], **parts)
+
+
+SCENES = {
+    "explicit": lambda: simulation(Explicit(0.1, frames=2, damping=1.0), [Pressure(1.0, ramp=RAMP)]),
+    "torn": lambda: simulation(
+        Explicit(1e-2, frames=2), [Pressure(1.0)], damage=CriticalStretch(1.2),
+        contact=RigidBall(0.03, (0.05, 0.05, 0.02), (0.0, 0.0, -1.0)),
+    ),
+    "relaxation": lambda: simulation(
+        Relaxation(tolerance=1e-3), [Pressure(1.0), BodyForce((0.0, 0.0, 1.0))], damage=CriticalStretch(2.0)
+    ),
+    "newton direct": lambda: simulation(Newton(preconditioner="direct"), [PointForce([84], (0.0, 0.0, 1e-3))]),
+    "newton jacobi": lambda: simulation(Newton(preconditioner="jacobi"), [Pressure(1.0)]),
+    "newton multigrid": lambda: simulation(
+        Newton(preconditioner="multigrid"), [Pressure(1.0), BodyForce((0.0, 0.0, 1.0), ramp=RAMP)], points=25
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_compile_leaves_nothing_to_compile_in_a_run(name):
+    built = SCENES[name]().build("cpu", 64)
+    built.context.compile()
+    module = wp.get_module(built.context.module)
+    before = (set(module.kernels), dict(module.execs))
+    assert before[0]
+    assert SCENES[name]().run(device="cpu", precision=64).status == "finished"
+    assert (set(module.kernels), dict(module.execs)) == before
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_plan_has_every_array_and_every_launch(name):
+    built = SCENES[name]().build("cpu", 64)
+    arrays, launches = SCENES[name]().plan("cpu", 64).split("\nlaunches\n")
+    for stored in built.context.fields:
+        assert any(row.split()[0] == stored.name for row in arrays.splitlines() if row.startswith("  ")), stored.name
+    assert f"  {built.context.fields.nbytes} bytes, " in arrays
+    for stage in built.context.stages.values():
+        for item in stage:
+            assert any(stage.name in row and item.name in row for row in launches.splitlines()), (stage.name, item.name)
+
+
+def test_plan_has_coarse_lattices():
+    plan = SCENES["newton multigrid"]().plan("cpu", 64)
+    for stage in ("lattice 1 evaluate", "lattice 1 linearise", "dead loads", "start from coarser", "down", "up"):
+        assert f"\n  {stage} " in plan, stage
+
+
+def module_of(*loads, **parts):
+    return simulation(Explicit(1.0), loads, **parts).build("cpu", 64).context.module
+
+
+def test_a_module_is_named_by_all_that_decides_its_kernels():
+    different = [
+        module_of(), module_of(Pressure(1.0)), module_of(Pressure(1.0, follower=False)),
+        module_of(Pressure(1.0, ramp=RAMP)), module_of(BodyForce((0.0, 0.0, 1.0))),
+        module_of(damage=CriticalStretch(2.0)),
+        module_of(damage=CriticalStretch(2.0, spared=[0])), module_of(track_energy=False),
+    ]  # fmt: skip
+    assert len(set(different)) == len(different)
+    # Values do not: other sizes of a load share kernels.
+    assert module_of(Pressure(1.0)) == module_of(Pressure(2.0))
+    assert module_of(damage=CriticalStretch(2.0)) == module_of(damage=CriticalStretch(3.0))
+
+
+@pytest.mark.parametrize(
+    ("damage", "owner"),
+    [(CriticalStretch(2.0), "CriticalStretch"), (CriticalEnergy(1.0), "CriticalEnergy")],
+)
+def test_owners_are_the_parts_that_ask(damage, owner):
+    law = BondAssociated(NEO, horizon=2.015, weights="plain", fast=False)
+    built = Simulation(square(9), law, Explicit(1.0), damage=damage).build("cpu", 64)
+    owners = {stored.name: stored.owner for stored in built.context.fields}
+    assert owners["damage"] == owner
+    breaking = [item for item in built.context.stages["step"] if item.name == "break_bonds"]
+    assert [item.owner for item in breaking] == [owner]
+    other = {"CriticalStretch", "CriticalEnergy"} - {owner}
+    launched = {item.owner for stage in built.context.stages.values() for item in stage}
+    used = set(owners.values()) | launched
+    assert not used & other
+
+
+LOADS = {
+    "Pressure": lambda ramp: Pressure(1.0, follower=False, ramp=ramp),
+    "follower": lambda ramp: Pressure(1.0, ramp=ramp),
+    "BodyForce": lambda ramp: BodyForce((0.0, 0.0, 1e3), ramp=ramp),
+    "PointForce": lambda ramp: PointForce([60, 84], (0.0, 0.0, 1e-3), ramp=ramp),
+}
+ENDS = {"ramped": ((0.0, 0.0), (1.0, 2.0)), "twice": None}
+
+
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("solver", [Relaxation(tolerance=1e-10), Newton(tolerance=1e-12)], ids=["relaxation", "newton"])
+def test_a_ramp_that_ends_at_two_is_twice_the_load(load, solver):
+    """No load is left out of a solver, and its schedule counts."""
+    results = []
+    for loads in ([LOADS[load](ENDS["ramped"])], [LOADS[load](None), LOADS[load](None)]):
+        result = simulation(solver, loads).run(device="cpu", precision=64)
+        assert result.status == "finished"
+        results.append(result.frame.displacement)
+    assert np.abs(results[0]).max() > 1e-4
+    np.testing.assert_allclose(results[0], results[1], atol=1e-7 * np.abs(results[0]).max())
+
+
+@pytest.mark.parametrize("load", LOADS)
+def test_a_ramp_in_explicit_dynamics_is_the_load_at_its_end(load):
+    """After the ramp, the external force is that of the load with its last factor."""
+    forces = []
+    for loads in ([LOADS[load](((0.0, 2.0), (1.0, 2.0)))], [LOADS[load](None), LOADS[load](None)]):
+        built = simulation(Explicit(1e-3, frames=1), loads).run(device="cpu", precision=64).built
+        forces.append(built.to_numpy(built.state.external))
+    assert np.abs(forces[0]).max() > 0.0
+    np.testing.assert_allclose(forces[0], forces[1], rtol=1e-12, atol=1e-15 * np.abs(forces[0]).max())
+
+
+@pytest.mark.parametrize("solver", [Relaxation(), Newton()])
+def test_static_solvers_refuse_contact(solver):
+    """Relaxation took it once, and diverged."""
+    with pytest.raises(
+        InputError, match=r"^contact = RigidBall: the solver \w+ does not do this \(.*\); take Explicit$"
+    ):
+        simulation(solver, contact=RigidBall(0.03, (0.05, 0.05, 0.02))).build("cpu")
+
+
+@pytest.mark.parametrize("name", ["time", "step", "kinetic", "ball_force_x", "largest_damage"])
+def test_a_measure_cannot_take_the_name_of_a_column(name):
+    measure = Measure(name, "1", lambda built, frame: 0.0)
+    ball = RigidBall(0.03, (0.05, 0.05, 0.02))
+    with pytest.raises(InputError, match=f"two numbers of the run would be called '{name}'"):
+        simulation(Explicit(1.0), damage=CriticalStretch(2.0), contact=ball, measures=[measure]).build("cpu")
