@@ -1,0 +1,152 @@
+"""Bits that must agree on every device: fused and single launches, two runs, restarts, both ends of a bond."""
+
+import numpy as np
+import pytest
+from helpers import GENT, StopAt, jittered, square
+
+from warp_pd import (
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Motion,
+    Newton,
+    Pressure,
+    Relaxation,
+    RigidBall,
+    Simulation,
+)
+from warp_pd.device import graph, launches
+from warp_pd.families import unpack
+
+RAMP = ((0.0, 0.0), (0.01, 1.0))
+
+
+def struck(sheet, precision, fast=True):
+    """A held, pulled and blown-up sheet, damped, that a ball strikes and tears."""
+    return Simulation(
+        sheet, BondAssociated(GENT, horizon=2.015, weights="plain", fast=fast),
+        Explicit(0.05, frames=5, damping=2.0, safety=0.4, precision=precision),
+        loads=[
+            Fixed(sheet.edges("left")), Motion(sheet.edges("right"), (0.0, 0.05), x=(0.0, 0.02), y=0.0, z=0.0),
+            Pressure(5.0, ramp=RAMP), Pressure(1.0, follower=False),
+        ],
+        contact=RigidBall(0.04, (0.05, 0.05, 0.021), (0.0, 0.0, -1.0)), damage=CriticalStretch(1.3),
+    )  # fmt: skip
+
+
+def left_behind(built):
+    """Everything that a run leaves in the fields that a restart keeps."""
+    return {name: array.numpy() for name, array in built.context.fields.kept().items()}
+
+
+def assert_same(one, other):
+    assert set(one) == set(other)
+    for name, values in one.items():
+        assert values.tobytes() == other[name].tobytes(), name
+
+
+SHEETS = {"lattice": lambda: square(21), "cloud": lambda: jittered(21)}
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("layout", SHEETS)
+def test_two_runs_agree_and_tear(device, layout, precision):
+    results = [struck(SHEETS[layout](), precision).run(device=device) for _ in range(2)]
+    assert results[0].status == "finished"
+    assert results[0].frame.damage.max() > 0.0
+    assert_same(*(left_behind(result.built) for result in results))
+    assert results[0].history == results[1].history
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("layout", SHEETS)
+def test_fused_launches_are_the_launches_one_by_one(device, monkeypatch, layout, precision):
+    fused = struck(SHEETS[layout](), precision).run(device=device).built
+    monkeypatch.setattr(launches, "_joined", lambda first, second: None)
+    single = struck(SHEETS[layout](), precision).run(device=device).built
+    assert len(single.context.stages["step"]) > len(fused.context.stages["step"])
+    assert_same(left_behind(fused), left_behind(single))
+
+
+def test_wraparound_is_the_steps_one_by_one(device):
+    """Many steps in one sequence, whose ends share launches, and the same steps one at a time."""
+    results = []
+    for repeat in (1, 20):
+        built = struck(square(21), 64).build(device, 64)
+        built.context.compile()
+        assert built.context.stages["step"].wraparound is None, "a follower pressure gathers what the drift writes"
+        built = without_follower().build(device, 64)
+        built.context.compile()
+        assert built.context.stages["step"].wraparound is not None
+        built.state.step.fill_(1e-4)
+        built.set_clock(1e-4, 1.0, 0.0)
+        built.context.run("setup")
+        sequence = built.context.sequence("step", repeat)
+        for _ in range(200 // repeat):
+            sequence.run()
+        results.append(left_behind(built))
+    assert np.abs(results[0]["displacement"]).max() > 1e-4
+    assert_same(*results)
+
+
+def without_follower():
+    simulation = struck(square(21), 64)
+    simulation.loads = [load for load in simulation.loads if load != Pressure(5.0, ramp=RAMP)]
+    return simulation
+
+
+def test_side_streams_give_the_same_bits(device, monkeypatch):
+    """The clock runs beside the forces; here it waits for them instead."""
+    beside = struck(square(21), 64).run(device=device).built
+    assert any(item.side_stream for item in beside.context.stages["step"])
+    launch = launches.Stage.launch
+    monkeypatch.setattr(
+        launches.Stage, "launch", lambda self, *a, side_stream=False, **k: launch(self, *a, side_stream=False, **k)
+    )
+    alone = struck(square(21), 64).run(device=device).built
+    assert not any(item.side_stream for item in alone.context.stages["step"])
+    assert graph.side_stream_waits(list(alone.context.stages["step"])).count(True) == 0
+    assert_same(left_behind(beside), left_behind(alone))
+
+
+def stretched(solver):
+    sheet = square(21)
+    return Simulation(
+        sheet, BondAssociated(GENT, horizon=2.015, weights="plain"), solver,
+        loads=[
+            Fixed(sheet.edges("left")), Motion(sheet.edges("right"), (0.0, 1.0), x=(0.0, 0.02), y=0.0, z=0.0),
+            Pressure(1.0),
+        ],
+    )  # fmt: skip
+
+
+RUNS = {
+    "explicit": lambda: struck(square(21), 64),
+    "relaxation": lambda: stretched(Relaxation(tolerance=1e-4, load_steps=4)),
+    "newton": lambda: stretched(Newton(load_steps=4)),
+}
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_restart_goes_on_with_the_same_bits(device, tmp_path, name):
+    options = {"device": device, "usd": False, "pictures": False}
+    through = RUNS[name]().run(**options)
+    assert RUNS[name]().run(out=tmp_path, writers=[StopAt(3)], **options).status == "interrupted"
+    resumed = RUNS[name]().run(out=tmp_path, resume=True, **options)
+    assert through.status == resumed.status == "finished"
+    assert_same(left_behind(through.built), left_behind(resumed.built))
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("layout", SHEETS)
+def test_bonds_break_at_both_ends(device, layout, precision):
+    built = struck(SHEETS[layout](), precision).run(device=device).built
+    families, size = built.law.families, built.context.sheet.size
+    intact = unpack(built.law.intact.numpy().T.copy(), families.members)
+    exists = families.rows_of_points(families.exists)
+    points, members = np.nonzero(exists)
+    heads, reverse = families.heads(points, members), families.reverse_members(points, members)
+    assert 0 < (~intact[points, members]).sum() < len(points)
+    assert (intact[points, members] == intact[heads, reverse]).all()
+    assert size == len(intact)
