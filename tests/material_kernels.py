@@ -2,9 +2,16 @@
 
 import functools
 
+import numpy as np
 import warp as wp
 
 from warp_pd.kernels.numeric import numeric
+from warp_pd.materials import padded_constants
+
+
+def strain(F):
+    """G = C - I of an in-plane deformation gradient, shape (1, 2, 2)."""
+    return (F.T @ F - np.eye(2))[None]
 
 
 @functools.cache
@@ -28,8 +35,6 @@ def evaluator(material, bits):
 
 def evaluate(material, strain, bits):
     """Second Piola stress (n, 2, 2) and energy (n,) at G = C - I, shape (n, 2, 2)."""
-    from warp_pd.materials import padded_constants
-
     types = numeric(bits)
     n = len(strain)
     given = wp.array(strain, dtype=types.mat22, device="cpu")
@@ -62,8 +67,6 @@ def responder(material, bits):
 
 def respond(material, strain, bits):
     """Stress (n, 2, 2) and moduli (n, 6) at G = C - I, shape (n, 2, 2)."""
-    from warp_pd.materials import padded_constants
-
     types = numeric(bits)
     n = len(strain)
     given = wp.array(strain, dtype=types.mat22, device="cpu")

@@ -93,7 +93,8 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     moved = MovedPoints(context, constraints)
     if scene.solver.dynamic:
         moved.check_begin(law.families.horizon)
-    energy = EnergyBalance(context, law, any(part.does_work for part in parts))
+    does_work = context.features.held or context.features.loaded or any(part.does_work for part in parts)
+    energy = EnergyBalance(context, law, does_work)
     context.state = _state(scene, context, external, energy)
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types, context.module)

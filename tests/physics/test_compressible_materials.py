@@ -1,19 +1,15 @@
-"""Materials: stress is the derivative of the energy, exact at known states, and keeps digits in float32."""
+"""Compressible materials: stress is the derivative of the energy, exact at known states, accurate in float32."""
 
 import numpy as np
 import pytest
 from helpers import GENT, NEO, exact_stress
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from material_kernels import evaluate
+from material_kernels import evaluate, strain
 
-from warp_pd import Gent, InputError, NeoHookean
+from warp_pd import Gent, NeoHookean
 
 MATERIALS = [NEO, GENT, NeoHookean(1.0, 1.0), NeoHookean(1e3, 1e9), Gent(2.0, 1e6, 10.0)]
-
-
-def strain(F):
-    return (F.T @ F - np.eye(2))[None]
 
 
 @pytest.mark.parametrize("material", MATERIALS, ids=str)
@@ -33,17 +29,17 @@ def test_stress_is_the_derivative_of_the_energy(material, a, b, shear):
         _, down = evaluate(material, G - change, 64)
         # S = 2 dPsi/dC, and the change of an off-diagonal pair counts twice by half.
         slope = 2.0 * (up - down)[0] / (2.0 * step)
-        allowed = 2e-5 * np.abs(stress).max() + 1e-9 * material.bulk
-        assert slope == pytest.approx(stress[0, m, n], abs=allowed)
+        bound = 2e-5 * np.abs(stress).max() + 1e-9 * material.bulk
+        assert slope == pytest.approx(stress[0, m, n], abs=bound)
 
 
 @pytest.mark.parametrize("material", MATERIALS[:3], ids=str)
 def test_stress_agrees_with_an_independent_solution(material):
     rng = np.random.default_rng(1)
-    for _ in range(50):
-        F = np.array([[1.4, 0.1], [0.0, 1.1]]) + rng.uniform(-0.5, 0.5, (2, 2))
-        if np.linalg.det(F) < 0.2:
-            continue
+    states = np.array([[1.4, 0.1], [0.0, 1.1]]) + rng.uniform(-0.5, 0.5, (50, 2, 2))
+    states = states[np.linalg.det(states) >= 0.2]
+    assert len(states) > 40
+    for F in states:
         stress, _ = evaluate(material, strain(F), 64)
         assert F @ stress[0] == pytest.approx(exact_stress(material, F), rel=1e-9, abs=1e-9 * material.mu)
 
@@ -104,11 +100,3 @@ def test_extreme_states_stay_finite(material):
     states = np.concatenate([strain(np.diag([a, b])) for a in (0.05, 0.3, 1.0, 2.0) for b in (0.05, 0.3, 1.0)])
     stress, energy = evaluate(material, states, 64)
     assert np.isfinite(stress).all() and np.isfinite(energy).all()
-
-
-@pytest.mark.parametrize("numbers", [(0.0, 1.0), (-1.0, 1.0), (float("nan"), 1.0), (1.0, float("inf")), ("x", 1.0)])
-def test_moduli_must_be_positive(numbers):
-    with pytest.raises(InputError, match=r"(mu|bulk) = .*allowed"):
-        NeoHookean(*numbers)
-    with pytest.raises(InputError, match="lock = 0"):
-        Gent(1.0, 1.0, 0.0)

@@ -1,20 +1,16 @@
-"""Incompressible materials against closed forms; a user's material joins by one line of `MATERIALS`."""
-
-import re
-from pathlib import Path
+"""Incompressible materials against closed forms; a user's material joins by one line in `MATERIALS`."""
 
 import numpy as np
 import pytest
 from helpers import build, exact_stress, internal_force, square, uniform
 from isihara import Isihara
-from material_kernels import evaluate, respond
+from material_kernels import evaluate, respond, strain
 
 from warp_pd import (
     ArrudaBoyce,
     BondAssociated,
     Explicit,
     Fixed,
-    InputError,
     MooneyRivlin,
     NeoHookean,
     Newton,
@@ -78,10 +74,6 @@ def nominal_stress(material, slopes, first, second):
     ]
 
 
-def strain(F):
-    return (F.T @ F - np.eye(2))[None]
-
-
 @each
 @pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("loading", LOADINGS)
@@ -99,7 +91,7 @@ def test_stress_is_that_of_the_closed_form(material, slopes, bits, loading):
 
 
 @each
-def test_rest_is_free_of_stress_and_energy(material, slopes):
+def test_the_undeformed_state_has_no_stress_and_no_energy(material, slopes):
     for bits in (32, 64):
         stress, energy = evaluate(material, np.zeros((1, 2, 2)), bits)
         assert not stress.any() and not energy.any()
@@ -194,14 +186,13 @@ def test_newton_and_relaxation_find_the_same_sheet(material):
 
 @pytest.mark.parametrize("material", NEWTON_CASES[1:4], ids=lambda m: type(m).__name__)
 def test_a_uniform_state_passes_the_patch_test(material):
-    """Fast and plain kernels, and the exact stress inside the sheet."""
+    """Fast and reference kernels, and the exact stress inside the sheet."""
     sheet = square(13)
     axes = (1.4, 0.9)
     u = uniform(sheet, np.vstack([np.diag(axes), np.zeros((1, 2))]))
-    forces = [
-        internal_force(build(sheet, material=material, weights="corrected", law={"fast": fast}), u)
-        for fast in (True, False)
-    ]
+    builts = [build(sheet, material=material, weights="corrected", law={"fast": fast}) for fast in (True, False)]
+    assert [built.law.fast_path is not None for built in builts] == [True, False]
+    forces = [internal_force(built, u) for built in builts]
     np.testing.assert_allclose(forces[0], forces[1], atol=1e-10 * np.abs(forces[1]).max())
     slopes = next(s for m, s in MATERIALS if m is material)
     expected = np.array(nominal_stress(material, slopes, *axes))
@@ -220,23 +211,5 @@ def test_an_oscillation_keeps_its_energy():
         loads=[Fixed(sheet.edges("left"))],
         initial_velocity=velocity,
     ).run(device="cpu", precision=32)
+    assert result.status == "finished"
     assert max(abs(row["balance_error"]) for row in result.history) < 2e-3
-
-
-def test_the_docs_show_the_material_of_this_test():
-    page = (Path(__file__).parents[1] / "docs" / "materials.md").read_text()
-    code = re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1)
-    own = (Path(__file__).parent / "isihara.py").read_text().split('"""\n', 1)[1]
-    assert code.strip() == own.strip()
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: MooneyRivlin(0.0, 1.0), lambda: Yeoh(-1.0), lambda: ArrudaBoyce(1.0, 1.0),
-        lambda: Ogden((1.0,), (2.0, 3.0)), lambda: Ogden((1.0,), (-2.0,)), lambda: MooneyRivlin(1.0, -1.0),
-    ],
-)  # fmt: skip
-def test_wrong_constants_are_refused(make):
-    with pytest.raises(InputError, match="allowed"):
-        make()

@@ -5,13 +5,20 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
+PAGES = ("README.md", "docs/guide.md")
 SCENES = [
     (page, code)
-    for page in ("README.md", "docs/guide.md")
+    for page in PAGES
     for code in re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
     if "def build(" in code
 ]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_that_shows_scenes_has_one(page):
+    """Without any, the test below would have nothing to look at."""
+    assert [code for name, code in SCENES if name == page]
 
 
 @pytest.mark.parametrize(
@@ -20,10 +27,15 @@ SCENES = [
 def test_scenes_in_the_documentation_can_be_built(code):
     names = {}
     exec(compile(code, "scene", "exec"), names)
-    assert "launches" in names["build"](points=30).plan("cpu")
+    plan = names["build"](points=30).plan("cpu")
+    _, launches = plan.split("\nlaunches\n")
+    # The header, and a force at least.
+    assert len(launches.splitlines()) > 2
+    assert re.search(r"^  setup +\w*force", launches, re.MULTILINE)
 
 
 def test_every_page_is_in_the_navigation():
     named = [line for line in (ROOT / "mkdocs.yml").read_text().splitlines() if not line.strip().startswith("#")]
     pages = {str(path.relative_to(ROOT / "docs")) for path in (ROOT / "docs").rglob("*.md")}
+    assert "index.md" in pages
     assert pages == set(re.findall(r"[\w/-]+\.md", "\n".join(named)))

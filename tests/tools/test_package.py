@@ -2,20 +2,25 @@
 
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
+# Folders of the repository, and where the wheel has them.
+PLACES = {"warp_pd": "warp_pd", "kernels": "warp_pd/kernels", "scenes": "warp_pd/scenes"}
 
 
 def test_the_wheel_works_away_from_the_sources(tmp_path):
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
     source = tmp_path / "source"
     source.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE", "warp_pd", "kernels", "scenes"):
+    for name in ("pyproject.toml", "README.md", "LICENSE", *PLACES):
         subprocess.run(["cp", "-r", str(ROOT / name), str(source)], check=True)
     build = [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(tmp_path), str(source)]
     subprocess.run(build, check=True, capture_output=True)
     wheel = next(tmp_path.glob("*.whl"))
+    modules = {f"{PLACES[name]}/{p.relative_to(ROOT / name)}" for name in PLACES for p in (ROOT / name).rglob("*.py")}
+    assert modules <= set(zipfile.ZipFile(wheel).namelist())
     site = tmp_path / "site"
     subprocess.run([*pip, "install", "--no-deps", "--no-index", "--target", str(site), str(wheel)], check=True)
     code = (
@@ -29,3 +34,12 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     where, count = done.stdout.split("\n")[-3:-1]
     assert Path(where).is_relative_to(site)
     assert int(count) == 1
+
+
+def test_import_is_lean():
+    """Importing the package pulls neither torch nor pxr, h5py or matplotlib."""
+    code = (
+        "import sys, warp_pd; print([m for m in ('torch', 'pxr', 'h5py', 'matplotlib', 'scipy') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

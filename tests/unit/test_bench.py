@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from warp_pd import InputError
-from warp_pd.bench import FEATURES, Case, break_some, copy_rate, measure, table
+from warp_pd import InputError, bench
+from warp_pd.bench import FEATURES, Case, Timing, break_some, copy_rate, measure, table
 from warp_pd.cli import main
 from warp_pd.families import unpack
 
@@ -22,18 +22,30 @@ def test_bonds_are_broken_at_both_ends(layout):
     assert 0.15 < lost.any(axis=1).mean() < 0.45
     tail, member = np.nonzero(lost)
     if families.neighbours is None:
-        head, mate = tail + families.shift[member], families.reverse[member]
+        head, reverse = tail + families.shift[member], families.reverses[member]
     else:
-        head, mate = families.neighbours[tail, member], families.reverse[tail, member]
-    assert lost[head, mate].all()
+        head, reverse = families.neighbours[tail, member], families.reverses[tail, member]
+    assert lost[head, reverse].all()
 
 
-def test_a_measured_sheet_stays_as_it_is_and_the_table_has_its_numbers():
-    case = Case(15, 2.015, 64, features=FEATURES)
+def test_a_measured_sheet_stays_as_it_is_and_the_table_has_its_numbers(monkeypatch):
+    case, timed = Case(15, 2.015, 64, features=FEATURES), []
+
+    def spy(built, seconds, repeats, time_step=bench.time_step):
+        before = built.to_numpy(built.state.displacement)
+        found = time_step(built, seconds, repeats)
+        timed.append((built, before, found))
+        return found
+
+    monkeypatch.setattr(bench, "time_step", spy)
     timing = measure(case, "cpu", seconds=0.05, repeats=4)
+    [(built, before, (step, spread))] = timed
+    assert np.ptp(before, axis=0).min() > 0.01
+    assert built.to_numpy(built.state.displacement) == pytest.approx(before, abs=1e-6 * case.simulation().sheet.spacing)
     assert timing.points == 225
+    assert timing.bonds == built.law.families.bond_count
+    assert (timing.step, timing.spread) == (step, spread)
     assert timing.step > 0.0
-    assert timing.point_steps == pytest.approx(225 / timing.step)
     assert timing.bond_steps > 8 * timing.point_steps
     lines = table([timing], copy_rate("cpu", 1)).splitlines()
     assert len(lines) == 3
@@ -41,9 +53,17 @@ def test_a_measured_sheet_stays_as_it_is_and_the_table_has_its_numbers():
     assert "supports, pressure, contact, rupture, energy, damping" in lines[2]
 
 
+def test_rates_are_points_and_bonds_over_the_time_of_a_step():
+    timing = Timing(
+        Case(15, 2.015), points=225, bonds=2500, step=0.5, spread=0.0, array_bytes=1, setup=0.0, compile=0.0,
+        multiply_adds=1.0,
+    )  # fmt: skip
+    assert (timing.point_steps, timing.bond_steps) == (450.0, 5000.0)
+
+
 def test_a_feature_that_is_left_out_takes_no_bytes():
     bare, torn = (Case(15, 1.5, 64, features=f).simulation().build("cpu", 64) for f in ((), ("rupture",)))
-    assert bare.context.array_bytes() < torn.context.array_bytes()
+    assert bare.context.fields.nbytes < torn.context.fields.nbytes
     assert len(bare.context.stages["step"]) < len(torn.context.stages["step"])
 
 
@@ -52,8 +72,8 @@ def test_a_feature_that_is_left_out_takes_no_bytes():
     [
         ({"features": ("fire",)}, "features = 'fire'"),
         ({"layout": "mesh"}, "layout = 'mesh'"),
-        ({"damaged": 0.1}, "damaged = 0.1"),
-        ({"damaged": 2.0, "features": ("rupture",)}, "damaged = 2.0"),
+        ({"damaged": 0.1}, r"damaged = 0\.1"),
+        ({"damaged": 2.0, "features": ("rupture",)}, r"damaged = 2\.0"),
         ({"damaged": float("nan")}, "damaged = nan"),
     ],
 )

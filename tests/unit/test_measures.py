@@ -15,7 +15,7 @@ from warp_pd.measures import (
     when_above,
     worst_balance,
 )
-from warp_pd.sheet import crosses
+from warp_pd.triangulation import crosses
 
 
 def sheet_of(turn, jitter, points=61):
@@ -23,7 +23,7 @@ def sheet_of(turn, jitter, points=61):
 
 
 def torn_by(sheet, segment):
-    """Faces whole, but for those that a straight segment crosses."""
+    """Intact faces: all but those that a straight segment crosses."""
     intact = np.ones(len(sheet.triangles), bool)
     for a, b in ((0, 1), (1, 2), (2, 0)):
         tail, head = sheet.points[sheet.triangles[:, a]], sheet.points[sheet.triangles[:, b]]
@@ -127,8 +127,8 @@ def test_what_hangs_at_points_that_tear_out():
     sheet = sheet_of(0.0, 0.0)
     line = TearLine(sheet)
     held = sheet.within((1.0, 0.5), 0.04)
-    whole = np.ones(len(sheet.triangles), bool)
-    assert line.share_at(whole, held) == pytest.approx(1.0)
+    intact = np.ones(len(sheet.triangles), bool)
+    assert line.share_at(intact, held) == pytest.approx(1.0)
     through = torn_by(sheet, ((0.703, -0.1), (0.703, 1.1)))
     assert line.share_at(through, held) == pytest.approx(0.3, abs=0.02)
     distance = np.hypot(line.centres[:, 0] - 1.0, line.centres[:, 1] - 0.5)

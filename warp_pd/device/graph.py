@@ -88,7 +88,7 @@ def _record(item: Item, device: wp.Device) -> list[Callable[[], None]]:
 
 
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:
-    """Run launches now, one by one; on CUDA those of the side stream beside the others, while these do not need them."""
+    """Run launches now, one by one; on CUDA those of the side stream beside the others that do not need them."""
     items = list(items)
     waits = side_stream_waits(items) if device.is_cuda else [False] * (len(items) + 1)
     for item, wait in zip(items, waits, strict=False):

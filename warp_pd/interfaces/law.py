@@ -145,6 +145,10 @@ class BuiltLaw(BuiltPart, Protocol):
         """
         ...
 
+    def fingerprint(self) -> str:
+        """What functions of the user compute at fixed arguments, as a hash: a restart goes on with the same ones."""
+        return ""
+
     def likely_cause(self) -> str:
         """What to suspect where a run in time diverged."""
         ...

@@ -144,6 +144,7 @@ class NeuralForce(PointLaw):
             context.layout, context.bits, known.membrane, context.features.breakable, law.evaluation, layers,
             law.loaded is not None, context.module, fused_module,
         )  # fmt: skip
+        self._fingerprint: Callable[[], str] | None = None
         self.outside: Array | None = None
         if law.loaded is not None:
             self.outside = context.array("outside_range", self.owner, wp.int32, shape=self.points)
@@ -152,7 +153,7 @@ class NeuralForce(PointLaw):
             self._features = context.array("features", self.owner, types.parameters, shape=slots, per="bond")
             self._results = context.array("bond_pairs", self.owner, types.vec2, shape=slots, per="bond")
             self._frame = context.array("frame", self.owner, types.mat32, shape=self.points)
-            self._network = _torch_call(law, self.owner, self._features, self._results)
+            self._network, self._fingerprint = _torch_call(law, self.owner, self._features, self._results)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
@@ -189,6 +190,10 @@ class NeuralForce(PointLaw):
                 most=most, out=self.outside,
             )  # fmt: skip
 
+    def fingerprint(self) -> str:
+        """A hash of what the network gives for some bonds."""
+        return super().fingerprint() + ("" if self._fingerprint is None else self._fingerprint())
+
     def column_names(self) -> Sequence[str]:
         """Number of bonds outside the training range, if there is a known one."""
         return () if self.outside is None else ("bonds_outside_training",)
@@ -212,8 +217,8 @@ class NeuralForce(PointLaw):
         ]
 
 
-def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> Call:
-    """The network as a step in Torch.
+def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tuple[Call, Callable[[], str]]:
+    """The network as a step in Torch, and a function that gives its fingerprint.
 
     Raises:
         InputError: where there is no torch, or the network does not fit.
@@ -227,4 +232,4 @@ def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> Cal
         ) from None
     step = TorchStep(law.loaded, law.network, features, results)
     touched = Touched(gathers=frozenset([features.ptr]), writes=frozenset([results.ptr]))
-    return Call("network", owner, len(features), step, capture, touched)
+    return Call("network", owner, len(features), step, capture, touched), step.fingerprint

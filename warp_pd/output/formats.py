@@ -34,5 +34,10 @@ def file_writers(
         from .usd import UsdAnimation
 
         path = folder / "animation.usd"
+        if append_from is not None and not path.is_file():
+            raise InputError(
+                f"resume from {str(folder)!r}: expected a folder that still has its {path.name}; "
+                f"go on without it (usd = False, --no-usd)"
+            )
         writers.append(UsdAnimation(path, surface, seconds_per_frame=seconds_per_frame, append_from=append_from))
     return writers

@@ -25,7 +25,7 @@ NAME = "restart.npz"
 VERSION = 4
 # Numbers of the recorder that a restart keeps.
 NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history")
-# What a scene says that changes nothing of the state of a run.
+# What a scene says that changes nothing of the state of a run; of measures the names count all the same.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings")
 # Longer values are kept as their hash; a message names so many that differ.
 MAX_LENGTH, MAX_NAMED = 60, 4
@@ -48,7 +48,10 @@ def identity(scene: Scene, built: Built) -> Identity:
     """What a restart file of this run belongs to."""
     named = {f.name: getattr(scene, f.name) for f in fields(Scene) if f.name not in REPORTED}
     texts = {key: text for name, part in named.items() for key, text in _texts(name, part)}
-    return Identity({"precision": str(built.context.bits), **texts}, scene.settings)
+    # Columns of the history: what a measure computes may change, its name may not.
+    measures = ", ".join(measure.name for measure in scene.measures)
+    also = {"measures": measures, "functions": built.law.fingerprint()}
+    return Identity({"precision": str(built.context.bits), **texts, **also}, scene.settings)
 
 
 def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
@@ -63,7 +66,9 @@ def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
         for index, p in enumerate(part):
             yield from _texts(f"{name}.{index}", p)
     else:
-        text = repr(getattr(part, "__qualname__", part))
+        # The text of an object with a call has its address, which no two processes share.
+        named = type(part) if callable(part) else part
+        text = repr(getattr(part, "__qualname__", getattr(named, "__qualname__", part)))
         yield name, text if len(text) <= MAX_LENGTH else f"{type(part).__name__} {_hash(text.encode())}"
 
 

@@ -91,8 +91,8 @@ def run(
     begin = perf_counter()
     built = compose(scene, device, precision)
     folder = writable_folder(out, resume)
-    known = restart.identity(scene, built)
-    saved = restart.load(folder / restart.NAME, known) if resume and folder is not None else None
+    known = None if folder is None else restart.identity(scene, built)
+    saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
     if folder is not None:
         clear_unfinished(folder)
         if saved is None:
@@ -104,7 +104,7 @@ def run(
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, list(writers or []), reporter)
     _begin(recorder, saved)
-    if folder is not None:
+    if folder is not None and known is not None:
         _add_files(recorder, folder, known, usd, None if saved is None else recorder.frame_index + 1)
     setup_seconds = perf_counter() - begin - compile_seconds
     status, message = _march(recorder, saved is not None)

@@ -154,12 +154,14 @@ class Search:
 
     def _keep(self, reached: float) -> np.ndarray | None:
         """Remember the state as the last good load step; its intact bonds, if any can break."""
-        if self._kept_factor is not None and not self._resumed:
+        # A run that went on from a load step has that and the one before it already.
+        known = self._resumed and self._kept_factor is not None
+        self._resumed = False
+        if self._kept_factor is not None and not known:
             wp.copy(self.earlier, self.good)
         wp.copy(self.good, self.levels[0].displacement)
-        if not self._resumed:
+        if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
-        self._resumed = False
         return None if self.rupture.intact is None else self.rupture.intact.numpy().copy()
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:

@@ -1,69 +1,26 @@
-"""The USD animation: valid, true to the frames it was given, and readable whatever happens to the run."""
+"""What the USD animation shows: valid, and true to the frames that it was given."""
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
+import functools
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torn_frames
+from torn_frames import COLUMNS, FRAMES, ROWS, make_frame, make_surface
+
+from warp_pd.frame import Frame, Surface
 
 pytest.importorskip("pxr")
 
-import itertools
+from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
 
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
-
-from warp_pd.frame import Frame, Surface
 from warp_pd.output.usd import UsdAnimation
 
-COLUMNS, ROWS, FRAMES = 6, 5, 7
 SHEET = "/World/Sheet"
-
-
-def make_surface(**changes) -> Surface:
-    """A sheet of 6 x 5 points, 0.5 m x 0.4 m, with a ball above it."""
-    points = np.array([[0.1 * column, 0.1 * row, 0.0] for row in range(ROWS) for column in range(COLUMNS)])
-    corners = [row * COLUMNS + column for row in range(ROWS - 1) for column in range(COLUMNS - 1)]
-    faces = np.array([triangle for a in corners for triangle in ((a, a + 1, a + 7), (a, a + 7, a + 6))], np.int32)
-    values = {
-        "points": points,
-        "faces": faces,
-        "ball_diameter": 0.1,
-        "title": "tear",
-        "metadata": {"version": "1", "points": 30},
-    }
-    return Surface(**{**values, **changes})
-
-
-def make_frame(surface: Surface, at: int, **changes) -> Frame:
-    """The ball pushes the middle down; from frame 2 on a tear runs from the left, one column a frame."""
-    x, y = surface.points[:, 0], surface.points[:, 1]
-    displacement = np.zeros_like(surface.points)
-    displacement[:, 2] = -0.02 * at * np.sin(np.pi * x / 0.5) * np.sin(np.pi * y / 0.4)
-    centres = surface.points[surface.faces].mean(axis=1)
-    torn = (np.abs(centres[:, 1] - 0.2) < 0.1) & (centres[:, 0] < 0.1 * (at - 1))
-    values = {
-        "index": at,
-        "time": 0.01 * at,
-        "displacement": displacement,
-        "velocity": np.full_like(surface.points, 0.1 * at),
-        "intact_faces": ~torn,
-        "damage": np.clip(2.0 * at / FRAMES - 4.0 * x, 0.0, 1.0),
-        "ball_center": np.array([0.25, 0.2, 0.06 - 0.02 * at]),
-    }
-    return Frame(**{**values, **changes})
-
-
-def write_all(path: Path, first: int = 0, last: int = FRAMES, **options) -> Surface:
-    surface = make_surface()
-    with UsdAnimation(path, surface, **options) as animation:
-        for index in range(first, last):
-            animation.write(make_frame(surface, index))
-    return surface
+write_all = functools.partial(torn_frames.write_all, UsdAnimation)
 
 
 @pytest.fixture(scope="module")
@@ -274,175 +231,6 @@ def test_material_reads_the_display_colour_and_something_shines(stage: Usd.Stage
     assert reader.GetShaderId() == "UsdPrimvarReader_float3"
     assert reader.GetInput("varname").Get() == "displayColor"
     assert {prim.GetTypeName() for prim in stage.Traverse()} >= {"DomeLight", "DistantLight"}
-
-
-WRITE_UNTIL_KILLED = """
-import sys
-from test_output_usd import FRAMES, UsdAnimation, make_frame, make_surface
-surface = make_surface()
-animation = UsdAnimation(sys.argv[1], surface, save_every=int(sys.argv[2]))
-for index in range(10**6):
-    animation.write(make_frame(surface, index))
-    print(index, flush=True)
-"""
-
-
-@pytest.mark.parametrize(("save_every", "kill_after", "kept"), [(4, 10, 9), (1, 37, 37)])
-def test_killed_run_leaves_what_was_saved(tmp_path: Path, save_every: int, kill_after: int, kept: int) -> None:
-    path = tmp_path / "animation.usd"
-    here = Path(__file__).resolve().parent
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(here), str(here.parent)])}
-    process = subprocess.Popen(
-        [sys.executable, "-c", WRITE_UNTIL_KILLED, str(path), str(save_every)],
-        stdout=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
-    assert process.stdout is not None
-    while int(process.stdout.readline()) < kill_after:
-        pass
-    process.kill()
-    assert process.wait() == -signal.SIGKILL
-    process.stdout.close()
-    stage = Usd.Stage.Open(str(path))
-    mesh = UsdGeom.Mesh.Get(stage, SHEET)
-    frames = len(mesh.GetPointsAttr().GetTimeSamples())
-    assert frames >= kept
-    assert stage.GetEndTimeCode() == frames - 1
-    surface = make_surface()
-    for index in range(frames):
-        frame = make_frame(surface, index)
-        np.testing.assert_allclose(mesh.GetPointsAttr().Get(index), frame.positions(surface), atol=1e-6)
-        np.testing.assert_array_equal(faces_of(mesh, index), frame.faces(surface))
-    # What the killed run left lying about is not in the way of the next one.
-    write_all(path, frames, frames + 2, append_from=frames)
-    assert Usd.Stage.Open(str(path)).GetEndTimeCode() == frames + 1
-    assert [entry.name for entry in tmp_path.iterdir()] == ["animation.usd"]
-
-
-def text_of(path: Path) -> str:
-    return Sdf.Layer.FindOrOpen(str(path)).ExportToString()
-
-
-@pytest.mark.parametrize("first", range(FRAMES + 1))
-def test_appending_equals_writing_in_one_go(tmp_path: Path, first: int) -> None:
-    write_all(tmp_path / "whole.usd")
-    parts, surface = tmp_path / "parts.usd", make_surface()
-    with UsdAnimation(parts, surface) as animation:
-        for index in range(FRAMES):
-            healthy = index < first
-            changes = {} if healthy else {"damage": np.ones(30), "intact_faces": np.zeros(40, bool)}
-            animation.write(make_frame(surface, index, **changes))
-    write_all(parts, first, append_from=first)
-    assert text_of(parts) == text_of(tmp_path / "whole.usd")
-
-
-def test_source_of_an_append_stays_whole_until_the_next_save(tmp_path: Path, surface: Surface) -> None:
-    path = tmp_path / "animation.usd"
-    write_all(path)
-    before = path.read_bytes()
-    animation = UsdAnimation(path, surface, append_from=3)
-    animation.write(make_frame(surface, 3))
-    assert path.read_bytes() == before
-    animation.save()
-    assert path.read_bytes() != before
-    assert animation.frames == 4
-    animation.close()
-
-
-def test_rewriting_a_file_that_is_open_here(tmp_path: Path) -> None:
-    path = tmp_path / "animation.usd"
-    write_all(path)
-    held = Usd.Stage.Open(str(path))
-    abandoned = UsdAnimation(path, make_surface())
-    abandoned.write(make_frame(abandoned.surface, 0))
-    write_all(path, last=3)
-    assert held.GetEndTimeCode() == 2
-    assert len(UsdGeom.Mesh.Get(held, SHEET).GetPointsAttr().GetTimeSamples()) == 3
-    assert abandoned.frames == 1
-
-
-def test_half_a_frame_is_not_kept(tmp_path: Path, surface: Surface, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "animation.usd"
-    with pytest.raises(KeyboardInterrupt), UsdAnimation(path, surface) as animation:
-        animation.write(make_frame(surface, 0))
-        monkeypatch.setattr("warp_pd.output.usd._normals", interrupt)
-        animation.write(make_frame(surface, 1))
-    stage = Usd.Stage.Open(str(path))
-    assert UsdGeom.Mesh.Get(stage, SHEET).GetPointsAttr().GetTimeSamples() == [0.0]
-    assert not stage.GetAttributeAtPath(f"{SHEET}.faceVertexCounts").GetTimeSamples()[1:]
-
-
-def interrupt(*_arguments, **_options) -> None:
-    raise KeyboardInterrupt
-
-
-@pytest.mark.parametrize(
-    ("changes", "names"),
-    [
-        ({"index": 2}, "index"),
-        ({"displacement": np.zeros((29, 3))}, "displacement"),
-        ({"velocity": np.full((30, 3), np.nan)}, "velocity"),
-        ({"damage": np.full(30, 1.5)}, "damage"),
-        ({"damage": None}, "damage"),
-        ({"intact_faces": np.ones(40, int)}, "intact_faces"),
-        ({"ball_center": None}, "ball_center"),
-        ({"point_data": {"stress": np.zeros((30, 2))}}, "stress"),
-    ],
-)
-def test_wrong_frame_is_refused_in_one_line(tmp_path: Path, surface: Surface, changes, names: str) -> None:
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
-        animation.write(make_frame(surface, 0))
-        with pytest.raises(ValueError, match=names) as caught:
-            animation.write(make_frame(surface, 1, **changes))
-        assert "allowed" in str(caught.value) and "\n" not in str(caught.value)
-        animation.write(make_frame(surface, 1))
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "error"),
-    [
-        ("a.usd", {"frames_per_second": 0.0}, ValueError),
-        ("a.usd", {"save_every": 0}, ValueError),
-        ("a.usd", {"seconds_per_frame": float("nan")}, ValueError),
-        ("a.vtk", {}, ValueError),
-        ("nowhere/a.usd", {}, OSError),
-        ("missing.usd", {"append_from": 2}, OSError),
-        ("short.usd", {"append_from": 3}, ValueError),
-        ("broken.usd", {"append_from": 1}, ValueError),
-        ("short.usd", {"append_from": -1}, ValueError),
-    ],
-)
-def test_wrong_argument_is_refused_in_one_line(tmp_path: Path, name: str, options, error) -> None:
-    write_all(tmp_path / "short.usd", last=2)
-    (tmp_path / "broken.usd").write_bytes(b"PXR-USDC" + bytes(200))
-    with pytest.raises(error, match="allowed") as caught:
-        UsdAnimation(tmp_path / name, make_surface(), **options)
-    assert "\n" not in str(caught.value)
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["broken.usd", "short.usd"]
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"points": np.zeros((30, 2))},
-        {"faces": np.array([[0, 1, 30]])},
-        {"faces": np.zeros((2, 3))},
-        {"ball_diameter": -1.0},
-    ],
-)
-def test_wrong_surface_is_refused_in_one_line(changes) -> None:
-    with pytest.raises(ValueError, match=f"{next(iter(changes))}.*allowed"):
-        make_surface(**changes)
-
-
-def test_writing_after_close_is_refused(tmp_path: Path, surface: Surface) -> None:
-    animation = UsdAnimation(tmp_path / "a.usd", surface)
-    animation.close()
-    animation.close()
-    assert list(tmp_path.iterdir()) == []
-    with pytest.raises(ValueError, match="closed"):
-        animation.write(make_frame(surface, 0))
 
 
 def test_a_broken_mesh_would_be_noticed() -> None:

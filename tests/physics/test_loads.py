@@ -1,0 +1,36 @@
+"""Loads: body force, point force, dead and follower pressure, each against mechanics."""
+
+import numpy as np
+import pytest
+from helpers import build, square, uniform
+from small_runs import run
+
+from warp_pd import BodyForce, Explicit, PointForce, Pressure
+
+
+@pytest.mark.parametrize("ramp", [None, [(0.0, 0.0), (0.1, 1.0)]])
+def test_body_force_makes_the_sheet_fall(ramp):
+    result = run(
+        square(5), solver=Explicit(0.1, frames=4, safety=0.05), loads=[BodyForce((0.0, 0.0, -9810.0), ramp=ramp)]
+    )
+    fall = 0.5 * 9.81 * 0.1**2 if ramp is None else 9.81 * 0.1**2 / 6.0
+    assert result.frame.displacement[:, 2] == pytest.approx(-fall, rel=2e-2)
+    assert abs(result.history[-1]["balance_error"]) < 1e-2
+
+
+def test_point_force_and_dead_pressure_push_with_what_they_say():
+    sheet = square(5)
+    built = build(sheet, loads=[PointForce([3, 4], (1.0, 2.0, 3.0)), Pressure(7.0, follower=False)])
+    external = built.to_numpy(built.state.external)
+    assert external.sum(axis=0) == pytest.approx([1.0, 2.0, 3.0 + 7.0 * 0.01])
+
+
+@pytest.mark.parametrize("make", [square, lambda n: square(n).as_cloud()])
+def test_follower_pressure_is_nansons(make):
+    """p J F^-T N of a uniform deformation, whatever it is."""
+    sheet = make(9)
+    F = np.array([[1.3, 0.2], [0.1, 0.8], [0.4, -0.3]])
+    built = build(sheet, loads=[Pressure(5.0)], initial_displacement=uniform(sheet, F))
+    built.context.run("setup")
+    expected = 5.0 * np.outer(sheet.areas, np.cross(F[:, 0], F[:, 1]))
+    assert built.to_numpy(built.state.external) == pytest.approx(expected, abs=1e-12)

@@ -1,0 +1,52 @@
+"""Relaxation: its tolerance, its residual, and rupture in static equilibrium."""
+
+import pytest
+from helpers import square
+from small_runs import run
+
+from warp_pd import CriticalStretch, Fixed, Motion, Pressure, Relaxation
+
+RISING = [(0.0, 0.0), (1.0, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "ramp", "status", "steps"),
+    [
+        (1e-9, None, "finished", [100, 50, 50, 50]),
+        (1e-6, RISING, "not converged", [100, 50]),
+        (1e-15, None, "not converged", [100]),
+    ],
+)
+def test_a_load_step_that_begins_without_steps_left_looks_at_the_residual_once(tolerance, ramp, status, steps):
+    sheet = square(9)
+    solver = Relaxation(load_steps=4, ramp_steps=7, most_steps=100, tolerance=tolerance)
+    result = run(sheet, solver, loads=[Fixed(sheet.edges()), Pressure(5.0, ramp=ramp)])
+    assert result.status == status
+    assert [entry["steps"] for entry in result.summary["solve"]["load_steps"]] == steps
+
+
+def test_relaxation_breaks_only_in_equilibrium_and_relaxes_again():
+    """A notched strip pulled until its tip bonds pass the criterion: it tears, and what is left is in equilibrium."""
+    sheet = square(13).cut((-0.01, 0.051), (0.03, 0.051))
+    motion = Motion(sheet.edges("top"), [0.0, 1.0], x=0.0, y=[0.0, 0.05], z=0.0)
+    solver = Relaxation(tolerance=1e-5, load_steps=2, ramp_steps=100, most_steps=20_000)
+    loads = [Fixed(sheet.edges("bottom")), motion]
+    unbroken = run(sheet, Relaxation(tolerance=1e-5, ramp_steps=100), loads=loads)
+    torn = run(sheet, solver, loads=loads, damage=CriticalStretch(1.56))
+    assert torn.status == "finished" and torn.summary["residual"] <= 1e-5
+    assert sum(entry["rounds"] for entry in torn.summary["solve"]["load_steps"]) >= 1
+    assert torn.frame.damage.max() > 0.0
+    assert torn.history[-1]["strain"] < unbroken.history[-1]["strain"]
+    # Nothing left to break: one more round of rupture leaves the bits alone.
+    intact = torn.built.law.intact.numpy().copy()
+    torn.built.context.run("rupture")
+    assert (torn.built.law.intact.numpy() == intact).all()
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_relaxation_reaches_static_equilibrium(precision):
+    sheet = square(13)
+    result = run(sheet, Relaxation(), precision=precision, weights="auto", loads=[Fixed(sheet.edges()), Pressure(5.0)])
+    assert result.status == "finished"
+    assert result.summary["residual"] <= (1e-6 if precision == 64 else 1e-4)
+    assert 0.012 < result.frame.displacement[sheet.nearest(0.05, 0.05), 2] < 0.02

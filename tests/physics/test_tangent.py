@@ -1,0 +1,153 @@
+"""The tangent of the bond-associated law: the derivative of the force, symmetric, and one operator in all its forms."""
+
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from helpers import GENT, NEO, jittered, rough, sever, square
+from material_kernels import evaluate, respond
+from small_runs import simulate
+
+from warp_pd import CriticalStretch, Explicit, Fixed, NeoHookean, Pressure
+from warp_pd.device.fields import assign
+from warp_pd.laws.bond_associated_tangent import BondAssociatedTangent
+from warp_pd.solvers.level import Level
+
+
+@pytest.mark.parametrize("material", [NEO, GENT, NeoHookean(1.0, 1.0), NeoHookean(1e3, 1e7)], ids=str)
+def test_moduli_are_the_derivative_of_the_stress(material):
+    rng = np.random.default_rng(0)
+    F = np.array([[1.4, 0.1], [0.0, 1.1]]) + rng.uniform(-0.4, 0.4, (40, 2, 2))
+    F = F[np.linalg.det(F) > 0.3]
+    G = F.transpose(0, 2, 1) @ F - np.eye(2)
+    stress, moduli = respond(material, G, 64)
+    assert stress == pytest.approx(evaluate(material, G, 64)[0], rel=1e-12, abs=1e-12 * np.abs(stress).max())
+    T = moduli[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+    step = 1e-5
+    for column, entries in enumerate([[(0, 0)], [(1, 1)], [(0, 1), (1, 0)]]):
+        change = np.zeros((2, 2))
+        for entry in entries:
+            change[entry] = step
+        slope = (evaluate(material, G + change, 64)[0] - evaluate(material, G - change, 64)[0]) / (2.0 * step)
+        found = np.stack([slope[:, 0, 0], slope[:, 1, 1], 2.0 * slope[:, 0, 1]], axis=1)
+        # The material's own iteration ends at 1e-13 of the volume: times K and over the step.
+        allowed = 1e-7 * np.abs(T).max() + 1e-8 * material.bulk
+        assert found == pytest.approx(T[:, :, column], abs=allowed)
+
+
+def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
+    """The level of Newton's method on a sheet with a crack, whatever Newton itself allows."""
+    built = simulate(sheet, Explicit(1.0), loads=loads, damage=damage, **parts).build("cpu", 64)
+    if crack is not None:
+        sever(built, crack)
+    context, state = built.context, built.state
+    with patch.object(BondAssociatedTangent, "_stores_matrix", lambda tangent: assembled):
+        level = Level(context, built.law, built.law.tangent(context, True), built.external.following)
+    names = {launch.name for launch in context.stages["linearise"]}
+    assert ("assemble" in names) == assembled
+    stage = context.stage("evaluate", "in this test")
+    built.law.add_force(stage, state.displacement, state.force)
+    if state.external is not None:
+        built.external.add_force(stage, state.displacement, state.external)
+    level.add_residual(stage, None)
+    context.compile()
+    return level
+
+
+CRACK = ((0.02, 0.048), (0.07, 0.062))
+CASES = {
+    "lattice": (square(11), {"horizon": 3.15}),
+    "assembled lattice": (square(11), {"assembled": True, "weights": "corrected"}),
+    "assembled, 32 members and more": (square(15), {"assembled": True, "horizon": 4.15}),
+    "assembled Gent": (square(11), {"assembled": True, "material": GENT, "horizon": 1.5}),
+    "Gent cloud": (jittered(11), {"material": GENT}),
+    "broken lattice, dropped": (square(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
+    "broken lattice, redistributed": (
+        square(11), {"crack": CRACK, "damage": CriticalStretch(9.0), "law": {"broken": "redistribute"}},
+    ),
+    "broken cloud": (jittered(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_tangent_is_the_derivative_of_the_force(case):
+    sheet, parts = CASES[case]
+    parts = {"assembled": False, **parts}
+    level = tangent_of(sheet, loads=[Fixed(sheet.edges("left"))], **parts)
+    displacement = rough(sheet)
+    rng = np.random.default_rng(4)
+    directions = rng.normal(size=(3, sheet.size, 3)) * sheet.spacing
+    for direction in directions[1:]:  # single points, their own blocks and those of their neighbours
+        direction[rng.permutation(sheet.size)[3:]] = 0.0
+    products = []
+    for direction in directions:
+        assign(level.displacement, displacement)
+        level.linearise(0.0)
+        assign(level.vector, direction)
+        level.run("product")
+        product = level.image.numpy().copy()
+        products.append(product)
+        ends = []
+        for sign in (1.0, -1.0):
+            assign(level.displacement, displacement + sign * 1e-6 * direction)
+            level.evaluate()
+            ends.append(level.residual.numpy().copy())
+        expected = (ends[1] - ends[0]) / 2e-6
+        assert np.abs(expected).max() > 0.0
+        assert product == pytest.approx(expected, abs=2e-8 * np.abs(expected).max())
+    free = directions.copy()
+    free[:, sheet.edges("left")] = 0.0
+    # Symmetry, on the free components: a . K b = b . K a.
+    assign(level.displacement, displacement)
+    images = []
+    for direction in free:
+        assign(level.vector, direction)
+        level.run("product")
+        images.append(level.image.numpy().copy())
+    scale = np.abs(free[0] * images[0]).sum()
+    assert abs((free[0] * images[1]).sum() - (free[1] * images[0]).sum()) < 1e-12 * scale
+    # The sparse matrix, and the diagonal blocks, are the same operator.
+    assign(level.displacement, displacement)
+    level.linearise(0.0)
+    sparse = level.tangent.sparse()
+    found = sparse.matrix() @ free[0].ravel()[sparse.free]
+    assert found == pytest.approx(images[0].ravel()[sparse.free], abs=1e-11 * np.abs(images[0]).max())
+    blocks = np.zeros((sheet.size, 3, 3))
+    matrix = sparse.matrix().toarray()
+    for order, point in enumerate(np.flatnonzero(sparse.free.reshape(-1, 3)[:, 0])):
+        blocks[point] = matrix[3 * order : 3 * order + 3, 3 * order : 3 * order + 3]
+    inverse = level.tangent.inverse_blocks.numpy()
+    free_points = np.flatnonzero(sparse.free.reshape(-1, 3)[:, 0])
+    spectra = np.linalg.eigvalsh(blocks[free_points])
+    regular = free_points[spectra[:, 0] > 1e-5 * spectra[:, -1]]
+    assert len(regular) > 0.8 * len(free_points)
+    for point in regular:
+        assert inverse[point] @ blocks[point] == pytest.approx(np.eye(3), abs=1e-6)
+
+
+def test_follower_pressure_makes_the_tangent_unsymmetric():
+    sheet = square(11)
+    displacement = rough(sheet)
+    rng = np.random.default_rng(1)
+    a, b = rng.normal(size=(2, sheet.size, 3)) * sheet.spacing
+    asymmetries = []
+    for loads in ([Fixed(sheet.edges()), Pressure(500.0)], [Fixed(sheet.edges("left")), Pressure(500.0)]):
+        level = tangent_of(sheet, False, loads=loads, weights="corrected", horizon=1.5)
+        free = ~level.held
+        images = []
+        for direction in (a * free, b * free):
+            assign(level.displacement, displacement)
+            level.linearise(0.0)
+            assign(level.vector, direction)
+            level.run("product")
+            images.append(level.image.numpy().copy())
+            ends = []
+            for sign in (1.0, -1.0):
+                assign(level.displacement, displacement + sign * 1e-6 * direction)
+                level.evaluate()
+                ends.append(level.residual.numpy().copy())
+            expected = (ends[1] - ends[0]) / 2e-6
+            assert images[-1] == pytest.approx(expected, abs=2e-8 * np.abs(expected).max())
+        scale = np.sqrt((a * free * images[0]).sum() * (b * free * images[1]).sum())
+        asymmetries.append(abs((a * free * images[1]).sum() - (b * free * images[0]).sum()) / scale)
+    assert min(asymmetries) > 1e-3

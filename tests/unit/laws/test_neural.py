@@ -1,0 +1,37 @@
+"""Nodal and neural laws in a run: bonds outside the training range, a law without a tangent."""
+
+import numpy as np
+import pytest
+from helpers import NEO, square, uniform
+from point_laws import exact_module
+
+from warp_pd import Explicit, Fixed, InputError, Neural, Newton, Nodal, Simulation
+
+
+def stretched_run(law, gradient, **parts):
+    sheet = square(9)
+    u = uniform(sheet, gradient)
+    solver = Explicit(duration=1e-4, frames=2)
+    return Simulation(
+        sheet, force=law, solver=solver, loads=[Fixed(sheet.edges("all"))], initial_displacement=u, **parts
+    ).run(device="cpu")
+
+
+def test_bonds_outside_the_training_range_are_counted_and_reported():
+    inside = stretched_run(Neural(NEO), [[2.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    assert inside.history[0]["bonds_outside_training"] == 0.0
+    assert not [n for n in inside.summary["notes"] if "training range" in n]
+    beyond = stretched_run(Neural(NEO), [[0.75, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    assert beyond.history[0]["bonds_outside_training"] == beyond.summary["bonds"]
+    reported = [n for n in beyond.summary["notes"] if "training range" in n]
+    assert len(reported) == 1 and f"{beyond.summary['bonds']} of {beyond.summary['bonds']} bonds" in reported[0]
+    for law in (Neural(NEO, evaluation="closed_form"), Neural(NEO, network=exact_module()), Nodal(NEO)):
+        assert "bonds_outside_training" not in stretched_run(law, np.eye(3)[:, :2]).history[0]
+
+
+def test_newton_asks_for_a_tangent():
+    sheet = square(9)
+    for law in (Nodal(NEO), Neural(NEO, evaluation="closed_form")):
+        said = f"^force = {type(law).__name__}: .*BondAssociated or BondBased.*the solver Newton; take .*Relaxation$"
+        with pytest.raises(InputError, match=said):
+            Simulation(sheet, force=law, solver=Newton()).build(device="cpu")

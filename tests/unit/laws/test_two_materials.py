@@ -1,0 +1,38 @@
+"""Sheets of two stiffnesses: what they add to a scene, and the laws that refuse them."""
+
+import pytest
+from helpers import NEO, square
+from two_material_cases import LAWS, built_with, laminate
+
+from warp_pd import BondAssociated, CriticalStretch, InputError, Neural, Nodal, ViscoBondBased, Yeoh
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_second_material_adds_no_array_and_no_launch(name):
+    """It changes the weights: on a lattice their table has more rows."""
+    contexts = [built_with(LAWS[name], sheet).context for sheet in (square(12), laminate(12))]
+    plans = []
+    for context in contexts:
+        launches = {stage: [launch.name for launch in part] for stage, part in context.stages.items()}
+        assert launches["step"]
+        plans.append(([(stored.name, stored.owner) for stored in context.fields], launches, context.module))
+    assert plans[0] == plans[1]
+    rows = [len(context.fields["class_area"].numpy()) for context in contexts]
+    assert rows[1] > rows[0]
+
+
+@pytest.mark.parametrize(
+    ("law", "parts"),
+    [
+        (Nodal(NEO, horizon=2.015), {}),
+        (Neural(NEO, horizon=2.015, evaluation="closed_form"), {}),
+        (ViscoBondBased(Yeoh(1e3, 10.0)), {}),
+        (BondAssociated(NEO, weights="published"), {}),
+        (BondAssociated(NEO, broken="redistribute"), {"damage": CriticalStretch(2.0)}),
+    ],
+    ids=["nodal", "neural", "visco bond-based", "published weights", "redistributed weights"],
+)
+def test_a_law_of_one_material_refuses_two(law, parts):
+    assert built_with(law, square(12), **parts).law is not None
+    with pytest.raises(InputError, match=r"sheet\.stiffness"):
+        built_with(law, laminate(12), **parts)

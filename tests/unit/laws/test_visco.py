@@ -1,0 +1,82 @@
+"""Visco-hyperelastic laws: their arguments, what they refuse, the state that they keep, why a run diverged."""
+
+import numpy as np
+import pytest
+from helpers import square
+from visco_laws import LAWS, POLYUREA, TERMS
+
+from warp_pd import (
+    CriticalEnergy,
+    Explicit,
+    Fixed,
+    InputError,
+    Newton,
+    Prony,
+    Relaxation,
+    Simulation,
+    Visco,
+    ViscoBondBased,
+    Yeoh,
+)
+
+
+def names_of(law, damage=None):
+    """Names of the arrays of a simulation, and of what it does in a step."""
+    built = Simulation(square(7), law, Explicit(1.0), damage=damage).build("cpu")
+    launches = {name for launch in built.context.stages["step"] for name in launch.parts}
+    return {field.name for field in built.context.fields}, launches
+
+
+def test_without_prony_terms_there_is_no_state():
+    fields, launches = names_of(LAWS["stress-free"], CriticalEnergy(1.0))
+    assert {"strain", "overstress", "viscous_work", "prony", "energy_release"} <= fields
+    assert {"update", "add_release"} <= launches
+    fields, launches = names_of(LAWS["published"])
+    assert {"strain", "viscous_stretch", "prony"} <= fields and "update" in launches
+    for law in (Visco(POLYUREA, horizon=2.015), ViscoBondBased(POLYUREA, horizon=2.015)):
+        fields, launches = names_of(law)
+        assert not fields & {"strain", "overstress", "viscous_work", "viscous_stretch", "prony", "energy_release"}
+        assert not launches & {"update", "add_release"}
+
+
+def test_the_printed_series_that_outran_the_relaxation_says_so():
+    sheet = square(7)
+    law = ViscoBondBased(POLYUREA, prony=(Prony(0.1e6, time=1e-6),), horizon=2.015, update="series")
+    velocity = np.column_stack([10.0 * sheet.points, np.zeros(sheet.size)])
+    result = Simulation(sheet, law, Explicit(0.3, frames=10), initial_velocity=velocity).run(device="cpu", precision=64)
+    assert result.status == "diverged"
+    assert "try update 'exact'" in result.summary["message"]
+
+
+def test_both_laws_take_their_arguments_in_one_order():
+    for law in (Visco(POLYUREA, 2.015, prony=TERMS), ViscoBondBased(POLYUREA, 2.015, prony=TERMS)):
+        assert (law.horizon, law.prony) == (2.015, TERMS)
+    for law in (Visco, ViscoBondBased):
+        with pytest.raises(TypeError):
+            law(POLYUREA, 2.015, "plain", "linear", "drop", TERMS)
+
+
+@pytest.mark.parametrize(("name", "law"), [("Visco", LAWS["stress-free"]), ("ViscoBondBased", LAWS["published"])])
+@pytest.mark.parametrize("solver", [Relaxation(), Newton()], ids=["relaxation", "newton"])
+def test_static_solvers_refuse_prony_terms(solver, name, law):
+    """In one line that names the law and a solver to take."""
+    sheet = square(7)
+    said = rf"^force = {name}: [^\n]*{type(solver).__name__}[^\n]*; take "
+    with pytest.raises(InputError, match=said):
+        Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("all"))]).build("cpu")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Visco(POLYUREA, prony=[TERMS]), "^prony = "),
+        (lambda: Visco(POLYUREA, weights="published"), "^weights = 'published': expected 'auto', 'plain' or"),
+        (lambda: Visco(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),
+        (lambda: ViscoBondBased(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),
+        (lambda: ViscoBondBased(Yeoh(1.0, 1.0, 1.0)), "^material = .*: expected Yeoh with c30 = 0"),
+        (lambda: ViscoBondBased(POLYUREA, update="euler"), "^update = 'euler': expected one of 'exact', 'series'"),
+    ],
+)
+def test_wrong_arguments_are_refused(make, said):
+    with pytest.raises(InputError, match=said):
+        make()

@@ -1,0 +1,25 @@
+"""Loads, contact and rupture: wrong input is named."""
+
+import pytest
+from helpers import NEO, square
+
+from warp_pd import BodyForce, CriticalEnergy, CriticalStretch, Explicit, InputError, Nodal, RigidBall, Simulation
+
+NAN = float("nan")
+WRONG = [
+    (lambda: RigidBall(0.0, (0, 0, 0)), r"diameter = 0\.0"),
+    (lambda: RigidBall(1.0, (0, NAN, 0)), r"RigidBall\.start = "),
+    (lambda: CriticalStretch(1.0), r"stretch = 1\.0"),
+    (lambda: BodyForce((1.0, NAN, 0.0)), r"BodyForce\.value = "),
+    (
+        lambda: Simulation(square(5), Nodal(NEO), Explicit(1.0), damage=CriticalEnergy(1.0)).build("cpu"),
+        "CriticalEnergy with Nodal",
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
+def test_wrong_parts_are_named(make, text):
+    with pytest.raises(InputError, match=text) as caught:
+        make()
+    assert "\n" not in str(caught.value)

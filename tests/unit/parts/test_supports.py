@@ -1,0 +1,41 @@
+"""Supports: wrong input, and points that two of them would hold or move, are named."""
+
+import pytest
+from helpers import NEO, square
+
+from warp_pd import BondAssociated, Explicit, Fixed, InputError, Motion, Simulation
+
+
+def built_with(*loads):
+    return Simulation(square(5), BondAssociated(NEO), Explicit(1.0), loads=loads).build("cpu")
+
+
+WRONG = [
+    (lambda: built_with(Motion([3], [0.0], x=1.0), Fixed([3])), r"Fixed\.points holds point 3 at .* component x"),
+    (lambda: built_with(Fixed([3]), Motion([3], [0.0], z=1.0)), r"Motion\.points holds point 3 at .* component z"),
+    (lambda: Motion([0], [0.0, 1.0]).constraints(square(5)), "at least one prescribed"),
+    (lambda: Motion([0], [1.0, 0.0], x=1.0).schedule(), "rising"),
+    (lambda: Motion([0], [0.0, 1.0], x=[1.0, 2.0, 3.0]).schedule(), "3 values"),
+    (lambda: Motion([0], [0.0, 1.0], x=[0.0, float("nan")]).schedule(), r"Motion\.x\[1\] = nan"),
+    (lambda: Motion([0], [0.0, 1.0], y="fast").schedule(), r"Motion\.y = 'fast'"),
+    (lambda: Motion([0], ["soon", 1.0], x=1.0).schedule(), r"Motion\.times = "),
+    (lambda: Motion([0], [], x=[]).schedule(), "at least one"),
+    (lambda: Motion([0], [[0.0, 1.0]], x=[0.0, 1.0]).schedule(), "rising"),
+    (
+        lambda: built_with(Motion([3], [0.0, 1.0], y=[1.0, 0.0])),
+        r"Motion\.y is 1 m at t = 0, 1 m from where its points are",
+    ),
+    (lambda: Fixed([0], "xw").constraints(square(5)), "'xw'"),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
+def test_wrong_supports_are_named(make, text):
+    with pytest.raises(InputError, match=text) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_point_cannot_be_held_twice():
+    with pytest.raises(InputError, match="point 3"):
+        built_with(Fixed([3]), Motion([3], [0.0], x=1.0))

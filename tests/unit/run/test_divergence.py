@@ -1,0 +1,78 @@
+"""Divergence: what is wrong, where, and the likely cause."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from helpers import GENT, build, square
+from small_runs import BALL, cli
+
+from warp_pd import BondAssociated, Explicit, Fixed, Motion, Simulation
+from warp_pd.cli import build_scene
+from warp_pd.run.divergence import DivergedError
+from warp_pd.run.recorder import Recorder
+
+
+@pytest.mark.parametrize("field", ["displacement", "velocity"])
+@pytest.mark.parametrize("bad", [(0,), (255, 256), (288,), (280, 3)])
+def test_the_first_point_that_is_not_finite_is_named(field, bad):
+    built = build(square(17))
+    values = np.zeros((17**2, 3))
+    values[list(bad), 1] = np.inf if field == "velocity" else np.nan
+    getattr(built.state, field).assign(values)
+    with pytest.raises(DivergedError, match=f"point {min(bad)} at"):
+        Recorder(built, []).frame(0, 0.0, 0, 0.0)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_the_point_that_crosses_a_horizon_in_a_step_is_named(precision):
+    built = build(square(17), precision=precision)
+    velocity = np.random.default_rng(0).uniform(-1.0, 1.0, (17**2, 3))
+    velocity[77] = (0.0, -3.0, 4.0)
+    built.state.velocity.assign(velocity.astype(built.state.velocity.numpy().dtype))
+    horizon = built.law.families.horizon
+    Recorder(built, []).frame(0, 0.0, 0, 0.999 * horizon / 5.0)
+    with pytest.raises(DivergedError, match="point 77 moves more than a horizon"):
+        Recorder(built, []).frame(0, 0.0, 0, 1.001 * horizon / 5.0)
+
+
+def test_gent_near_its_lock_ends_with_the_cause():
+    sheet = square(7)
+    simulation = Simulation(
+        sheet, BondAssociated(GENT, weights="plain"), Explicit(1.0, frames=50),
+        loads=[Fixed(sheet.edges("left")), Motion(sheet.edges("right"), [0.0, 1.0], x=[0.0, 2.0])],
+    )  # fmt: skip
+    result = simulation.run(device="cpu")
+    assert result.status == "diverged"
+    assert "lock" in result.summary["message"]
+    assert np.isfinite(result.frame.displacement).all()
+
+
+def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
+    done = cli("run", *BALL, "--set", "safety=1.2", "--frames", "8", "--no-usd", "--no-pictures",
+               "--out", tmp_path)  # fmt: skip
+    assert done.exit_code == 3
+    assert (
+        "diverged" in done.output and "likely cause: the step" in done.output and "above the stable step" in done.output
+    )
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["status"] == "diverged"
+    with h5py.File(tmp_path / "frames.vtkhdf") as file:
+        assert np.isfinite(file["VTKHDF/Points"][:]).all()
+
+
+def test_a_start_that_is_not_finite_ends_with_code_3_and_leaves_nothing(tmp_path):
+    done = cli("run", "double_notch", "--points", "20", "--horizon", "2.015", "--set", "roughness=100", "--device",
+               "cpu", "--quiet", "--out", tmp_path)  # fmt: skip
+    assert done.exit_code == 3, done.output
+    assert "is NaN or Inf at the start" in done.output and "initial displacement" in done.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_likely_cause_fits_the_scene():
+    """Nothing can tear here, and no step in time could be smaller."""
+    result = build_scene("pressure_static", {"points": 11, "pressure": 500.0}).run(device="cpu")
+    assert result.status == "diverged"
+    assert "try a smaller load" in result.summary["message"]
+    assert "torn" not in result.summary["message"] and "safety" not in result.summary["message"]

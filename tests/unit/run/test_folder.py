@@ -1,0 +1,35 @@
+"""The folder of a run: what an earlier or a killed run left there is cleared, other files are kept."""
+
+import shutil
+
+import pytest
+from helpers import NEO, square
+from small_runs import cli
+
+from warp_pd import BondAssociated, Explicit, Fixed, Simulation
+
+
+def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_path):
+    folder = tmp_path / "earlier"
+    shutil.copytree(ball, folder)
+    (folder / "mine.png").write_bytes(b"mine")
+    done = cli("run", "pressure", "--points", "9", "--device", "cpu", "--quiet", "--no-pictures", "--out", folder)
+    assert done.exit_code == 0, done.output
+    assert {p.name for p in folder.glob("*.png")} == {"mine.png"}
+
+
+@pytest.mark.parametrize("usd", [True, False])
+def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
+    left = [".animation.unfinished.usdc", ".animation.copy.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
+            "history.csv.part", "summary.json.part", "damage.png.part"]  # fmt: skip
+    sheet = square(7)
+    simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=2), [Fixed(sheet.edges())])
+    (tmp_path / ".mine.usdc").write_bytes(b"mine")
+    for resume in (False, True):
+        for name in left:
+            (tmp_path / name).write_bytes(b"half")
+        assert simulation.run(out=tmp_path, device="cpu", usd=usd, resume=resume).status == "finished"
+        results = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"} | (
+            {"animation.usd"} if usd else set()
+        )
+        assert {p.name for p in tmp_path.iterdir()} == {".mine.usdc"} | results

@@ -1,0 +1,220 @@
+"""A run of each solver that is stopped at its frames and resumed ends with the bits of the run that never stopped."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import GENT, NEO, jittered, square
+from resumed_runs import require_same_when_stopped
+
+from warp_pd import (
+    Bimodular,
+    BondAssociated,
+    BondBased,
+    BoundaryForce,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Motion,
+    Neural,
+    Newton,
+    Nodal,
+    PointForce,
+    Pressure,
+    Relaxation,
+    RigidBall,
+    Simulation,
+)
+
+RISING = [(0.0, 0.0), (1.0, 1.0)]
+ROOT = Path(__file__).parents[3]
+
+
+def scene(sheet, solver, force=None, **parts):
+    return Simulation(sheet, force or BondAssociated(NEO, horizon=2.015, weights="plain"), solver, **parts)
+
+
+def held(sheet, *loads):
+    return [Fixed(sheet.edges()), *loads]
+
+
+def pulled(sheet, along=0.05, last=1.0):
+    motion = Motion(sheet.edges("right"), [0.0, last], x=[0.0, along], y=0.0, z=0.0)
+    return [Fixed(sheet.edges("left")), motion]
+
+
+def torn_strip(solver, stretch, along, force=None):
+    """A notched strip that is pulled until it tears."""
+    sheet = square(13).cut((-0.01, 0.051), (0.03, 0.051))
+    motion = Motion(sheet.edges("top"), [0.0, 1.0], x=0.0, y=[0.0, along], z=0.0)
+    return scene(sheet, solver, force, loads=[Fixed(sheet.edges("bottom")), motion], damage=CriticalStretch(stretch))
+
+
+RELAXED = {
+    "pressure": lambda: scene(
+        square(9), Relaxation(load_steps=4), loads=held(square(9), Pressure(5.0, ramp=RISING))
+    ),
+    "pull and dead load": lambda: scene(
+        square(9), Relaxation(load_steps=4, ramp_steps=100, tolerance=1e-5),
+        loads=[*pulled(square(9)), PointForce([40], (0.0, 0.0, 0.01), ramp=RISING)],
+    ),
+    "published weights": lambda: scene(
+        square(9), Relaxation(load_steps=3, tolerance=1e-5), BondAssociated(NEO, horizon=2.015, weights="published"),
+        loads=held(square(9), Pressure(5.0, ramp=RISING)),
+    ),
+    "rupture": lambda: torn_strip(
+        Relaxation(tolerance=1e-5, load_steps=4, ramp_steps=100, most_steps=20_000), 1.55, 0.05
+    ),
+    "cloud, Gent": lambda: scene(
+        jittered(9), Relaxation(load_steps=3), BondAssociated(GENT, horizon=2.015),
+        loads=held(jittered(9), Pressure(5.0, ramp=RISING)),
+    ),
+    "bond-based": lambda: scene(
+        square(9), Relaxation(load_steps=3, ramp_steps=100, tolerance=1e-5), BondBased(Bimodular(3e3)),
+        loads=pulled(square(9)),
+    ),
+    "nodal": lambda: scene(
+        square(9), Relaxation(load_steps=3, ramp_steps=100, tolerance=1e-4), Nodal(NEO), loads=pulled(square(9), 0.01)
+    ),
+}  # fmt: skip
+SOLVED = {
+    "pressure, direct": lambda: scene(square(9), Newton(load_steps=5), loads=held(square(9), Pressure(5.0))),
+    "pressure, jacobi": lambda: scene(
+        square(9), Newton(load_steps=4, preconditioner="jacobi"), loads=held(square(9), Pressure(5.0, follower=False))
+    ),
+    "pull, multigrid": lambda: scene(
+        square(21), Newton(load_steps=4, preconditioner="multigrid"),
+        loads=[*pulled(square(21)), Pressure(2.0, ramp=RISING)],
+    ),
+    "dead load, multigrid": lambda: scene(
+        square(21), Newton(load_steps=4), loads=held(square(21), Pressure(5.0, follower=False))
+    ),
+    "cloud, Gent": lambda: scene(
+        jittered(11), Newton(load_steps=4), BondAssociated(GENT, horizon=2.015), loads=held(jittered(11), Pressure(5.0))
+    ),
+    "bond-based": lambda: scene(
+        square(11), Newton(load_steps=4), BondBased(Bimodular(3e3)), loads=pulled(square(11), 0.01)
+    ),
+    "bond-based, rupture": lambda: torn_strip(
+        Newton(load_steps=4, most_iterations=60), 1.06, 0.004, BondBased(Bimodular(3e3))
+    ),
+}  # fmt: skip
+PRECONDITIONERS = {
+    "pressure, jacobi": "jacobi", "pull, multigrid": "multigrid", "dead load, multigrid": "multigrid"
+}  # fmt: skip
+STEPPED = {
+    "ball and rupture": lambda: scene(
+        square(13), Explicit(0.06, frames=4, damping=1.0), loads=held(square(13)), damage=CriticalStretch(1.05),
+        contact=RigidBall(0.03, (0.05, 0.05, 0.0151), (0.0, 0.0, -1.0)),
+    ),
+    "pull, ramp, boundary force": lambda: scene(
+        square(9), Explicit(0.02, frames=4),
+        loads=[*pulled(square(9), 0.02, 0.02), Pressure(5.0, ramp=[(0.0, 0.0), (0.02, 1.0)]), BoundaryForce(1e9)],
+    ),
+    "rigid inclusion": lambda: scene(
+        square(13).inclusion((0.05, 0.05), 0.018), Explicit(0.05, frames=4),
+        loads=pulled(square(13).inclusion((0.05, 0.05), 0.018), 0.02, 0.05),
+    ),
+    "cloud, free, no energy": lambda: scene(
+        jittered(9), Explicit(0.02, frames=4, damping=3.0), track_energy=False,
+        initial_velocity=0.1 * np.random.default_rng(0).normal(size=(81, 3)),
+    ),
+    "neural, closed form": lambda: scene(
+        square(9), Explicit(0.02, frames=4), Neural(NEO, evaluation="closed_form"), loads=held(square(9), Pressure(5.0))
+    ),
+    "neural, fused": lambda: scene(
+        square(9), Explicit(0.02, frames=4), Neural(NEO, evaluation="fused"), loads=held(square(9), Pressure(5.0))
+    ),
+}  # fmt: skip
+
+
+def stops(simulation):
+    """Frames of every restart file but the first: the run stops at the frame after it."""
+    return list(range(2, simulation().solver.frame_count + 1))
+
+
+def require_damage(case, result):
+    """In a case with rupture bonds broke before the last restart file, and after it."""
+    if "rupture" in case:
+        damage = [row["mean_damage"] for row in result.history]
+        assert 0.0 < damage[-2] < damage[-1]
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("case", RELAXED)
+def test_relaxation_goes_on_bit_for_bit(case, precision, tmp_path):
+    result = require_same_when_stopped(RELAXED[case], tmp_path, stops(RELAXED[case]), precision)
+    assert np.abs(result.frame.displacement).max() > 1e-4
+    require_damage(case, result)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("case", SOLVED)
+def test_newton_goes_on_bit_for_bit(case, precision, tmp_path):
+    result = require_same_when_stopped(SOLVED[case], tmp_path, stops(SOLVED[case]), precision)
+    assert np.abs(result.frame.displacement).max() > 1e-4
+    assert result.summary["solve"]["preconditioner"] == PRECONDITIONERS.get(case, "direct")
+    require_damage(case, result)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("case", STEPPED)
+def test_explicit_dynamics_go_on_bit_for_bit(case, precision, tmp_path):
+    result = require_same_when_stopped(STEPPED[case], tmp_path, stops(STEPPED[case]), precision)
+    assert np.abs(result.frame.displacement).max() > 1e-5
+    require_damage(case, result)
+
+
+FROM_THE_START = {
+    f"{solver}: {name}": case
+    for solver, cases in (("relaxation", RELAXED), ("newton", SOLVED), ("explicit", STEPPED))
+    for name, case in cases.items()
+}
+
+
+@pytest.mark.parametrize("case", FROM_THE_START)
+def test_a_run_that_stopped_at_its_first_frame_goes_on_bit_for_bit(case, tmp_path):
+    """Its restart file holds the start alone."""
+    require_same_when_stopped(FROM_THE_START[case], tmp_path, [1], 64)
+
+
+def near_the_lock(points, along, **settings):
+    law = BondAssociated(type(GENT)(mu=1e3, bulk=2e5, lock=1.0), horizon=2.015, weights="plain")
+    return scene(square(points), Newton(**settings), law, loads=pulled(square(points), along))
+
+
+def cutbacks(result):
+    return [step["share"] for step in result.summary["solve"]["load_steps"] if not step["converged"]]
+
+
+def test_cutbacks_go_on_bit_for_bit(tmp_path):
+    """Near the Gent lock load steps are cut; the resumed run knows how short they are now."""
+    result = require_same_when_stopped(lambda: near_the_lock(9, 0.12, load_steps=3), tmp_path, [2, 3])
+    assert cutbacks(result) and max(cutbacks(result)) <= 2.0 / 3.0 + 1e-9
+    shares = [step["share"] for step in result.summary["solve"]["load_steps"]]
+    assert 2.0 / 3.0 < shares[-2] < shares[-1] == 1.0
+
+
+def test_a_resumed_run_fails_at_the_same_load_factor_bit_for_bit(tmp_path):
+    settings = {"load_steps": 4, "most_cuts": 3, "most_iterations": 12}
+    result = require_same_when_stopped(
+        lambda: near_the_lock(13, 0.3, **settings), tmp_path, [2], status="not converged"
+    )
+    assert len(cutbacks(result)) == 4 and 0.25 < result.summary["solve"]["reached"] < 0.5
+
+
+def test_solvers_go_on_bit_for_bit_without_torch(tmp_path):
+    """The same tests in a process that cannot import Torch."""
+    code = (
+        "import sys; sys.modules['torch'] = None; import pytest; "
+        "sys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', *sys.argv[1:]]))"
+    )
+    chosen = "bit_for_bit and 64 and (pressure or neural) and not without_torch"
+    done = subprocess.run(
+        [sys.executable, "-c", code, __file__, "-k", chosen, "--basetemp", str(tmp_path / "inner")],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    assert "5 passed" in done.stdout

@@ -1,0 +1,67 @@
+"""Changes between a run and its resumption, of what is no part of the state: refused in one line, or done right."""
+
+import pytest
+from helpers import NEO, StopAt, square
+
+from warp_pd import BondAssociated, Explicit, Fixed, InputError, Measure, Neural, Pressure, Simulation
+from warp_pd.run.folder import read_history
+
+
+def simulation(**changes):
+    sheet = square(7)
+    given = {"force": BondAssociated(NEO), "solver": Explicit(1e-3, frames=4), **changes}
+    return Simulation(sheet, loads=[Fixed(sheet.edges()), Pressure(2.0)], **given)
+
+
+def stopped_and_resumed(folder, began, goes_on, **changed):
+    """The result of a resumed run, or None if it was refused in one line."""
+    options = {"out": folder, "device": "cpu", "usd": False}
+    assert began.run(**options, writers=[StopAt(3)]).status == "interrupted"
+    try:
+        return goes_on.run(**{**options, **changed}, resume=True)
+    except InputError as refused:
+        assert "\n" not in str(refused)
+        return None
+
+
+def measure(name):
+    return Measure(name, "m", lambda built, frame: float(frame.displacement[:, 2].max()))
+
+
+CHANGED = {"added": ([], ["a"]), "removed": (["a"], []), "renamed": (["a"], ["b"]), "one more": (["a"], ["a", "b"])}
+
+
+@pytest.mark.parametrize("change", CHANGED)
+def test_other_measures_leave_a_history_with_every_number(change, tmp_path):
+    began, goes_on = (simulation(measures=[measure(name) for name in names]) for names in CHANGED[change])
+    result = stopped_and_resumed(tmp_path, began, goes_on)
+    history = read_history(tmp_path / "history.csv")
+    if result is not None:
+        assert result.status == "finished" and len(history) == 5
+        assert all(row.keys() == history[0].keys() for row in history)
+        assert {m.name for m in goes_on.measures} <= history[-1].keys()
+    else:
+        again = simulation(measures=began.measures).run(out=tmp_path, device="cpu", usd=False, resume=True)
+        assert again.status == "finished"
+
+
+def test_an_animation_that_was_not_begun_is_no_traceback(tmp_path):
+    """As of `warp-pd run SCENE --no-usd`, stopped and resumed without --no-usd."""
+    result = stopped_and_resumed(tmp_path, simulation(), simulation(), usd=True)
+    assert result is None or (tmp_path / "animation.usd").is_file()
+
+
+def test_a_network_of_other_weights_is_refused():
+    """A module of one's own: its text has the shapes of its layers alone."""
+    torch = pytest.importorskip("torch")
+    from warp_pd.run.restart import identity
+
+    def known(bias):
+        layer = torch.nn.Linear(4, 2)
+        torch.nn.init.zeros_(layer.weight)
+        torch.nn.init.constant_(layer.bias, bias)
+        scene = simulation(force=Neural(NEO, network=layer))
+        return identity(scene, scene.build("cpu"))
+
+    assert known(0.0) == known(0.0)
+    assert known(0.0) != known(0.5)

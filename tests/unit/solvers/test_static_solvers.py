@@ -1,0 +1,79 @@
+"""Newton and Relaxation: what they compile, and wrong input in one line."""
+
+import pytest
+from helpers import square
+from small_runs import cli, simulate
+
+from warp_pd import (
+    BoundaryForce,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    InputError,
+    Newton,
+    Relaxation,
+    RigidBall,
+)
+
+
+def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
+    sheet = square(9)
+    kernels, fields = {}, {}
+    for solver in (Explicit(1.0), Relaxation(), Newton()):
+        built, name = simulate(sheet, solver, loads=[Fixed(sheet.edges())]).build("cpu"), type(solver).__name__
+        launches = {part for stage in built.context.stages.values() for launch in stage for part in launch.parts}
+        kernels[name] = launches | {key.split(".")[-1] for key in module_kernels(built)}
+        fields[name] = {stored.name for stored in built.context.fields}
+    tangent = {"linearise", "product"}
+    assert tangent <= kernels["Newton"]
+    assert not any(word in name for word in tangent for name in kernels["Explicit"] | kernels["Relaxation"])
+    stepping = {"step", "damping", "direction", "previous_force"}
+    assert stepping <= fields["Relaxation"]
+    assert not stepping & fields["Newton"]
+
+
+def module_kernels(built):
+    launch = next(iter(built.context.stages["setup"]))
+    return list(launch.kernel.module.kernels)
+
+
+WRONG = [
+    (lambda: Newton(tolerance=0.0), "tolerance = 0.0"),
+    (lambda: Newton(load_steps=0), "load_steps = 0"),
+    (lambda: Newton(most_iterations=0), "most_iterations = 0"),
+    (lambda: Newton(most_cuts=-1), "most_cuts = -1"),
+    (lambda: Newton(preconditioner="multigird"), "did you mean 'multigrid'"),
+    (lambda: Relaxation(tolerance=-1.0), "tolerance = -1.0"),
+    (lambda: Relaxation(tolerance=0.0), "tolerance = 0.0"),
+    (lambda: Relaxation(load_steps=0), "load_steps = 0"),
+    (lambda: Relaxation(most_steps=0), "most_steps = 0"),
+    (lambda: simulate(square(9), Newton(preconditioner="multigrid")).build("cpu"), "preconditioner = 'multigrid'"),
+    (lambda: simulate(square(9), Newton(), damage=CriticalStretch(2.0)).build("cpu"), "damage: expected None"),
+    (
+        lambda: simulate(square(9), Newton(), contact=RigidBall(0.01, (0.05, 0.05, 0.1), (0, 0, -1))).build("cpu"),
+        "contact = RigidBall",
+    ),
+    (lambda: simulate(square(21).inclusion((0.05, 0.05), 0.02), Newton()).build("cpu"), "sheet.inclusions"),
+    (lambda: simulate(square(21), Newton(), loads=[BoundaryForce(1e10)]).build("cpu"), "BoundaryForce"),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), WRONG, ids=[text for _, text in WRONG])
+def test_wrong_input_is_one_line(make, text):
+    with pytest.raises(InputError) as error:
+        make()
+    assert text in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["pressure", "--solver", "newtn"], "did you mean 'newton'"),
+        (["pressure", "--solver", "newton", "--weights", "published"], "with the solver Newton"),
+        (["ball_penetration", "--solver", "newton"], "solver: this scene knows"),
+    ],
+)
+def test_wrong_solver_on_the_command_line(arguments, text, tmp_path):
+    done = cli("run", *arguments, "--device", "cpu", "--quiet", "--out", tmp_path)
+    assert done.exit_code == 2
+    assert text in done.output

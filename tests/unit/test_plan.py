@@ -1,0 +1,51 @@
+"""The plan: arrays and launches, without those that a scene does not use."""
+
+import re
+
+import pytest
+from helpers import NEO, square
+from small_runs import cli
+
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Pressure, RigidBall, Simulation
+
+
+def column(table, name):
+    """A column of a table, by the name in its header."""
+    header, *rows = [re.split(r" {2,}", line) for line in table.splitlines() if line.startswith("  ")]
+    return [row[header.index(name)] for row in rows]
+
+
+def names_of(plan):
+    """Names of all arrays, and of all kernels and pointwise stages."""
+    arrays, launches = plan.split("\nlaunches\n")
+    kernels = [part for name in column(launches, "kernel") for part in name.split(", ")]
+    return {*column(arrays, "name"), *kernels}
+
+
+def test_the_plan_leaves_out_what_a_scene_does_not_use():
+    sheet = square(9)
+    law = BondAssociated(NEO, weights="plain")
+    bare = names_of(Simulation(sheet, law, Explicit(1.0)).plan("cpu"))
+    absent = {"intact_bonds", "damage", "released", "held", "external", "work", "dissipated", "damping", "impulse", "reference",  # noqa: E501
+              "time", "scheduled", "tick", "prescribe", "project", "separate", "break_bonds", "begin_loads"}  # fmt: skip  # noqa: E501
+    assert not bare & absent
+    assert {"displacement", "velocity", "force", "mass", "drift", "kick"} <= bare
+    full = names_of(
+        Simulation(
+            sheet, law, Explicit(1.0, damping=1.0), damage=CriticalStretch(2.0), contact=RigidBall(0.01, (0, 0, 1)),
+            loads=[Fixed(sheet.edges()), Pressure(1.0, ramp=[(0, 0), (1, 1)])],
+        ).plan("cpu")
+    )  # fmt: skip
+    assert full >= absent - {"prescribe"}
+
+
+def test_the_plan_counts_bytes():
+    done = cli("plan", "ball_penetration", "--points", "21", "--device", "cpu")
+    assert done.exit_code == 0, done.output
+    arrays, launches = done.output.split("\nlaunches\n")
+    table, total = arrays.rstrip().rsplit("\n", 1)
+    found = re.fullmatch(r"  (\d+) bytes, (\d+\.\d) per point", total)
+    bytes_of_arrays = sum(map(int, column(table, "bytes")))
+    assert int(found[1]) == bytes_of_arrays > 0
+    assert float(found[2]) == pytest.approx(bytes_of_arrays / 841, abs=0.05)
+    assert "break_bonds" in column(launches, "kernel")

@@ -1,0 +1,69 @@
+"""Scenes: a part in the wrong place, and wrong numbers of the scene itself, are named."""
+
+import numpy as np
+import pytest
+from helpers import NEO, square
+
+from warp_pd import (
+    Bimodular,
+    BondAssociated,
+    BondBased,
+    Explicit,
+    Fixed,
+    InputError,
+    Measure,
+    Nodal,
+    Ogden,
+    Outcome,
+    Simulation,
+)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Ogden(mu=1.0, exponents=(2.0,)), r"mu = 1\.0"),
+        (lambda: Ogden(mu=(1.0,), exponents=2.0), r"exponents = 2\.0"),
+        (lambda: BondAssociated("rubber"), "material = 'rubber'"),
+        (lambda: BondAssociated(Bimodular(1e3)), r"material = Bimodular.* such as NeoHookean"),
+        (lambda: BondBased(NEO), r"material = NeoHookean.* such as Bimodular"),
+        (lambda: Nodal(type(NEO)), "material = <class"),
+        (lambda: Simulation(square(5), None, Explicit(1.0)).build("cpu"), "force = None"),
+        (lambda: Simulation(square(5), NEO, Explicit(1.0)).build("cpu"), "force = NeoHookean"),
+    ],
+)
+def test_a_part_in_the_wrong_place_is_named(make, says):
+    with pytest.raises(InputError, match=says):
+        make()
+
+
+def nothing(*_):
+    return 0.0
+
+
+WRONG = [
+    ({"solver": "explicit"}, "solver = 'explicit'"),
+    ({"loads": Fixed([0])}, "loads = "),
+    ({"loads": [[Fixed([0])]]}, r"loads\[0\] is of type list"),
+    ({"outcomes": [5]}, r"outcomes\[0\] is of type int"),
+    ({"measures": [Measure("a\nb", "s", nothing)]}, "name of a measure"),
+    ({"measures": [Measure("m", "s", nothing)], "outcomes": [Outcome("m", "s", nothing)]}, "two numbers"),
+    ({"damage": 1.3}, r"damage = 1\.3"),
+    ({"measures": [Measure("time", "s", nothing)]}, "'time'"),
+    ({"initial_displacement": np.full((25, 3), np.nan)}, r"initial_displacement\[0, 0\] = nan"),
+    ({"initial_velocity": "none"}, "initial_velocity = 'none'"),
+]
+
+
+@pytest.mark.parametrize(("parts", "text"), WRONG, ids=[text for _, text in WRONG])
+def test_wrong_scenes_are_named(parts, text):
+    values = {"force": BondAssociated(NEO), "solver": Explicit(1.0), **parts}
+    with pytest.raises(InputError, match=text) as caught:
+        Simulation(square(5), **values).build("cpu")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wrong_influence_function_is_named():
+    with pytest.raises(InputError, match="influence = 'cubic'") as caught:
+        BondAssociated(NEO, influence="cubic")
+    assert "\n" not in str(caught.value)

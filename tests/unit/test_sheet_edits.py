@@ -1,0 +1,30 @@
+"""Holes and stiffer parts of a sheet: areas and stiffness of its points."""
+
+import numpy as np
+import pytest
+from helpers import square
+
+from warp_pd import InputError
+
+
+def test_a_hole_shrinks_areas():
+    complete = square(41)
+    holed = complete.hole((0.05, 0.05), 0.02)
+    removed = complete.areas.sum() - holed.areas.sum()
+    assert removed == pytest.approx(np.pi * 0.02**2, rel=0.15)
+    assert holed.lattice is None and holed.size < complete.size
+
+
+def test_stiffness_goes_with_its_points():
+    sheet = square(21).stiffened([0, 5], 2.0).stiffened([5], 3.0)
+    assert sheet.stiffness[[0, 1, 5]].tolist() == [2.0, 1.0, 6.0]
+    holed = sheet.hole((0.05, 0.05), 0.02)
+    kept = [int(np.flatnonzero((sheet.points == p).all(axis=1))[0]) for p in holed.points]
+    assert holed.size < sheet.size and (holed.stiffness == sheet.stiffness[kept]).all()
+    assert square(5).stiffness is None
+
+
+@pytest.mark.parametrize(("points", "factor", "message"), [([0], 0.0, r"factor = 0\.0"), ([81], 2.0, "holds point 81")])
+def test_wrong_stiffness_is_named(points, factor, message):
+    with pytest.raises(InputError, match=message):
+        square(9).stiffened(points, factor)
