@@ -1,20 +1,19 @@
 """Fit Yeoh and Prony constants to stress-stretch data, by least squares over all curves at once.
 
     python tools/identify_material.py data.csv                       constants of the law Visco
-    python tools/identify_material.py --recover                      tables 1 and 2 of VE from curves made with them
+    python tools/identify_material.py --recover                      recovers tables 1 and 2 of VE from synthetic curves
 
 The file has the columns stretch and stress (first Piola stress [Pa] along the pulled direction), and rate [1/s], the
-rate of that stretch; rows of one rate are one curve, in order from stretch 1; a rate of 0 is equilibrium. With a column
-time [s] instead of rate, the file is one curve. VE section 2.3 and appendix A fit equilibrium first and one
-fast curve then; here every curve counts with its own largest stress, so that all can be used.
+rate of that stretch. Rows of one rate are one curve, in order, from stretch 1 on. A rate of 0 means equilibrium. With
+a column time [s] instead of rate, the file is one curve. VE section 2.3 and appendix A fit equilibrium first and then
+one fast curve. Here all curves are fitted together, each with its own largest stress as its scale.
 
-phi_ref and eta are known apart only from curves at two or more rates. The published data (Amin et al. 2006, Roland et
-al. 2007) are not part of this project.
+Only curves at two or more rates tell phi_ref and eta apart. The published data (Amin et al. 2006, Roland et al. 2007)
+are not part of this project.
 """
 
 from __future__ import annotations
 
-import argparse
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,20 +21,22 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
+from study import run_tool, study_parser
 
 from warp_pd import InputError, Prony, Yeoh
-from warp_pd.homogeneous import LOADINGS, nominal_stress, second_stress, width_stretch
+from warp_pd.analytic_response import LOADINGS, nominal_stress, second_stress, width_stretch
 
 TABLES = {
     "table 1, high-damping rubber": (0.1438e6, 0.1438e6, 0.0587e6, 0.0562e6, 0.8673, 0.1),
     "table 2, polyurea": (0.1996e6, 0.0170e6, 0.01733e6, 0.0015e6, 0.9466, 1.6665),
 }
-# Rates of the curves made with them: equilibrium, and where their relaxation times can be seen.
+# Rates of the synthetic curves: equilibrium, and rates that show the relaxation times.
 RATES = {"table 1, high-damping rubber": (0.0, 0.024, 0.24, 0.88), "table 2, polyurea": (0.0, 0.15, 0.6, 1.5)}
 NAMES = ("c10", "c20", "Prony c10", "Prony c20", "phi_ref", "eta")
-# Points inside an interval of the data over which the stretch is followed.
-FINE = 4
-# Of the logarithms: moduli in Pa, phi_ref, eta.
+NOISES = (0.0, 0.002, 0.01)
+# Substeps of each interval of the data.
+SUBSTEPS = 4
+# Bounds of the logarithms: moduli in Pa, phi_ref, eta.
 BOUNDS = np.log([[1e-3] * 4 + [1e-9, 1e-4], [1e15] * 4 + [1e9, 10.0]])
 
 
@@ -59,28 +60,28 @@ def model(constants: Sequence[float], curve: Curve, loading: str) -> np.ndarray:
     c10, c20, viscous_c10, viscous_c20, time, exponent = constants
     if curve.time is None:
         return curve.stretch * second_stress(c10, c20, curve.stretch, width_stretch(loading, curve.stretch))
-    share = np.arange((len(curve.time) - 1) * FINE + 1) / FINE
-    stretch = np.interp(share, np.arange(len(curve.time)), curve.stretch)
-    fine = np.interp(share, np.arange(len(curve.time)), curve.time)
+    position = np.arange((len(curve.time) - 1) * SUBSTEPS + 1) / SUBSTEPS
+    stretch = np.interp(position, np.arange(len(curve.time)), curve.stretch)
+    times = np.interp(position, np.arange(len(curve.time)), curve.time)
     term = Prony(viscous_c10, viscous_c20, time=time, exponent=exponent)
-    return nominal_stress(Yeoh(c10, c20), (term,), fine, stretch, width_stretch(loading, stretch))[::FINE]
+    return nominal_stress(Yeoh(c10, c20), (term,), times, stretch, width_stretch(loading, stretch))[::SUBSTEPS]
 
 
 def identify(curves: Sequence[Curve], loading: str = "uniaxial", start: Sequence[float] | None = None) -> np.ndarray:
     """The six constants (c10, c20, Prony c10, Prony c20, phi_ref, eta) in Pa, s and 1, shape (6,).
 
-    All are kept positive, so that the material is stable and cannot give energy away.
+    All stay positive, so that the material is stable and cannot create energy.
 
     Args:
-        curves: One or more, of which one is not equilibrium.
+        curves: One or more; at least one is not equilibrium.
         loading: "uniaxial", "equibiaxial" or "planar".
-        start: Where to begin; by default a tenth of the stiffness of the data relaxes.
+        start: First guess; by default a tenth of the stiffness of the data relaxes.
 
     Raises:
         InputError: without a curve in time.
     """
     if all(curve.time is None for curve in curves):
-        raise InputError("curves hold equilibrium alone: allowed is at least one curve at a rate above 0")
+        raise InputError("curves are equilibrium only: expected at least one curve at a rate above 0")
     scales = [np.abs(curve.stress).max() for curve in curves]
 
     def residuals(logarithms: np.ndarray) -> np.ndarray:
@@ -90,8 +91,8 @@ def identify(curves: Sequence[Curve], loading: str = "uniaxial", start: Sequence
         )
 
     if start is None:
-        furthest = max(curves, key=lambda c: float(np.abs(c.stretch - 1.0).max()))
-        stiffness = abs(np.gradient(furthest.stress, furthest.stretch)[0]) / 6.0
+        longest = max(curves, key=lambda c: float(np.abs(c.stretch - 1.0).max()))
+        stiffness = abs(np.gradient(longest.stress, longest.stretch)[0]) / 6.0
         starts = [(stiffness, 0.1 * stiffness, 0.1 * stiffness, 0.01 * stiffness, 1.0, eta) for eta in (0.1, 1.0)]
     else:
         starts = [tuple(start)]
@@ -99,12 +100,12 @@ def identify(curves: Sequence[Curve], loading: str = "uniaxial", start: Sequence
     return np.exp(min(found, key=lambda f: float(f.cost)).x)
 
 
-def made(
-    constants: Sequence[float], rates: Sequence[float], noise: float, seed: int = 0, furthest: float = 2.5
+def synthetic(
+    constants: Sequence[float], rates: Sequence[float], noise: float, seed: int = 0, last_stretch: float = 2.5
 ) -> list[Curve]:
     """Uniaxial curves of known constants, with normal noise as a share of the largest stress of each."""
     rng = np.random.default_rng(seed)
-    stretch = np.linspace(1.0, furthest, 61)
+    stretch = np.linspace(1.0, last_stretch, 61)
     curves = []
     for rate in rates:
         time = np.abs(stretch - 1.0) / rate if rate > 0.0 else None
@@ -115,10 +116,10 @@ def made(
 
 
 def read(path: Path) -> list[Curve]:
-    """Curves of a CSV file, see above.
+    """Curves of a CSV file in the format above.
 
     Raises:
-        InputError: if it cannot be read, or a curve does not begin at stretch 1 and go on in time.
+        InputError: for a file that cannot be read, or a curve that does not start at stretch 1 and rise in time.
     """
     try:
         with path.open(newline="") as stream:
@@ -138,14 +139,14 @@ def read(path: Path) -> list[Curve]:
             ]
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"file = {str(path)!r}: allowed are numbers in columns stretch, stress and rate or time "
+            f"file = {str(path)!r}: expected numbers in the columns stretch, stress, and rate or time "
             f"({type(error).__name__})"
         ) from None
     for curve in curves:
-        begins = len(curve.stretch) > 5 and abs(curve.stretch[0] - 1.0) < 1e-6
-        if not begins or (curve.time is not None and not (np.diff(curve.time) > 0.0).all()):
+        starts_at_one = len(curve.stretch) > 5 and abs(curve.stretch[0] - 1.0) < 1e-6
+        if not starts_at_one or (curve.time is not None and not (np.diff(curve.time) > 0.0).all()):
             raise InputError(
-                f"file = {str(path)!r}: allowed are six rows or more a curve, from stretch 1 on, rising in time"
+                f"file = {str(path)!r}: expected six rows or more a curve, from stretch 1 on, with rising times"
             )
     return curves
 
@@ -163,27 +164,24 @@ def report(constants: np.ndarray, wanted: Sequence[float] | None = None) -> str:
 
 def main() -> None:
     """Fit a file, or recover the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = study_parser(__doc__)
     parser.add_argument("file", type=Path, nargs="?")
     parser.add_argument("--loading", choices=LOADINGS, default="uniaxial")
     parser.add_argument("--recover", action="store_true", help="tables 1 and 2 of VE, without and with noise")
     options = parser.parse_args()
     if options.recover:
         for name, wanted in TABLES.items():
-            for noise in (0.0, 0.002, 0.01):
-                found = identify(made(wanted, RATES[name], noise))
+            for noise in NOISES:
+                found = identify(synthetic(wanted, RATES[name], noise))
                 print(f"{name}, noise {100.0 * noise:g} %: found, table, difference\n{report(found, wanted)}\n")
-    elif options.file is None:
-        parser.error("a file, or --recover")
-    else:
-        try:
-            curves = read(options.file)
-            print(report(identify(curves, options.loading)))
-            if sum(curve.time is not None for curve in curves) < 2:
-                print("curves at fewer than two rates: phi_ref and eta are known together only, not apart")
-        except InputError as error:
-            parser.exit(2, f"{error}\n")
+        return
+    if options.file is None:
+        parser.error("expected a file, or --recover")
+    curves = read(options.file)
+    print(report(identify(curves, options.loading)))
+    if sum(curve.time is not None for curve in curves) < 2:
+        print("the curves are at fewer than two rates: phi_ref and eta cannot be told apart")
 
 
 if __name__ == "__main__":
-    main()
+    run_tool(main)

@@ -1,29 +1,29 @@
-"""Train the network of the neural force law for a material, and report how good it is.
+"""Train the network of the neural force law for a material, and report its errors.
 
     python tools/train_neural_law.py --out my_law.npz --bulk 50e3
     python tools/train_neural_law.py --out gent.npz --material gent --lock 160 --stretches 0.6 5
-    python tools/train_neural_law.py --out warp_pd/forces/neo_hookean_100.npz --steps 300     # the shipped one
+    python tools/train_neural_law.py --out warp_pd/neo_hookean_100.npz --steps 300            # the default network
 
 Writes the model file, and beside it a folder of the same name with `parity.png`, `error_by_stretch.png` and
-`report.md`: errors on the held-out 15 % and on a dense sample that training never saw, and the worst cases. Errors
-are relative to the force on the bond, or to 0.1 mu where that is smaller. `Neural(material, network="my_law.npz")` and
-`warp-pd run SCENE --force my_law.npz` use the file. Needs torch.
+`report.md`. The report holds the errors on the held-out 15 % and on a dense sample that training never saw, and the
+worst cases. Errors are relative to the force on the bond, or to 0.1 mu where the force is smaller. The file can be used
+as `Neural(material, network="my_law.npz")` and as `warp-pd run SCENE --force my_law.npz`. Training needs torch.
 """
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import one_line, stamp
+from study import provenance, run_tool, study_parser, table
 from tqdm import tqdm
 
 from warp_pd import Gent, NeoHookean
-from warp_pd.forces.network import Network
-from warp_pd.forces.training import (
+from warp_pd.networks import Network
+from warp_pd.run.folder import write_atomically
+from warp_pd.torch_backend.training import (
     FLOOR,
     Training,
     TrainingData,
@@ -33,8 +33,8 @@ from warp_pd.forces.training import (
     train,
     training_data,
 )
-from warp_pd.runner import write_aside
 
+# States of the dense sample.
 DENSE = 100_000
 
 
@@ -82,64 +82,73 @@ def report(network: Network, training: Training, dense: TrainingData, errors: np
     facts = network.report
     along, across = determination(network.evaluate(dense.features), dense.forces)
     held_along, held_across = facts["r2_along_across"]
+    held = (facts["largest_relative_error"], facts["rms_relative_error"])
+    sampled = (errors.max(), np.sqrt((errors**2).mean()))
     ratios = ", ".join(f"{key} = {value:g}" for key, value in network.ratios.items())
     lines = [
         f"# Network of the neural law: {network.material}, {ratios}",
         "",
         f"Trained {facts['made']}. Principal stretches {training.stretches[0]:g} to {training.stretches[1]:g}, "
         f"{training.samples} samples (70 / 15 / 15 %), seed {training.seed}, hidden layers {list(training.hidden)}, "
-        f"{network.size} weights, "
-        f"{facts['steps']} steps.",
+        f"{network.size} weights, {facts['steps']} steps.",
         "",
         f"Relative error: |T - T_law| / max(|T_law|, {FLOOR:g} mu).",
         "",
-        "| | R^2 along | R^2 across | largest relative error | rms |",
-        "|---|---|---|---|---|",
-        f"| held-out 15 % | {held_along:.8f} | {held_across:.8f} | {facts['largest_relative_error']:.2e} | "
-        f"{facts['rms_relative_error']:.2e} |",
-        f"| dense sample, {len(errors)} | {along:.8f} | {across:.8f} | {errors.max():.2e} | "
-        f"{np.sqrt((errors**2).mean()):.2e} |",
+        *table(
+            ["", "R^2 along", "R^2 across", "largest relative error", "rms"],
+            [
+                ["held-out 15 %", f"{held_along:.8f}", f"{held_across:.8f}", *map("{:.2e}".format, held)],
+                [f"dense sample, {len(errors)}", f"{along:.8f}", f"{across:.8f}", *map("{:.2e}".format, sampled)],
+            ],
+        ),
         "",
         "Worst cases of the dense sample:",
         "",
-        "| stretch 1 | stretch 2 | direction (degrees) | bond stretch | rotation (degrees) | T law | T network "
-        "| error |",
-        "|---|---|---|---|---|---|---|---|",
+        *worst_cases(network, dense, errors),
     ]
-    found = network.evaluate(dense.features)
-    for i in errors.argsort()[-8:][::-1]:
-        (first, second, angle), row = dense.states[i], dense.features[i]
-        lines.append(
-            f"| {first:.4f} | {second:.4f} | {np.degrees(angle):.2f} | {row[0]:.4f} | {np.degrees(row[1]):.2f} "
-            f"| {dense.forces[i, 0]:.5f}, {dense.forces[i, 1]:.5f} | {found[i, 0]:.5f}, {found[i, 1]:.5f} "
-            f"| {errors[i]:.2e} |"
-        )
     return "\n".join(lines) + "\n"
+
+
+def worst_cases(network: Network, dense: TrainingData, errors: np.ndarray) -> list[str]:
+    """Table of the eight states with the largest errors."""
+    head = [
+        "stretch 1", "stretch 2", "direction (degrees)", "bond stretch", "rotation (degrees)", "T law", "T network",
+        "error",
+    ]  # fmt: skip
+    found, rows = network.evaluate(dense.features), []
+    for i in errors.argsort()[-8:][::-1]:
+        (first, second, angle), features = dense.states[i], dense.features[i]
+        rows.append([
+            f"{first:.4f}", f"{second:.4f}", f"{np.degrees(angle):.2f}", f"{features[0]:.4f}",
+            f"{np.degrees(features[1]):.2f}", *(f"{T[i, 0]:.5f}, {T[i, 1]:.5f}" for T in (dense.forces, found)),
+            f"{errors[i]:.2e}",
+        ])  # fmt: skip
+    return table(head, rows)
 
 
 def main() -> None:
     """Train, report, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True, help="Model file to write, ending in .npz.")
+    parser = study_parser(__doc__, commit=None)
+    parser.add_argument("--out", type=Path, required=True, help="model file to write, ending in .npz")
     parser.add_argument("--material", choices=["neo_hookean", "gent"], default="neo_hookean")
-    parser.add_argument("--mu", type=float, default=1e3, help="Shear modulus [Pa]; only bulk / mu matters.")
-    parser.add_argument("--bulk", type=float, default=100e3, help="Bulk modulus [Pa].")
-    parser.add_argument("--lock", type=float, default=160.0, help="Jm of the Gent material.")
-    parser.add_argument("--stretches", type=float, nargs=2, default=[0.8, 4.0])
+    parser.add_argument("--mu", type=float, default=1e3, help="shear modulus [Pa]; only bulk / mu matters")
+    parser.add_argument("--bulk", type=float, default=100e3, help="bulk modulus [Pa]")
+    parser.add_argument("--lock", type=float, default=160.0, help="Jm of the Gent material")
+    parser.add_argument("--stretches", type=float, nargs=2, default=[0.8, 4.0], help="least and largest")
     parser.add_argument("--samples", type=int, default=10_000)
-    parser.add_argument("--hidden", type=int, nargs="+", default=[16, 16])
-    parser.add_argument("--steps", type=int, default=150, help="Most steps; training stops early when it is done.")
+    parser.add_argument("--hidden", type=int, nargs="+", default=[16, 16], help="width of each hidden layer")
+    parser.add_argument("--steps", type=int, default=150, help="at most; training stops when it no longer improves")
     parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    material: Any = NeoHookean(given.mu, given.bulk)
-    if given.material == "gent":
-        material = Gent(given.mu, given.bulk, given.lock)
+    options = parser.parse_args()
+    material: Any = NeoHookean(options.mu, options.bulk)
+    if options.material == "gent":
+        material = Gent(options.mu, options.bulk, options.lock)
     training = Training(
-        stretches=(given.stretches[0], given.stretches[1]), samples=given.samples, seed=given.seed,
-        hidden=tuple(given.hidden), steps=given.steps,
+        stretches=(options.stretches[0], options.stretches[1]), samples=options.samples, seed=options.seed,
+        hidden=tuple(options.hidden), steps=options.steps,
     )  # fmt: skip
-    if given.out.suffix != ".npz":
-        parser.error(f"--out {given.out}: allowed are names that end in .npz")
+    if options.out.suffix != ".npz":
+        parser.error(f"--out {options.out}: expected a name that ends in .npz")
     bar = tqdm(total=training.steps, unit="step")
     done = 0
 
@@ -151,18 +160,20 @@ def main() -> None:
 
     network, _ = train(material, training, progress)
     bar.close()
-    network = replace(network, report=network.report | {"made": stamp("CPU, float64"), "steps": done})
-    network.save(given.out)
+    made = provenance("CPU, float64", options.commit)
+    network = replace(network, report=network.report | {"made": made, "steps": done})
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    network.save(options.out)
     dense = training_data(material, sampled_states(training.stretches, DENSE, training.seed + 1))
     errors = relative_errors(network.evaluate(dense.features), dense.forces)
-    folder = given.out.with_suffix("")
+    folder = options.out.with_suffix("")
     folder.mkdir(exist_ok=True)
     parity(folder / "parity.png", network, dense)
     error_by_stretch(folder / "error_by_stretch.png", dense, errors)
     text = report(network, training, dense, errors)
-    write_aside(folder / "report.md", text)
+    write_atomically(folder / "report.md", text)
     print(text)
 
 
 if __name__ == "__main__":
-    one_line(main)
+    run_tool(main)

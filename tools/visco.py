@@ -1,26 +1,34 @@
-"""Run the scenes of VE, and put their numbers on docs/visco.md and their pictures on docs/visco.png.
+"""Run the scenes of VE. Makes a page of their numbers and one picture of all of them.
 
-    python tools/visco.py --device cuda:0          at the paper's sizes; runs write no USD, so usd-core is not needed
-    python tools/visco.py --points 24              anywhere, minutes on two CPU cores
-    python tools/visco.py --only-page              from runs that are there already
-
-Runs that are complete in the work folder are not repeated.
+python tools/visco.py --device cuda:0          docs/visco.md and docs/visco.png, at the sizes of the paper
+python tools/visco.py --points 24              anywhere, minutes on two CPU cores
+python tools/visco.py --only-page              from the runs in the work folder
 """
 
 from __future__ import annotations
 
-import argparse
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import identify_material
-from stamp import device_name, one_line, stamp
+from identify_material import NAMES, NOISES, RATES, TABLES, identify, synthetic
+from study import (
+    DOCS,
+    RUNS,
+    at_least_one,
+    devices_of,
+    execute_all,
+    page_header,
+    paragraph,
+    run_tool,
+    study_parser,
+    table,
+    write_page,
+)
 
-from scenes import Case, contact_sheet, execute, read_summary, sections
+from scenes import SceneCase, picture_of_all, sections
 
-# Scene, title, picture, settings; a size is added to each.
-RUNS: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
+# Scene, title, picture, settings. Each run gets a number of points too.
+RUNS_OF_VE: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
     ("visco_sheet", "VE 6.1 sheet, no Prony term, stretch 4", "", {"viscous": False, "stretch": 4.0}),
     ("visco_sheet", "VE 6.1, published law", "", {"viscous": False, "stretch": 4.0, "law": "published"}),
     ("visco_sheet", "VE 6.5 sheet, 0.15 /s", "stress.png", {}),
@@ -51,42 +59,52 @@ RUNS: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
         {"crack": True, "failure": True, "law": "published"},
     ),
 )  # fmt: skip
-PAPER = {"metamaterial": 120}
+# Points along a side as in the paper, where they are not 100.
+PAPER_POINTS = {"metamaterial": 120}
 
 
-def cases(points: int | None) -> list[Case]:
-    """All runs at a size, or at the paper's."""
+def cases(points: int | None) -> list[SceneCase]:
+    """All runs with so many points along a side; None takes those of the paper."""
     return [
-        Case(scene, title, picture, {"points": points or PAPER.get(scene, 100), **settings})
-        for scene, title, picture, settings in RUNS
+        SceneCase(scene, title, picture, {"points": points or PAPER_POINTS.get(scene, 100), **settings})
+        for scene, title, picture, settings in RUNS_OF_VE
     ]
 
 
 def identification() -> list[str]:
-    """Lines of markdown: constants of tables 1 and 2, recovered from curves made with them."""
-    lines = ["## Identification", "", "Differences from the tables, of constants found from uniaxial curves"]
-    lines += ["made with them (`tools/identify_material.py --recover`); noise over the largest stress of a curve.", ""]
-    lines += ["| table | noise | " + " | ".join(identify_material.NAMES) + " |", "|---" * 8 + "|"]
-    for name, wanted in identify_material.TABLES.items():
-        for noise in (0.0, 0.002, 0.01):
-            found = identify_material.identify(identify_material.made(wanted, identify_material.RATES[name], noise))
-            off = " | ".join(f"{100.0 * (f / w - 1.0):+.2f} %" for f, w in zip(found, wanted, strict=True))
-            lines.append(f"| {name} | {100.0 * noise:g} % | {off} |")
-    return [*lines, ""]
+    """Lines of markdown: the constants of tables 1 and 2, recovered from synthetic curves."""
+    rows = []
+    for name, wanted in TABLES.items():
+        for noise in NOISES:
+            found = identify(synthetic(wanted, RATES[name], noise))
+            errors = [f"{100.0 * (f / w - 1.0):+.2f} %" for f, w in zip(found, wanted, strict=True)]
+            rows.append([name, f"{100.0 * noise:g} %", *errors])
+    return [
+        "## Identification",
+        "",
+        *paragraph(
+            "`tools/identify_material.py --recover` makes uniaxial curves with the constants of the tables and fits "
+            "them. The table shows how far the fitted constants are off. Noise is relative to the largest stress of a "
+            "curve."
+        ),
+        *table(["table", "noise", *NAMES], rows),
+        "",
+    ]
 
 
-def page(chosen: list[Case], work: Path, stand: str | None) -> str:
+def page(chosen: list[SceneCase], work: Path, commit: str | None) -> str:
     """The numbers of all runs as markdown."""
-    summaries = {c: read_summary(work / c.name) for c in chosen}
-    devices = sorted({s["device"] for s in summaries.values() if s})
+    summaries = {case: case.summary(work) for case in chosen}
     lines = [
         "# Visco-hyperelastic sheets",
         "",
-        f"Made by `tools/visco.py` {stamp(', '.join(devices), stand)}.",
+        page_header("visco.py", devices_of(summaries.values()), commit),
         "",
-        "The scenes of VE, polyurea of its table 2. What its laws and numbers leave open, and where they do not fit",
-        "together, is said in the scenes' docstrings. A run that ends as diverged keeps its frames before.",
-        "",
+        *paragraph(
+            "These are the scenes of VE, with the polyurea of its table 2. The docstrings of the scenes say what the "
+            "paper leaves open and where its laws and numbers contradict each other. A run that diverged keeps its "
+            "earlier frames."
+        ),
         "![Scenes](visco.png)",
         "",
     ]
@@ -94,25 +112,17 @@ def page(chosen: list[Case], work: Path, stand: str | None) -> str:
 
 
 def main() -> None:
-    """Run what is missing, then write page and picture."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", type=device_name, default="cpu")
-    parser.add_argument("--points", type=int, help="points along a side, by default the paper's")
-    parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
-    parser.add_argument("--work", type=Path, default=Path("runs/visco"), help="folder of the runs")
-    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of visco.md and visco.png")
-    parser.add_argument("--only-page", action="store_true", help="run nothing")
-    parser.add_argument("--stand", help="name of the commit, where there is no repository")
+    """Run what is missing, then write the page and its picture."""
+    parser = study_parser(
+        __doc__, device="cpu", jobs=1, work=RUNS / "visco", out=DOCS / "visco.md", only_page=False, commit=None
+    )
+    parser.add_argument("--points", type=at_least_one, help="along a side; by default those of the paper")
     options = parser.parse_args()
     chosen = cases(options.points)
-    if not options.only_page:
-        with ThreadPoolExecutor(options.jobs) as pool:
-            list(pool.map(lambda case: execute(case, options.work, options.device), chosen))
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "visco.md").write_text(page(chosen, options.work, options.stand))
-    contact_sheet(options.work, options.out / "visco.png", chosen)
-    print(f"wrote {options.out / 'visco.md'}")
+    execute_all(chosen, options)
+    write_page(options.out, page(chosen, options.work, options.commit))
+    picture_of_all(options.work, options.out.with_suffix(".png"), chosen)
 
 
 if __name__ == "__main__":
-    one_line(main)
+    run_tool(main)

@@ -1,16 +1,15 @@
-"""The bimodular and wrinkling membranes of the IM paper: its tables and curves, Newton beside relaxation.
+"""The bimodular and wrinkling membranes of the IM paper: its tables and curves, and Newton against relaxation.
 
-    python tools/wrinkling.py                                   # what docs/wrinkling.md holds, at full size
+    python tools/wrinkling.py                                   # docs/wrinkling.md at full size
     python tools/wrinkling.py --share 0.5 --only kapton strip   # half as many points along x, two sections
 
-Every section keeps its numbers and pictures in the work folder; the page is put together from all that are there.
-Both solvers of a row run one after the other in one process, kernels compiled before. Full size takes about half an
-hour on two idle CPU cores, most of it relaxation and the strip.
+Every section keeps its numbers and pictures in the work folder. The page is put together from all sections there. The
+two solvers of a row run one after the other in one process, with compiled kernels. Full size takes about half an hour
+on two idle CPU cores, mostly for relaxation and the strip.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import shutil
@@ -19,22 +18,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stamp import device_name, one_line, stamp
+from study import DOCS, RUNS, paragraph, provenance, run_tool, study_parser, table, write_page
 
+from warp_pd import Bimodular, BondBased, Fixed, Motion, Newton, Result, Sheet, Simulation
 from warp_pd.cli import build_scene
+from warp_pd.device.context import find_device
 from warp_pd.measures import row_at
 from warp_pd.output import plots
-from warp_pd.runner import Result
+from warp_pd.run.folder import write_atomically
 
-INTRODUCTION = "Made by `tools/wrinkling.py`; docs/solvers.md says what these examples taught."
 RATIOS = (1.0, 5.0, 10.0, 20.0)
-# The paper's tolerance is 1e-5; a beam, soft in bending and stiff along its axis, asks for more before displacements
-# agree.
+# The tolerance of the paper is 1e-5. A beam is soft in bending and stiff along its axis: its displacements agree only
+# at a finer one.
 PAPER, FINE = 1e-5, 1e-8
+TENSION_STRAIN = 1e-3
+# Points along x that all scenes accept.
+SMALLEST = 40
 
 
 class Page:
-    """One section's numbers and pictures on their way to the page.
+    """Runs the scenes of a section and keeps its pictures.
 
     Attributes:
         work: Folder of the runs.
@@ -48,34 +51,39 @@ class Page:
 
     def points(self, full: int, multiple: int = 1) -> int:
         """Share of `full` points along x, in multiples for which cells are square."""
-        return max(20, multiple * max(1, round(self.share * full / multiple)))
+        return max(SMALLEST, multiple * max(1, round(self.share * full / multiple)))
 
     def run(self, scene: str, points: int, pictures: str = "", **settings: Any) -> Result:
         """Run a scene, after a tiny one that compiles its kernels; `pictures` names the folder of its pictures."""
-        build_scene(scene, {"points": 20, **settings, "solver": settings.get("solver", "newton")}).run(
+        build_scene(scene, {"points": SMALLEST, **settings, "solver": settings.get("solver", "newton")}).run(
             device=self.device
         )
         out = self.work / pictures if pictures else None
         return build_scene(scene, {"points": points, **settings}).run(device=self.device, out=out, usd=False)
 
-    def take(self, folder: str, picture: str) -> str:
-        """Copy a scene's picture beside the page; its line there."""
+    def picture(self, folder: str, picture: str) -> str:
+        """Keep a picture of a run for the page; its line there."""
         name = f"wrinkling-{folder}-{picture}"
         shutil.copy(self.work / folder / picture, self.work / name)
         return f"![{folder}: {picture[:-4]}]({name})"
 
 
 def solve(result: Result) -> dict[str, Any]:
-    """What the solver reports."""
+    """The report of the solver."""
     return result.summary["solve"]
 
 
-def per_load_step(result: Result) -> str:
+def values(result: Result) -> dict[str, float]:
+    """Measures of a run by name."""
+    return {name: entry["value"] for name, entry in result.summary["measures"].items()}
+
+
+def per_load_step(result: Result) -> list[str]:
     """Newton steps of every load step; "-" where one did not converge."""
     cells = []
     for entry in solve(result)["load_steps"]:
         cells.append(str(len(entry["lattices"][-1]["shares"])) if entry["converged"] else "-")
-    return " | ".join((cells + ["-"] * 10)[:10])
+    return (cells + ["-"] * 10)[:10]
 
 
 def largest_difference(a: Result, b: Result) -> float:
@@ -83,68 +91,62 @@ def largest_difference(a: Result, b: Result) -> float:
     return float(np.abs(a.frame.displacement - b.frame.displacement).max() / np.abs(a.frame.displacement).max())
 
 
-def comparison(label: str, newton: Result, relaxed: Result) -> str:
-    """A row of the table of both solvers."""
+COMPARED = ["case", "Newton", "steps", "s a step", "s", "relaxation", "steps", "s a step", "s", "times faster"]
+
+
+def comparison(label: str, newton: Result, relaxed: Result) -> list[str]:
+    """A row of the table that compares the solvers."""
     cells = [label]
     for result in (newton, relaxed):
         found = solve(result)
         each = found["seconds"] / max(1, found["iterations"])
         cells += [result.status, str(found["iterations"]), f"{each:.2g}", f"{found['seconds']:.2f}"]
-    cells.append(f"{solve(relaxed)['seconds'] / solve(newton)['seconds']:.1f}")
-    return "| " + " | ".join(cells) + " |"
-
-
-COMPARED = [
-    "| case | Newton | steps | s a step | s | relaxation | steps | s a step | s | times faster |",
-    "|---|---|---|---|---|---|---|---|---|---|",
-]
+    return [*cells, f"{solve(relaxed)['seconds'] / solve(newton)['seconds']:.1f}"]
 
 
 def bar(page: Page) -> list[str]:
     """Section 6.1."""
-    lines, rows, compared = ["## Bar of two moduli (6.1)", ""], [], []
-    curves = []
+    from warp_pd.scenes.bimodular_bar import exact
+
+    rows, compared, curves = [], [], []
     for ratio, colour in zip((1.0, 5.0, 10.0), ("C0", "C1", "C3"), strict=True):
         newton = page.run("bimodular_bar", page.points(200), ratio=ratio, tolerance=FINE)
         relaxed = page.run("bimodular_bar", page.points(200), ratio=ratio, tolerance=FINE, solver="relaxation")
-        error = newton.summary["measures"]["displacement_error"]["value"]
-        rows.append(
-            f"| {ratio:g} | {100 * error:.3f} % | {solve(newton)['iterations']} | "
-            f"{largest_difference(newton, relaxed):.1e} |"
-        )
+        rows.append([
+            f"{ratio:g}", f"{100 * values(newton)['displacement_error']:.3f} %", str(solve(newton)["iterations"]),
+            f"{largest_difference(newton, relaxed):.1e}",
+        ])  # fmt: skip
         compared.append(comparison(f"c-/c+ = {ratio:g}", newton, relaxed))
         z = newton.built.simulation.sheet.points[:, 0]
-        from warp_pd.scenes.bimodular_bar import exact
-
         curves += [
             (f"exact, c-/c+ = {ratio:g}", z, exact(z, ratio) - exact(z[:1], ratio), f"{colour}-"),
             ("", z, newton.frame.displacement[:, 0], f"{colour}o"),
         ]
     plots.profiles(page.work / "wrinkling-bar.png", curves, "z (m)", "displacement (m)")
-    lines += [
-        "Displacement of 200 points against the exact solution, one load step (the paper shows a curve).",
+    return [
+        "## Bar of two moduli (6.1)",
         "",
-        "| c-/c+ | error (L2) | Newton steps | Newton - relaxation |",
-        "|---|---|---|---|",
-        *rows,
+        *paragraph(
+            f"Displacement of {page.points(200)} points against the exact solution, one load step. The paper shows a "
+            "curve."
+        ),
+        *table(["c-/c+", "error (L2)", "Newton steps", "Newton - relaxation"], rows),
         "",
-        *COMPARED,
-        *compared,
+        *table(COMPARED, compared),
         "",
         "![Displacement of the bar, lines exact](wrinkling-bar.png)",
     ]
-    return lines
 
 
 def cantilever(page: Page) -> list[str]:
     """Section 6.2."""
     from warp_pd.scenes.cantilever import HEIGHT
 
-    tables: dict[str, list[str]] = {"constant": [], "tangent": []}
-    compared, shapes = [], []
+    steps: dict[str, list[list[str]]] = {"constant": [], "tangent": []}
+    compared, ends = [], []
     along: dict[int, list[Any]] = {0: [], 1: []}
     for ratio, colour in zip(RATIOS, ("C0", "C1", "C2", "C3"), strict=True):
-        for stiffness, table in tables.items():
+        for stiffness, rows in steps.items():
             result = page.run(
                 "cantilever",
                 page.points(200),
@@ -154,17 +156,16 @@ def cantilever(page: Page) -> list[str]:
                 most_iterations=50,
                 most_cuts=0,
             )
-            table.append(f"| {ratio:g} | {per_load_step(result)} |")
+            rows.append([f"{ratio:g}", *per_load_step(result)])
         newton = page.run(
             "cantilever", page.points(200), pictures=f"cantilever-{ratio:g}", ratio=ratio, tolerance=page.fine
         )
         relaxed = page.run("cantilever", page.points(200), ratio=ratio, tolerance=page.fine, solver="relaxation")
-        compared.append(comparison(f"c+/c- = {ratio:g}", newton, relaxed)[:-1])
-        measures = newton.summary["measures"]
-        shapes.append(
-            f"| {ratio:g} | {measures['end_down']['value']:.4f} | {measures['end_in']['value']:.4f} | "
-            f"{largest_difference(newton, relaxed):.1e} |"
-        )
+        compared.append(comparison(f"c+/c- = {ratio:g}", newton, relaxed))
+        ends.append([
+            f"{ratio:g}", f"{values(newton)['end_down']:.4f}", f"{values(newton)['end_in']:.4f}",
+            f"{largest_difference(newton, relaxed):.1e}",
+        ])  # fmt: skip
         points = newton.built.simulation.sheet.points
         line = row_at(points, 0.5 * HEIGHT)
         for c, curves in along.items():
@@ -175,41 +176,38 @@ def cantilever(page: Page) -> list[str]:
         plots.profiles(
             page.work / f"wrinkling-cantilever-u{c + 1}.png", curves, "x (m)", f"displacement along {name} (m)"
         )
-    head = ["| c+/c- | " + " | ".join(str(k) for k in range(1, 11)) + " |", "|---" * 11 + "|"]
+    head = ["c+/c-", *map(str, range(1, 11))]
     return [
         "## Cantilever of two moduli (6.2)",
         "",
-        'Newton steps of the ten load steps to a relative residual of 1e-5, at most 50; "-": not reached.',
+        'Newton steps of the ten load steps to a relative residual of 1e-5, at most 50; "-" if not reached.',
         "",
-        "Constant stiffness (the paper's table 1):",
+        "Constant stiffness (table 1 of the paper):",
         "",
-        *head,
-        *tables["constant"],
+        *table(head, steps["constant"]),
         "",
-        "Tangent stiffness (table 2):",
+        "Tangent stiffness (table 2 of the paper):",
         "",
-        *head,
-        *tables["tangent"],
+        *table(head, steps["tangent"]),
         "",
-        f"{page.points(200)} points along the beam. Middle of its free end, relative residual "
-        f"{page.fine:g}; finite elements of equal moduli: -0.7690 and -0.1867 m.",
+        *paragraph(
+            f"The next table is of {page.points(200)} points along the beam: displacement of the middle of its free "
+            f"end at a relative residual of {page.fine:g}. Finite elements of equal moduli give -0.7690 and -0.1867 m."
+        ),
+        *table(["c+/c-", "along y (m)", "along x (m)", "Newton - relaxation"], ends),
         "",
-        "| c+/c- | along y (m) | along x (m) | Newton - relaxation |",
-        "|---|---|---|---|",
-        *shapes,
+        *paragraph(
+            f"Both solvers run to {page.fine:g}. The paper takes 2.31 s x about 20 against 0.01 s x 9000 to 13000, two "
+            "to three times faster."
+        ),
+        *table(COMPARED, compared),
         "",
-        f"Both solvers to {page.fine:g}. The paper: 2.31 s x about 20 against 0.01 s x 9000 to 13000, two to three",
-        "times faster.",
-        "",
-        *COMPARED,
-        *[row + "|" for row in compared],
-        "",
-        "Middle line, lines by Newton, dots by relaxation:",
+        "Middle line; lines are by Newton, dots by relaxation:",
         "",
         "![Displacement along x](wrinkling-cantilever-u1.png)",
         "![Displacement along y](wrinkling-cantilever-u2.png)",
         "",
-        *[page.take(f"cantilever-{ratio:g}", "deformed.png") for ratio in RATIOS],
+        *[page.picture(f"cantilever-{ratio:g}", "deformed.png") for ratio in RATIOS],
     ]
 
 
@@ -221,25 +219,25 @@ def square(page: Page) -> list[str]:
         result = page.run(
             "square_wrinkles", page.points(100), pictures=folder, horizon=horizon, pull=force, tolerance=PAPER
         )
-        m = {name: entry["value"] for name, entry in result.summary["measures"].items()}
-        rows.append(
-            f"| {horizon:g} | {force:g} N | {result.status} | {solve(result)['iterations']} | "
-            f"{m['corner_displacement']:.4f} | {m['mean_wrinkle_level']:.3f} | {m['wrinkled_share']:.3f} | "
-            f"{solve(result)['seconds']:.1f} |"
-        )
+        m = values(result)
+        rows.append([
+            f"{horizon:g}", f"{force:g} N", result.status, str(solve(result)["iterations"]),
+            f"{m['corner_displacement']:.4f}", f"{m['mean_wrinkle_level']:.3f}", f"{m['wrinkled_share']:.3f}",
+            f"{solve(result)['seconds']:.1f}",
+        ])  # fmt: skip
+    head = [
+        "horizon", "force", "status", "Newton steps", "corner displacement (m)", "mean wrinkle level",
+        "wrinkled share", "s",
+    ]  # fmt: skip
+    shown = ("wrinkles.png", "stress.png", "stress_directions.png", "u1.png", "u2.png")
     return [
         "## Square pulled at its corners (6.3)",
         "",
         "One load step to 1e-5; the paper took 6 steps. At the printed horizon of one spacing nothing wrinkles.",
         "",
-        "| horizon | force | status | Newton steps | corner moves (m) | mean wrinkle level | wrinkled share | s |",
-        "|---|---|---|---|---|---|---|---|",
-        *rows,
+        *table(head, rows),
         "",
-        *[
-            page.take("square-3-5", name)
-            for name in ("wrinkles.png", "stress.png", "stress_directions.png", "u1.png", "u2.png")
-        ],
+        *[page.picture("square-3-5", name) for name in shown],
     ]
 
 
@@ -252,53 +250,56 @@ def kapton(page: Page) -> list[str]:
         result = page.run(
             "kapton_shear", page.points(380, 95), pictures=f"kapton-{horizon:g}", horizon=horizon, tolerance=PAPER
         )
-        m = {name: entry["value"] for name, entry in result.summary["measures"].items()}
-        rows.append(
-            f"| {horizon:g} | {result.status} | {solve(result)['iterations']} | {m['prestress'] / 1e6:.3f} | "
-            f"{m['middle_largest_stress'] / 1e6:.2f} | {m['middle_smallest_stress'] / 1e6:.2f} | "
-            f"{m['mean_wrinkle_level']:.3f} | {solve(result)['seconds']:.0f} |"
-        )
+        m = values(result)
+        rows.append([
+            f"{horizon:g}", result.status, str(solve(result)["iterations"]), f"{m['prestress'] / 1e6:.3f}",
+            f"{m['middle_largest_stress'] / 1e6:.2f}", f"{m['middle_smallest_stress'] / 1e6:.2f}",
+            f"{m['mean_wrinkle_level']:.3f}", f"{solve(result)['seconds']:.0f}",
+        ])  # fmt: skip
         points = result.built.simulation.sheet.points
         line = row_at(points, 0.5 * HEIGHT)
         stress = result.frame.point_data["principal_stress"][line] / 1e6
         curves.append((f"largest, horizon {horizon:g}", points[line, 0], stress[:, 0], f"{colour}-"))
         curves.append((f"smallest, horizon {horizon:g}", points[line, 0], stress[:, 1], f"{colour}--"))
     plots.profiles(page.work / "wrinkling-kapton.png", curves, "x (m)", "principal stress on the middle line (MPa)")
+    head = [
+        "horizon", "status", "Newton steps", "prestress (MPa)", "largest (MPa)", "smallest (MPa)", "wrinkle level", "s",
+    ]  # fmt: skip
     return [
         "## Sheared Kapton membrane (6.4)",
         "",
-        f"{page.points(380, 95)} points along x, prestress and shear in one load step each, to 1e-5; the",
-        "paper took 16 steps for both. Stresses are means over the middle half of the middle line.",
-        "",
-        "| horizon | status | Newton steps | prestress (MPa) | largest (MPa) | smallest (MPa) | wrinkle level | s |",
-        "|---|---|---|---|---|---|---|---|",
-        *rows,
+        *paragraph(
+            f"{page.points(380, 95)} points along x. Prestress and shear take one load step each, to 1e-5; the paper "
+            "took 16 steps for both. Stresses are means over the middle half of the middle line."
+        ),
+        *table(head, rows),
         "",
         "![Principal stresses on the middle line](wrinkling-kapton.png)",
-        *[page.take("kapton-3", name) for name in ("wrinkles.png", "stress.png", "stress_directions.png")],
+        *[page.picture("kapton-3", name) for name in ("wrinkles.png", "stress.png", "stress_directions.png")],
     ]
 
 
 def strip(page: Page) -> list[str]:
-    """Section 6.5, and what a membrane of this law does in plain tension."""
+    """Section 6.5."""
     result = page.run("notched_strip", page.points(200, 10), pictures="strip", tolerance=PAPER)
     rows = [
-        f"| {1e4 * row['end_displacement']:.2f} | {1e3 * row['load']:.3f} | {1e3 * row['crack_length']:.2f} | "
-        f"{row['mean_wrinkle_level']:.3f} | {row['largest_damage']:.2f} |"
+        [
+            f"{1e4 * row['end_displacement']:.2f}", f"{1e3 * row['load']:.3f}", f"{1e3 * row['crack_length']:.2f}",
+            f"{row['mean_wrinkle_level']:.3f}", f"{row['largest_damage']:.2f}",
+        ]
         for row in result.history[1:]
-    ]
+    ]  # fmt: skip
     found = solve(result)
     return [
         "## Notched strip (6.5)",
         "",
-        f"{page.points(200, 10)} points along x; {result.summary['message'] or result.status};",
-        f"{found['iterations']} Newton steps in {len(found['load_steps'])} equilibria, {found['seconds']:.0f} s.",
+        *paragraph(
+            f"{page.points(200, 10)} points along x; {result.summary['message'] or result.status}; "
+            f"{found['iterations']} Newton steps in {len(found['load_steps'])} equilibria, {found['seconds']:.0f} s."
+        ),
+        *table(["Ux (1e-4 m)", "load (mN)", "crack (mm)", "mean wrinkle level", "largest damage"], rows),
         "",
-        "| Ux (1e-4 m) | load (mN) | crack (mm) | mean wrinkle level | largest damage |",
-        "|---|---|---|---|---|",
-        *rows,
-        "",
-        *[page.take("strip", name) for name in ("damage.png", "wrinkles.png", "load.png")],
+        *[page.picture("strip", name) for name in ("damage.png", "wrinkles.png", "load.png")],
     ]
 
 
@@ -306,35 +307,29 @@ def tension(page: Page) -> list[str]:
     """How stiff a membrane without compressive modulus is in uniaxial tension."""
     rows = []
     for horizon in (1.5, 2.015, 3.0, 4.0):
-        cells = []
+        cells = [f"{horizon:g}"]
         for compression in (1e5, 0.0):
             result = strip_in_tension(horizon, compression).run(device=page.device)
             force = result.built.to_numpy(result.built.state.force)
             right = result.built.simulation.sheet.edges("right")
             stiffness = -force[right, 0].sum() / (1e5 * 1e-3 * 0.02 * TENSION_STRAIN)
-            sides = result.built.simulation.sheet.nearest(0.05, 0.02)
-            narrower = -result.frame.displacement[sides, 1] / (0.01 * TENSION_STRAIN)
-            cells.append(f"{stiffness:.3f} | {narrower:.2f} | {result.status}")
-        rows.append(f"| {horizon:g} | " + " | ".join(cells) + " |")
+            side = result.built.simulation.sheet.nearest(0.05, 0.02)
+            contraction = -result.frame.displacement[side, 1] / (0.01 * TENSION_STRAIN)
+            cells += [f"{stiffness:.3f}", f"{contraction:.2f}", result.status]
+        rows.append(cells)
     return [
         "## A strip in tension, with and without compressive modulus",
         "",
-        f"0.1 x 0.02 m, 80 x 16 points, ends moved apart by a strain of {TENSION_STRAIN:g} and free to contract: force "
-        "over E x section x strain, and contraction over strain.",
-        "",
-        "| horizon | E- = E+: force | contraction | | E- = 0: force | contraction | |",
-        "|---|---|---|---|---|---|---|",
-        *rows,
+        *paragraph(
+            f"The strip is 0.1 x 0.02 m and has 80 x 16 points. Its ends move apart by a strain of {TENSION_STRAIN:g} "
+            "and are free to contract. The table holds force over E x section x strain, and contraction over strain."
+        ),
+        *table(["horizon", "E- = E+: force", "contraction", "", "E- = 0: force", "contraction", ""], rows),
     ]
 
 
-TENSION_STRAIN = 1e-3
-
-
-def strip_in_tension(horizon: float, compression: float) -> Any:
+def strip_in_tension(horizon: float, compression: float) -> Simulation:
     """A strip whose ends move apart and may contract."""
-    from warp_pd import Bimodular, BondBased, Fixed, Motion, Newton, Sheet, Simulation
-
     sheet = Sheet.rectangle(0.1, 0.02, thickness=1e-3, density=1000.0, points=(80, 16), centred=True)
     left, right = sheet.edges("left"), sheet.edges("right")
     travel = TENSION_STRAIN * (0.1 - sheet.spacing)
@@ -358,37 +353,31 @@ SECTIONS: dict[str, Callable[[Page], list[str]]] = {
 
 
 def main() -> None:
-    """Run the sections asked for, then put the page together."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", type=device_name, default="cpu")
+    """Run the chosen sections, then put the page together."""
+    parser = study_parser(
+        __doc__, device="cpu", work=RUNS / "wrinkling", out=DOCS / "wrinkling.md", only_page=False, commit=None
+    )
     parser.add_argument("--share", type=float, default=1.0, help="of the scenes' points along x")
     parser.add_argument("--fine", type=float, default=FINE, help="relative residual of the beam's comparison")
     parser.add_argument("--only", nargs="+", choices=SECTIONS, default=list(SECTIONS))
-    parser.add_argument("--work", type=Path, default=Path("runs/wrinkling"), help="folder of the runs")
-    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of wrinkling.md and its pictures")
-    parser.add_argument("--stand", help="name of the commit, where there is no repository")
-    given = parser.parse_args()
-    given.work.mkdir(parents=True, exist_ok=True)
-    for name in given.only:
-        page = Page(given.work, given.device, given.share, given.fine)
-        before = os.getloadavg()[0]
-        lines = SECTIONS[name](page)
-        where = f"Measured {stamp(given.device, given.stand)}; {os.cpu_count()} CPU cores, load {before:.1f} before."
-        text = "\n".join([lines[0], "", where, *lines[1:], ""])
-        (given.work / f"{name}.json").write_text(json.dumps({"text": text}))
+    options = parser.parse_args()
+    options.work.mkdir(parents=True, exist_ok=True)
+    page = Page(options.work, options.device, options.share, options.fine)
+    for name in () if options.only_page else options.only:
+        load = os.getloadavg()[0]
+        title, *lines = SECTIONS[name](page)
+        made = provenance(find_device(options.device).name, options.commit)
+        measured = f"Measured {made}; {os.cpu_count()} CPU cores, load {load:.1f} before."
+        text = "\n".join([title, "", measured, *lines, ""])
+        write_atomically(options.work / f"{name}.json", json.dumps({"text": text}))
         print(f"{name} done", flush=True)
-    parts = [
-        json.loads((given.work / f"{name}.json").read_text())["text"]
-        for name in SECTIONS
-        if (given.work / f"{name}.json").is_file()
-    ]
-    given.out.mkdir(parents=True, exist_ok=True)
-    head = f"# Bimodular and wrinkling membranes (IM)\n\n{INTRODUCTION}\n"
-    (given.out / "wrinkling.md").write_text("\n".join([head, *parts]))
-    for picture in given.work.glob("wrinkling-*.png"):
-        shutil.copy(picture, given.out / picture.name)
-    print(f"wrote {given.out / 'wrinkling.md'}")
+    files = [options.work / f"{name}.json" for name in SECTIONS]
+    parts = [json.loads(file.read_text())["text"] for file in files if file.is_file()]
+    head = paragraph("Made by `tools/wrinkling.py`. [solvers.md](solvers.md) says what these examples taught.")
+    write_page(options.out, "\n".join(["# Bimodular and wrinkling membranes (IM)", "", *head, *parts]))
+    for picture in options.work.glob("wrinkling-*.png"):
+        shutil.copy(picture, options.out.with_name(picture.name))
 
 
 if __name__ == "__main__":
-    one_line(main)
+    run_tool(main)

@@ -1,26 +1,28 @@
-"""Compare the bond-based law with LAMMPS and pypd: same machine, same bonds, in turn.
+"""Compare the bond-based law with LAMMPS and pypd: same machine, same bonds, alternating runs.
 
-tools/peers/install.sh                                  once: the peers in runs/peers
-python tools/peers/compare.py --out docs/peers.md       a few minutes; nothing else should be running
+    tools/peers/install.sh                                  once: installs the peers in runs/peers
+    python tools/peers/compare.py --out docs/peers.md       a few minutes; nothing else should be running
 
-A sheet of points on a square lattice, horizon 3.015 spacings, 28 partners inside; float64; forces, integration and
-the test whether a bond breaks, every step. All codes run in turn, several times; the best time of each counts.
+The case is a sheet of points on a square lattice, horizon 3.015 spacings, 28 partners inside, in float64. Every step
+has forces, integration and the test whether a bond breaks. All codes run in turn, several times; the best time of each
+counts.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from stamp import stamp  # noqa: E402
+from study import RUNS, page_header, paragraph, run_tool, study_parser, table, write_page  # noqa: E402
 
 STYLES = {
     "peri/pmb": "1.6863e22 0.0030151 10.0 0.0",
@@ -77,74 +79,87 @@ def ours(peers: Peers, law: str, points: int, precision: int) -> float:
     return float(peers.run([sys.executable, "-c", code]).split()[-1])
 
 
-def table(times: dict[str, list[float]], points: int) -> list[str]:
-    """Rows of codes, best first line ours: point-steps a second, best and median, and how often ours is faster."""
+def times_table(times: dict[str, list[float]], points: int) -> list[str]:
+    """Rows of codes, ours first: point-steps a second, best and median, and how many times faster ours is."""
     own = min(next(iter(times.values())))
-    lines = ["| code | point-steps/s, best | median | bond-based over this |", "|---|---|---|---|"]
+    rows = []
     for name, measured in times.items():
-        middle = sorted(measured)[len(measured) // 2]
-        lines.append(
-            f"| {name} | {points**2 / min(measured):.3g} | {points**2 / middle:.3g} | {min(measured) / own:.2f} |"
-        )
-    return lines
+        best, middle = min(measured), sorted(measured)[len(measured) // 2]
+        rows.append([name, f"{points**2 / best:.3g}", f"{points**2 / middle:.3g}", f"{best / own:.2f}"])
+    return table(["code", "point-steps/s, best", "median", "bond-based over this"], rows)
+
+
+def one_core(peers: Peers, points: int, rounds: int) -> list[str]:
+    """Lines about LAMMPS."""
+    codes = {
+        "warp_pd, bond-based": partial(ours, peers, "bond_based", points, 64),
+        "LAMMPS peri/pmb": partial(lammps, peers, "peri/pmb", points, 200),
+        "LAMMPS peri/lps": partial(lammps, peers, "peri/lps", points, 100),
+        "warp_pd, bond-associated, 28 stresses a point": partial(ours, peers, "bond_associated", points, 64),
+    }
+    return [f"## One core, {points} x {points} points", "", *times_table(in_turn(codes, rounds), points), ""]
+
+
+def two_cores(peers: Peers, points: int, rounds: int) -> list[str]:
+    """Lines about pypd."""
+    codes = {
+        "warp_pd, bond-based": partial(ours, peers, "bond_based", points, 64),
+        "pypd (Numba, displacements in the plane)": partial(pypd, peers, points, 400),
+    }
+    return [f"## Two cores, {points} x {points} points", "", *times_table(in_turn(codes, rounds), points), ""]
+
+
+def in_turn(codes: dict[str, Callable[[], float]], rounds: int) -> dict[str, list[float]]:
+    """Times of all codes [s], measured in turn."""
+    times: dict[str, list[float]] = {name: [] for name in codes}
+    for _ in range(rounds):
+        for name, measure in codes.items():
+            times[name].append(measure())
+    return times
 
 
 def main() -> None:
-    """Measure in turn, print, and write the page if asked."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--peers", type=Path, default=Path("runs/peers"), help="folder that install.sh made")
+    """Measure in turn, print, and write the page if there is --out."""
+    parser = study_parser(__doc__, out=None, commit=None)
+    parser.add_argument("--peers", type=Path, default=RUNS / "peers", help="folder that install.sh made")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--points", type=int, default=256, help="along a side, for LAMMPS")
     parser.add_argument("--pypd-points", type=int, default=64, help="along a side, for pypd")
-    parser.add_argument("--out", type=Path, help="page to write")
     options = parser.parse_args()
     folder = options.peers.resolve()
     if not (folder / "venv/bin/lmp").exists():
-        parser.error(f"--peers = {str(options.peers)!r}: no LAMMPS there; run tools/peers/install.sh first")
-    one, two, n = Peers(folder, "0"), Peers(folder, "0,1"), options.points
-    first: dict[str, list[float]] = {"warp_pd, bond-based": [], "LAMMPS peri/pmb": [], "LAMMPS peri/lps": []}
-    first["warp_pd, bond-associated, 28 stresses a point"] = []
-    for _ in range(options.rounds):
-        first["warp_pd, bond-based"].append(ours(one, "bond_based", n, 64))
-        first["LAMMPS peri/pmb"].append(lammps(one, "peri/pmb", n, 200))
-        first["LAMMPS peri/lps"].append(lammps(one, "peri/lps", n, 100))
-        first["warp_pd, bond-associated, 28 stresses a point"].append(ours(one, "bond_associated", n, 64))
-    lines = [f"## One core, {n} x {n} points", "", *table(first, n), ""]
+        parser.error(f"--peers = {str(options.peers)!r}: LAMMPS is not there; run tools/peers/install.sh first")
+    lines = one_core(Peers(folder, "0"), options.points, options.rounds)
     if (folder / "pypd").is_dir():
-        n = options.pypd_points
-        second: dict[str, list[float]] = {"warp_pd, bond-based": [], "pypd (Numba, displacements in the plane)": []}
-        for _ in range(options.rounds):
-            second["warp_pd, bond-based"].append(ours(two, "bond_based", n, 64))
-            second["pypd (Numba, displacements in the plane)"].append(pypd(two, n, 400))
-        lines += [f"## Two cores, {n} x {n} points", "", *table(second, n), ""]
+        lines += two_cores(Peers(folder, "0,1"), options.pypd_points, options.rounds)
     print("\n".join(lines))
     if options.out is not None:
-        processor = next(
-            (x.split(":")[1].strip() for x in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in x),
-            "CPU",
-        )
-        options.out.write_text("\n".join([*introduction(processor), *lines, *REMARKS]))
+        header = page_header("peers/compare.py", processor(), options.commit)
+        write_page(options.out, "\n".join(["# Beside other codes", "", *introduction(header), *lines, *remarks()]))
 
 
-def introduction(processor: str) -> list[str]:
+def processor() -> str:
+    """Name of the processor."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    return next((line.split(":")[1].strip() for line in lines if "model name" in line), "CPU")
+
+
+def introduction(header: str) -> list[str]:
     """What was measured, and where."""
-    return [
-        "# Beside other codes",
-        "",
-        f"Measured by `tools/peers/compare.py` {stamp(processor)}.",
-        "Square lattice, horizon 3.015 spacings, float64, whole steps with the test whether a bond breaks. All codes",
-        "ran in turn, several rounds; the best of each counts.",
-        "",
-    ]
+    return paragraph(
+        f"{header} Square lattice, horizon 3.015 spacings, float64, whole steps with the test whether a bond breaks. "
+        "All codes ran in turn, several rounds. The best time of each counts."
+    )
 
 
-REMARKS = [
-    "LAMMPS's newer BPM package is reported to run peridynamic bonds 3.6 to 5.5 times faster than `peri/pmb`; it was",
-    "not compared. LAMMPS also looks for contact between points without a bond. pypd moves points in the plane alone.",
-    "Nobody else publishes times of a bond-associated law: ours is here to be compared with.",
-    "",
-]
+def remarks() -> list[str]:
+    """What the numbers do not say."""
+    return paragraph(
+        "The newer BPM package of LAMMPS is reported to run peridynamic bonds 3.6 to 5.5 times faster than "
+        "`peri/pmb`. It was not compared. LAMMPS also looks for contact between points without a bond. pypd moves "
+        "points in the plane only. Nobody else publishes times of a bond-associated law: ours is here for comparison."
+    )
 
 
 if __name__ == "__main__":
-    main()
+    run_tool(main)
