@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from types import ModuleType
 
 MOVED = {
-    "warp_pd.bonds": "warp_pd.families",
-    "warp_pd.contact": "warp_pd.parts",
-    "warp_pd.damage": "warp_pd.parts",
-    "warp_pd.forces": "warp_pd.laws",
-    "warp_pd.forces.network": "warp_pd.networks",
-    "warp_pd.forces.training": "warp_pd.torch_backend.training",
-    "warp_pd.launches": "warp_pd.device.launches",
-    "warp_pd.homogeneous": "warp_pd.analytic_response",
-    "warp_pd.loads": "warp_pd.parts",
-    "warp_pd.off_plane": "warp_pd.out_of_plane",
-    "warp_pd.runner": "warp_pd.run.runner",
+    "warp_pd.bonds": ("warp_pd.families", "warp_pd.laws.family_struct"),
+    "warp_pd.contact": ("warp_pd.parts",),
+    "warp_pd.damage": ("warp_pd.parts", "warp_pd.parts.rupture"),
+    "warp_pd.forces": ("warp_pd.laws",),
+    "warp_pd.forces.network": ("warp_pd.networks",),
+    "warp_pd.forces.training": ("warp_pd.torch_backend.training",),
+    "warp_pd.homogeneous": ("warp_pd.analytic_response",),
+    "warp_pd.launches": ("warp_pd.device.launches",),
+    "warp_pd.loads": ("warp_pd.parts", "warp_pd.parts.boundary_force", "warp_pd.schedules"),
+    "warp_pd.off_plane": ("warp_pd.out_of_plane",),
+    "warp_pd.runner": ("warp_pd.run.runner", "warp_pd.run.folder"),
 }
 
 
@@ -38,11 +38,14 @@ class MovedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
-        """A module with everything that the new one has."""
+        """A module with everything that the new ones have."""
         new = MOVED[spec.name]
-        warnings.warn(f"{spec.name} has moved to {new}; the old name goes with the next release", FutureWarning, 2)
+        said = " and ".join(new)
+        warnings.warn(f"{spec.name} has moved to {said}; the old name goes with the next release", FutureWarning, 2)
         module = ModuleType(spec.name)
-        module.__dict__.update({k: v for k, v in vars(importlib.import_module(new)).items() if not k.startswith("__")})
+        for name in new:
+            found = vars(importlib.import_module(name))
+            module.__dict__.update({key: value for key, value in found.items() if not key.startswith("__")})
         return module
 
     def exec_module(self, module: ModuleType) -> None:

@@ -207,9 +207,6 @@ class BondAssociatedForce(FamilyLaw):
 
     def likely_cause(self) -> str:
         """What to suspect where a run diverged."""
-        lock = capabilities(self.material).lock
-        if lock is not None:
-            return f"the Gent lock Jm = {lock:g} was reached, or the sheet stiffened faster than the step followed"
-        if self.weights == "published":
+        if self.weights == "published" and self.lock is None:
             return "the published weights have no energy: they can pump it in once bonds break; try weights 'plain'"
         return super().likely_cause()

@@ -18,7 +18,7 @@ from ..families import Families, pack
 from ..interfaces import BuiltLaw, Law, Tangent
 from ..kernels.effects import Kernel
 from ..kernels.pointwise import Pointwise
-from ..materials import padded_constants
+from ..materials import capabilities, padded_constants
 from ..phases import Phase
 from ..sheet import Sheet
 from .family_struct import family_struct
@@ -81,6 +81,7 @@ class FamilyLaw(BuiltLaw):
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True)
         self.thickness = context.sheet.thickness
         self.points = context.sheet.size
+        self.lock = capabilities(law.material).lock
         self.constants = context.types.parameters(*padded_constants(law.material))
         self.inverse_horizon = 1.0 / families.horizon
         self.unit_volume = self.thickness * families.reference_area
@@ -175,6 +176,8 @@ class FamilyLaw(BuiltLaw):
 
     def likely_cause(self) -> str:
         """What to suspect where a run diverged."""
+        if self.lock is not None:
+            return f"the Gent lock Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step followed"
         if not self.has_energy:
             return "the law has no energy: it can pump it in; try damping or the law bond_associated"
         torn = ", as torn edges do" if self.intact is not None else ""
