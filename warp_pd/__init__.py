@@ -5,41 +5,74 @@
 See README.md and the files in `scenes/`, which are meant to be read and changed.
 """
 
+from typing import TYPE_CHECKING
+
 from . import _moved
-from .bond_neo_hookean import BondNeoHookean
-from .built import Built
-from .checks import InputError
-from .frame import Frame, Surface
-from .laws import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
-from .materials import (
-    ArrudaBoyce,
-    Bimodular,
-    Gent,
-    Incompressible,
-    Material,
-    MooneyRivlin,
-    NeoHookean,
-    Ogden,
-    PairwiseMaterial,
-    Prony,
-    Yeoh,
-)
-from .parts import (
-    BodyForce,
-    BoundaryForce,
-    CriticalEnergy,
-    CriticalStretch,
-    Fixed,
-    Motion,
-    PointForce,
-    Pressure,
-    RigidBall,
-)
-from .run.runner import Result
-from .scene import Measure, Outcome
-from .sheet import Sheet
-from .simulation import Simulation
-from .solvers import Explicit, Newton, Relaxation
+from ._lazy import lazy
+
+if TYPE_CHECKING:
+    from .bond_neo_hookean import BondNeoHookean
+    from .built import Built
+    from .checks import InputError
+    from .frame import Frame, Surface
+    from .laws import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
+    from .materials import (
+        ArrudaBoyce,
+        Bimodular,
+        Gent,
+        Incompressible,
+        Material,
+        MooneyRivlin,
+        NeoHookean,
+        Ogden,
+        PairwiseMaterial,
+        Prony,
+        Yeoh,
+    )
+    from .parts import (
+        BodyForce,
+        BoundaryForce,
+        CriticalEnergy,
+        CriticalStretch,
+        Fixed,
+        Motion,
+        PointForce,
+        Pressure,
+        RigidBall,
+    )
+    from .run.runner import Result
+    from .scene import Measure, Outcome
+    from .sheet import Sheet
+    from .simulation import Simulation
+    from .solvers import Explicit, Newton, Relaxation
+else:
+    __getattr__ = lazy(
+        __name__,
+        {
+            "bond_neo_hookean": "BondNeoHookean",
+            "built": "Built",
+            "checks": "InputError",
+            "frame": "Frame Surface",
+            "laws.bond_associated": "BondAssociated",
+            "laws.bond_based": "BondBased",
+            "laws.hyperelastic_bonds": "HyperelasticBonds",
+            "laws.neural": "Neural",
+            "laws.nodal": "Nodal",
+            "laws.visco": "Visco",
+            "laws.visco_bonds": "ViscoBondBased",
+            "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
+            "PairwiseMaterial Prony Yeoh",
+            "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch Fixed Motion PointForce Pressure "
+            "RigidBall",
+            "run.runner": "Result",
+            "scene": "Measure Outcome",
+            "sheet": "Sheet",
+            "simulation": "Simulation",
+            "solvers.explicit": "Explicit",
+            "solvers.newton": "Newton",
+            "solvers.relaxation": "Relaxation",
+        },
+    )
 
 __version__ = "0.1.0"
 

@@ -1,5 +1,6 @@
 """What docs/architecture.md says of the package, held against the package."""
 
+import importlib
 import inspect
 import operator
 import re
@@ -99,6 +100,22 @@ def test_nobody_asks_for_the_type_of_a_part():
             ours = named & parts
             defined = {word for word in ours if f"class {word}" in path.read_text()}
             assert ours == defined, f"{path}: isinstance(..., {kind})"
+
+
+@pytest.mark.parametrize("package", ["warp_pd", "warp_pd.laws", "warp_pd.solvers"])
+def test_packages_offer_what_they_say(package):
+    """Names are imported on first use, each from the module that has it."""
+    module = importlib.import_module(package)
+    assert module.__all__
+    for name in module.__all__:
+        assert getattr(module, name) is not None
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'"):
+        _ = module.nothing
+
+
+def test_import_waits_for_nothing_else():
+    code = "import sys, warp_pd; sys.exit(int('warp' in sys.modules or 'numpy' in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_old_names_of_modules_work_with_a_warning(tmp_path):

@@ -1,22 +1,32 @@
 """Force laws: how displacements turn into forces. One file per law; see interfaces.py for what a law has to offer."""
 
-from __future__ import annotations
+from typing import TYPE_CHECKING
 
-from pathlib import Path
+from .._lazy import lazy
 
-from ..checks import InputError, one_of
-from ..materials import Material
-from .bond_associated import BondAssociated
-from .bond_based import BondBased
-from .hyperelastic_bonds import HyperelasticBonds
-from .neural import Neural
-from .nodal import Nodal
-from .visco import Visco
-from .visco_bonds import ViscoBondBased
-
-ForceLaw = BondAssociated | BondBased | HyperelasticBonds | Nodal | Neural | Visco | ViscoBondBased
-
-NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
+if TYPE_CHECKING:
+    from .bond_associated import BondAssociated
+    from .bond_based import BondBased
+    from .by_name import NAMES, ForceLaw, force_law
+    from .hyperelastic_bonds import HyperelasticBonds
+    from .neural import Neural
+    from .nodal import Nodal
+    from .visco import Visco
+    from .visco_bonds import ViscoBondBased
+else:
+    __getattr__ = lazy(
+        __name__,
+        {
+            "bond_associated": "BondAssociated",
+            "bond_based": "BondBased",
+            "by_name": "NAMES ForceLaw force_law",
+            "hyperelastic_bonds": "HyperelasticBonds",
+            "neural": "Neural",
+            "nodal": "Nodal",
+            "visco": "Visco",
+            "visco_bonds": "ViscoBondBased",
+        },
+    )
 
 __all__ = [
     "NAMES",
@@ -30,30 +40,3 @@ __all__ = [
     "ViscoBondBased",
     "force_law",
 ]
-
-
-def force_law(name: str, material: Material, horizon: float, weights: str = "auto") -> ForceLaw:
-    """The law that a scene's `force` names.
-
-    Args:
-        name: "bond_associated", "nodal", "closed_form", "neural" (Torch), "neural_fused" (the same network in a
-            kernel), or the file of a network, ending in .npz, for Torch.
-        material: The scene's material.
-        horizon: Horizon over the spacing [-].
-        weights: Those of the bond-associated law; the others have none.
-
-    Raises:
-        InputError: for an unknown name, or weights that the law does not have.
-    """
-    network = None
-    if name.endswith(".npz"):
-        name, network = "neural", Path(name)
-    one_of("force", name, NAMES)
-    if name == "bond_associated":
-        return BondAssociated(material, horizon=horizon, weights=weights)
-    if weights != "auto":
-        raise InputError(f"weights = {weights!r}: expected 'auto' with force {name!r}, only bond_associated has any")
-    if name == "nodal":
-        return Nodal(material, horizon=horizon)
-    evaluation = {"neural": "torch", "neural_fused": "fused"}.get(name, name)
-    return Neural(material, horizon=horizon, evaluation=evaluation, network=network)

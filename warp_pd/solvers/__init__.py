@@ -1,9 +1,17 @@
 """Solvers: how displacements follow from forces. See interfaces.py for what a solver has to offer."""
 
-from .explicit import Explicit
-from .newton import Newton
-from .relaxation import Relaxation
+from typing import TYPE_CHECKING
 
-Solver = Explicit | Relaxation | Newton
+from .._lazy import lazy
+
+if TYPE_CHECKING:
+    from .any import Solver
+    from .explicit import Explicit
+    from .newton import Newton
+    from .relaxation import Relaxation
+else:
+    __getattr__ = lazy(
+        __name__, {"any": "Solver", "explicit": "Explicit", "newton": "Newton", "relaxation": "Relaxation"}
+    )
 
 __all__ = ["Explicit", "Newton", "Relaxation", "Solver"]
