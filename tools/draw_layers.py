@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "layers.svg"
-LEFT_OUT = {"scenes", "_renamed"}
+LEFT_OUT = {"scenes", "_lazy", "_renamed"}
 ROW, COLUMN, HEIGHT, SIZE = 62, 170, 34, 14
 
 
