@@ -1,8 +1,8 @@
-"""Mass damping of dynamic relaxation: critical for the motion that is left.
+"""Mass damping of dynamic relaxation: critical for the remaining motion.
 
 Rayleigh's quotient of the last step, omega^2 = (v . K v) / (v . M v) with K v = -(change of force) / dt, tends to the
 lowest frequency still in motion, for which c = 2 omega is critical. Source: Underwood's adaptive dynamic relaxation,
-with the tangent along the motion in place of a diagonal.
+with the tangent along the motion in place of a diagonal stiffness.
 """
 
 import functools
@@ -19,7 +19,7 @@ def adaptive_damping(bits: int, following: bool, module: str) -> tuple[Kernel, K
 
     Args:
         bits: 32 or 64.
-        following: Whether some load follows the displacement: then the external force counts, as part of the stiffness.
+        following: Whether any load depends on the displacement; the external force is then part of the stiffness.
         module: Name of the Warp module.
     """
     types = numeric(bits)

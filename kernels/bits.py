@@ -1,4 +1,4 @@
-"""Walking over the members of a family that a 32-bit mask holds.
+"""Loops over the members of a family that are stored in 32-bit masks.
 
     members = ...                                   bits of one word
     while members != wp.uint32(0):
@@ -6,7 +6,7 @@
         members = without_lowest_bit(members)
         ...
 
-Members come in rising order, so sums repeat bit for bit.
+Members come in ascending order, so sums repeat bit for bit.
 """
 
 import warp as wp

@@ -1,6 +1,6 @@
-"""Bond-associated correspondence: one deformation gradient and one stress a bond.
+"""Bond-associated correspondence: one deformation gradient and one stress per bond.
 
-For bond (i,j), D_ij is the part of the family H_i that lies within the horizon of j too, j included.
+For bond (i,j), D_ij is the part of the family H_i that also lies within the horizon of j, j included.
 With c_k = w_ik a_k over k in D_ij:
 
     K_ij = sum c_k X_ik (x) X_ik,      F_ij = I + [sum c_k U_ik (x) X_ik] K_ij^-1,   U_ik = u_k - u_i.
@@ -10,13 +10,13 @@ Variational form (the default): E = h sum_ij W_ij Psi(F_ij), and the family of i
 Published form (BA, eqs. 38 and 43): the force of a bond comes from its own stress alone,
     a_i a_k T_ik = a_i c_k (|D_ik|/|H_i|) (|H_i| + |H_k|)/(2 |H_i|) h P_ik K_ik^-1 X_ik.
 
-Either way `bond_force[k, i]` is what the family of i does to the pair: + on i, - on the member. The force
-on a point is then gathered from both ends of its bonds, so momentum is conserved to round-off.
+In both forms `bond_force[k, i]` is the force that the family of i exerts on the pair: + on i, - on the member.
+The force on a point is then gathered from both ends of its bonds, so momentum is conserved to round-off.
 
 An intersection whose points are (nearly) collinear, det K < DEGENERATE (tr K / 2)^2, determines no
-deformation gradient. It carries no energy of its own; its bond still works through the other intersections
-it belongs to. On an intact lattice the least value is 0.42, at its edges; stiffness grows as 1/det K, so a
-lower threshold costs a shorter step once bonds break.
+deformation gradient. It carries no energy of its own; its bond still acts through the other intersections
+it belongs to. On an undamaged lattice the smallest value is 0.42, at its edges. Stiffness grows as 1/det K,
+so a lower threshold needs a smaller step once bonds break.
 """
 
 import functools
@@ -45,7 +45,7 @@ class FamilyMechanics:
         intersection: (family, intact, field, field, 0, i, j, undamaged) -> gradient of the field over D_ij times
             horizon (two columns), K^-1, |D_ij|.
         green: (H1, H2) -> C - I.
-        area_weight: (family, i, j, undamaged, size) -> W_ij over the reference area.
+        area_weight: (family, i, j, undamaged, size) -> W_ij divided by the reference area.
         family_scale: (family, i, undamaged, total) -> factor on the weights of a damaged family.
         inverse_shape: K (11, 12, 22) -> its inverse, or zero where degenerate.
         add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
@@ -69,8 +69,8 @@ class BondAssociatedKernels:
     Attributes:
         gather: Sums bond_force to the internal force [points], N.
         strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
-        mechanics: Warp functions that the tangent shares.
+        earlier_energy: Warp function of the energy of a family a moment ago, for the energy released by breaking bonds.
+        mechanics: Warp functions that the tangent uses too.
     """
 
     gather: Pointwise
@@ -89,8 +89,8 @@ def bond_associated(
         layout: "lattice" or "cloud".
         bits: 32 or 64.
         material: Factory of (stress, energy), called with `bits`.
-        breakable: None, or what becomes of the weights of a family that lost bonds: "redistribute" (the
-            remaining bonds represent the whole area of the point) or "drop" (each represents its own area).
+        breakable: None, or how the weights of a damaged family are treated: "redistribute" (the intact bonds
+            represent the whole area of the point) or "drop" (each represents its own area).
         form: "variational" or "published".
         module: Name of the Warp module.
     """
@@ -122,7 +122,7 @@ def bond_associated(
         ):
             """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|.
 
-            With `earlier`, of the displacement a time `back` ago.
+            With `earlier`, for the displacement a time `back` ago.
             """
             ui = displacement[i]
             first = vec3(real(0.0), real(0.0), real(0.0))
@@ -160,7 +160,7 @@ def bond_associated(
 
     @wp.func(module=module)
     def area_weight(family: Family, i: int, j: int, undamaged: bool, size: real):
-        """W_ij over the reference area; for a damaged family up to the factor `family_scale`."""
+        """W_ij divided by the reference area; for a damaged family up to the factor `family_scale`."""
         if wp.static(redistribute or published):
             if undamaged:
                 return f.weight(family, i, j)
@@ -190,7 +190,7 @@ def bond_associated(
         A2: vec3,
         bond_force: wp.array2d(dtype=vec3),
     ):
-        """Add (A1, A2) X_k to the entries of the members k of D_ij."""
+        """Adds (A1, A2) X_k to the entries of the members k of D_ij."""
         for word in range(family.words):
             members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
             while members != wp.uint32(0):
@@ -211,7 +211,7 @@ def bond_associated(
             inverse_horizon: real,
             i: int,
         ):
-            """Energy of the family of i over (thickness x reference area) [J/m^3]."""
+            """Energy of the family of i divided by (thickness x reference area) [J/m^3]."""
             undamaged = is_undamaged(family, intact, i)
             stored = real(0.0)
             total = real(0.0)
@@ -253,10 +253,11 @@ def bond_associated(
 def reference_force(
     layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, others: bool, module: str
 ) -> Kernel:
-    """Kernel that fills bond_force [members, points] with both halves' forces of each family, N.
+    """Reference kernel that fills bond_force [members, points] with the forces of each family, N.
 
-    It reads the sums off the formulas above, for any family and form. With `others` it leaves out undamaged families of
-    the class `inner`, at most 32 members, which have a kernel of their own. Other arguments as of `bond_associated`.
+    It evaluates the sums as written in the formulas above, for any family and form. With `others` it skips undamaged
+    families of the class `inner`, which have at most 32 members and a separate kernel. Other arguments as for
+    `bond_associated`.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -272,7 +273,7 @@ def reference_force(
 
         @wp.func(module=module)
         def present_area(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
-            """|H_i| of the intact bonds, over the reference area."""
+            """|H_i| of the intact bonds, divided by the reference area."""
             if is_undamaged(family, intact, i):
                 return f.family_area(family, i)
             size = real(0.0)

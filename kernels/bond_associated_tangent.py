@@ -1,15 +1,14 @@
 """Tangent of the variational bond-associated law: how its force changes with the displacement.
 
-`linearise` keeps of every intersection what the derivative needs: F_ij, and with its weight the stress S_ij
-and the moduli T_ij (kernels/materials.py). For a direction v, with dF_ij from v as F_ij comes from u,
+`linearise` stores what the derivative needs of every intersection: F_ij, and, times its weight, the stress S_ij
+and the moduli T_ij (kernels/materials.py). For a direction v, with dF_ij computed from v as F_ij is from u,
 
     dC = dF^T F + F^T dF,   (dS11, dS22, 2 dS12) = T (dC11, dC22, dC12),   dP = dF S + F dS,
 
-and dP takes the way of P: the family of i pulls its member k with c_k [sum W_ij h dP_ij K_ij^-1] X_ik. The
-result is the change of the internal force, minus the Hessian of the energy times v: symmetric.
-
-An isotropic tension may be added to every S_ij. It alone is the tangent of a stretched soap film, a Laplacian,
-which gives a flat or slack sheet the out-of-plane stiffness that it lacks.
+and dP enters in the place of P: the family of i pulls its member k with c_k [sum W_ij h dP_ij K_ij^-1] X_ik. The
+result is the change of the internal force, which is minus the Hessian of the energy times v: symmetric.
+An isotropic tension may be added to every S_ij. By itself it is the tangent of a stretched soap film, a Laplacian,
+and gives a flat or slack sheet the out-of-plane stiffness that it lacks.
 """
 
 import functools
@@ -24,7 +23,7 @@ from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions
 from .numeric import numeric
 
-# Least eigenvalue of a diagonal block over its largest one.
+# Lower bound on the eigenvalues of a diagonal block, divided by its largest one.
 MIN_STIFFNESS = 1e-6
 
 
@@ -35,8 +34,8 @@ class TangentKernels:
     Attributes:
         linearise: Fills gradient, stress, moduli [members, points] at a displacement.
         product: Fills bond_force [members, points] with its change along a direction; `gather` sums it.
-        inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, its held
-            components left out.
+        inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
+            components.
     """
 
     linearise: Kernel
@@ -53,7 +52,7 @@ def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
     @wp.func(module=module)
     def block_of(F: mat32, S: vec3, T: vec6, g: vec2):
-        """Stiffness of an intersection when one point moves, whose share in dF is v (x) g."""
+        """Stiffness of an intersection when one point moves and contributes v (x) g to dF."""
         F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
         F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
         b1 = real(2.0) * g[0] * F1
@@ -70,7 +69,7 @@ def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
     @wp.func(module=module)
     def inverse_of(block: mat33, mask: wp.uint8):
-        """Inverse of |block| on the free components, with eigenvalues held away from zero."""
+        """Inverse of |block| on the free components, with eigenvalues kept away from zero."""
         reduced = block
         for c in range(3):
             if (wp.int32(mask) & (1 << c)) != 0:
@@ -108,7 +107,7 @@ def bond_associated_tangent(
     held: bool,
     module: str,
 ) -> TangentKernels:
-    """Kernels of the tangent; arguments as `bond_associated`, with the factory of stress and moduli.
+    """Kernels of the tangent; arguments as for `bond_associated`, with the factory of stress and moduli.
 
     Args:
         layout: "lattice" or "cloud".

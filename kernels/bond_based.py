@@ -1,12 +1,12 @@
-"""Bond-based force law: a bond pulls along itself, by a pairwise law of its strain (IM, sections 2 and 3).
+"""Bond-based force law: the force of a bond acts along it and follows a pairwise law of its strain (IM, sections 2, 3).
 
 With s = |Y|/|X| - 1, n = Y/|Y| and a pairwise law f(s) [Pa] (kernels/pairwise.py), the energy of point i is
 
     E_i = h a_ref sum_k W_ik psi(s_ik),     W_ik = (g/2) a_i a_k |xi_ik| / m_i,     m_i = sum_k |xi_ik| a_k,
 
-areas over a_ref, lengths over the horizon; g makes it that of the continuum (warp_pd/forces/bond_based.py). With
-c_i = g f / (s |X|-weighted volume of the family) as in the paper, W_ik is half of c_i s^2 |X| V_i V_k / 2. A bond
-belongs to both its points, so its force is that of the mean of their micro-moduli,
+with areas divided by a_ref and lengths by the horizon; g makes the energy equal to that of the continuum
+(warp_pd/laws/bond_based.py). With c_i = g f / (s |X|-weighted volume of the family) as in the paper, W_ik is half of
+c_i s^2 |X| V_i V_k / 2. A bond belongs to both its points, so its force uses the mean of their micro-moduli,
 
     F_ik = (h a_ref / horizon) (W_ik + W_ki) / |xi| f(s) n,     F_ki = -F_ik to the last bit,
 
@@ -26,7 +26,7 @@ from .factories import PairwiseFactory
 from .families import family_functions
 from .numeric import numeric
 
-# Least |Y| over the horizon to divide by: a bond of no length has no direction.
+# Smallest |Y| / horizon to divide by: a bond of zero length has no direction.
 TINY = 1e-30
 
 
@@ -37,9 +37,9 @@ class BondBasedKernels:
     Attributes:
         pair_force: Internal force [points], N.
         strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
+        earlier_energy: Warp function of the energy of a family a moment ago, for the energy released by breaking bonds.
         principal_stress: Virial stress [points], Pa: largest, smallest, angle of the largest to the x axis [rad].
-        wrinkle_level: Share of compressed bonds [points].
+        wrinkle_level: Fraction of compressed bonds [points].
         row_sums: Fictitious density of dynamic relaxation [points], N/m.
     """
 
@@ -57,9 +57,9 @@ class BondBasedTangentKernels:
 
     Attributes:
         linearise: Fills blocks [members, points] with the stiffness of every bond, N/m, upper triangles.
-        product: The change of the force along a direction: minus the stiffness times it.
-        inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, its held components
-            left out.
+        product: Change of the force along a direction: minus the stiffness times the direction.
+        inverse_blocks: Inverse of the 3x3 diagonal block of the stiffness of each point, without its held
+            components.
     """
 
     linearise: Kernel
@@ -71,19 +71,19 @@ class BondBasedTangentKernels:
 def bond_functions(
     layout: str, bits: int, breakable: bool, module: str
 ) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """Warp functions of one bond: `is_intact` (family, intact, i, k), `strain` and `image` of xi and U."""
+    """Warp functions of one bond: `is_intact` (family, intact, i, k), and `strain` and `image`, which take xi and U."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     is_intact = bond_state(layout, bits, breakable, module).is_intact
 
     @wp.func(module=module)
     def image(xi: vec2, U: vec3):
-        """Y over the horizon."""
+        """Y divided by the horizon."""
         return vec3(xi[0] + U[0], xi[1] + U[1], U[2])
 
     @wp.func(module=module)
     def strain(xi: vec2, U: vec3):
-        """|Y|/|X| - 1 from the displacement, without adding and taking away one."""
+        """|Y|/|X| - 1 from the displacement, without adding and subtracting one."""
         length = wp.length(xi)
         grown = real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
         return grown / (length * (length + wp.length(image(xi, U))))
@@ -115,7 +115,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
         Y = image(xi, U)
         length = wp.length(xi)
         stretched = wp.length(Y)
-        # Two divisions and two roots are what a bond costs on a CPU.
+        # On a CPU the cost of a bond is its two divisions and two square roots.
         share = real(1.0) / (length * wp.max(stretched, real(tiny)))
         s = (real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)) / (length * (length + stretched))
         weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
@@ -123,7 +123,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
 
     @wp.func(module=module)
     def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: vec2, U: vec3):
-        """With the stiffer of the two signs of strain: a slack bond may go taut in the next step."""
+        """Stiffness for the stiffer of the two signs of strain: a slack bond may become taut in the next step."""
         s = wp.abs(strain(xi, U))
         stiffest = wp.max(wp.abs(slope_of(s, constants)), wp.abs(slope_of(-s, constants)))
         weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
@@ -140,7 +140,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
         inverse_horizon: real,
         i: int,
     ):
-        """Energy of the family of i over (thickness x reference area) a time `back` ago [J/m^3]."""
+        """Energy of the family of i a time `back` ago, divided by (thickness x reference area) [J/m^3]."""
         stored = real(0.0)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
@@ -160,7 +160,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
         first: int,
         out: wp.array(dtype=vec3),
     ):
-        """Of the in-plane part of sum_k F_ik (x) Y_ik / (2 V_i)."""
+        """Principal stresses of the in-plane part of sum_k F_ik (x) Y_ik / (2 V_i)."""
         i = wp.tid() + first
         sxx = real(0.0)
         sxy = real(0.0)
@@ -213,7 +213,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
 def bond_based_tangent(
     layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, held: bool, geometric: bool, module: str
 ) -> BondBasedTangentKernels:
-    """Kernels of the tangent; arguments as `bond_based`.
+    """Kernels of the tangent; arguments as for `bond_based`.
 
     Args:
         layout: "lattice" or "cloud".
@@ -221,7 +221,7 @@ def bond_based_tangent(
         pairwise: Factory of the pairwise law.
         breakable: Whether bonds can break.
         held: Whether any component is held.
-        geometric: Whether the tension of the bonds has its part in the stiffness (IM eq. 21), or not (IM eq. 16).
+        geometric: Whether the stiffness includes the tension of the bonds (IM eq. 21) or not (IM eq. 16).
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -243,7 +243,7 @@ def bond_based_tangent(
         first: int,
         blocks: wp.array2d(dtype=vec6),
     ):
-        """`tension` [Pa] adds an isotropic part to every bond: the tangent of a stretched soap film."""
+        """Fills `blocks`; `tension` [Pa] adds an isotropic part to every bond: the tangent of a stretched soap film."""
         i = wp.tid() + first
         for k in range(family.members):
             block = vec6()

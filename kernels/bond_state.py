@@ -1,6 +1,6 @@
-"""The state of bonds, intact or broken, and the kernels that add up what families contribute.
+"""State of the bonds, intact or broken, and the kernels that sum the contributions of families.
 
-`breakable` says whether bonds can break. Where they cannot, all bonds of the undamaged sheet are intact, and no kernel
+`breakable` says whether bonds can break. If they cannot, all bonds of the undamaged sheet are intact, and no kernel
 reads the bits `intact` [words, points].
 """
 
@@ -23,7 +23,8 @@ class BondState:
 
     Attributes:
         intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
-        is_undamaged: (family, intact, i) -> whether no bond of i is broken: the tables of the undamaged sheet hold.
+        is_undamaged: (family, intact, i) -> whether no bond of i is broken, so that the tables of the undamaged sheet
+            are valid.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
     """
 
@@ -65,7 +66,7 @@ def bond_state(layout: str, bits: int, breakable: bool, module: str) -> BondStat
 
 @functools.cache
 def gather_pairs(layout: str, bits: int, breakable: bool, module: str) -> Pointwise:
-    """Point function that sums bond_force [members, points], both ends of a bond, to the internal force [points], N."""
+    """Pointwise stage that sums bond_force [members, points], both ends of a bond, to the internal force [N]."""
     vec3, real = numeric(bits).vec3, numeric(bits).real
     f = family_functions(layout, bits, module)
     Family = f.struct
@@ -99,7 +100,7 @@ def energy_of_families(layout: str, bits: int, family_energy: wp.Function, modul
         layout: "lattice" or "cloud".
         bits: 32 or 64.
         family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
-            energy over (thickness x reference area), of the displacement a time `back` ago [J/m^3].
+            energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -134,20 +135,21 @@ def sums_of_bonds(
     stiffness_of: wp.Function,
     module: str,
 ) -> tuple[Kernel, Kernel]:
-    """Kernels `pair_force` and `row_sums` of a law whose bonds pull their two points against each other.
+    """Kernels `pair_force` and `row_sums` of a law whose bonds pull their two points towards each other.
 
-    pair_force sums the internal force [points], N; row_sums the fictitious density of dynamic relaxation [points],
-    N/m: the row of the stiffness (HE eqs. 86 to 93), the point's own block included. A point that nothing holds keeps
-    the density `least`.
+    pair_force sums the internal force [points], N. row_sums sums the fictitious density of dynamic relaxation
+    [points], N/m: the row of the stiffness (HE eqs. 86 to 93), the diagonal block of the point included. A point
+    without stiffness keeps the density `least`.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
         breakable: Whether bonds can break.
         Constants: Type of the law's constants.
-        force_of: Warp function (family, constants, i, k, m, xi, U) -> force of bond k of point i, to point m, over
-            `unit_force`, vec3; U is the relative displacement over the horizon.
-        stiffness_of: Warp function of the same -> the most that the bond resists, over `unit_stiffness`.
+        force_of: Warp function (family, constants, i, k, m, xi, U) -> force of bond k of point i, to point m, divided
+            by `unit_force`, vec3; U is the relative displacement divided by the horizon.
+        stiffness_of: Warp function of the same arguments -> largest stiffness of the bond, divided by
+            `unit_stiffness`.
         module: Name of the Warp module.
     """
     types = numeric(bits)

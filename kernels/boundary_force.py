@@ -2,9 +2,9 @@
 
     T_ij = w_ij A (Y_ij . d_i) n,     force on i from the pair:  V_i V_j (T_ij - T_ji),
 
-with d_i the unit normal of F e1 x F e2, F of the whole family of i, and d_i = 0 for points that carry none.
-"normal" takes n = d_i; "printed" takes n = Y_ij / |Y_ij|. Y_ji = -Y_ij turns the second term of the pair
-around, so that both ends compute the same words with opposite signs: momentum is conserved to round-off.
+with d_i the unit normal of F e1 x F e2, F of the complete family of i, and d_i = 0 for points without the force.
+"normal" takes n = d_i; "printed" takes n = Y_ij / |Y_ij|. Since Y_ji = -Y_ij, the second term of the pair changes
+sign, and both ends compute the same number with opposite signs: momentum is conserved to round-off.
 """
 
 import functools
@@ -23,8 +23,8 @@ from .numeric import numeric
 def boundary_force(layout: str, bits: int, breakable: bool, form: str, module: str) -> tuple[Kernel, Kernel]:
     """Kernels `edge_normals` and `add_boundary_force`.
 
-    Where nothing can break, a thread is an entry of `points`: the rest of the sheet has no part in it. Where
-    bonds can break, a thread is a point, since any may come to lie at a crack; `points` is then None.
+    If bonds cannot break, there is one thread per entry of `points`, and the other points are not touched. If they
+    can, there is one thread per point, since any point may come to lie at a crack; `points` is then None.
 
     Args:
         layout: "lattice" or "cloud".

@@ -1,6 +1,6 @@
-"""What the host asks for at a frame: sums over points, whether all is finite, how fast it moves.
+"""Quantities that the host reads at a frame: sums over points, whether all values are finite, the largest speed.
 
-Each thread takes a block of points, in order, so sums repeat bit for bit; the host adds up the blocks.
+Each thread takes a block of points, in order, so sums repeat bit for bit; the host adds the blocks.
 """
 
 import functools
@@ -16,13 +16,13 @@ BLOCK = 256
 
 @dataclass(frozen=True)
 class FrameChecks:
-    """Kernels of one configuration; a launch has a thread a block.
+    """Kernels of one configuration; a launch has one thread per block.
 
     Attributes:
-        watch_motion: Lowest index of a point of the block whose displacement or velocity is not finite, or the
-            number of points; largest squared speed.
+        watch_motion: Lowest index of a point of the block whose displacement or velocity is NaN or infinite, or the
+            number of points if there is none; largest squared speed.
         sum_blocks: Sum of float64 numbers.
-        sum_vectors: Sum of vectors, a component a row.
+        sum_vectors: Sum of vectors, one row per component.
     """
 
     watch_motion: Kernel

@@ -1,9 +1,9 @@
 """The clock, which evaluates schedules on the device, and the motions that they prescribe.
 
-A schedule is a piecewise linear function of time, three values a knot; schedule s owns the knots begins[s] to
-begins[s+1] - 1. Outside its knots it keeps its first or last value. `tick` moves the time by so many steps and
-evaluates every schedule s of S twice: scheduled[s] is now, scheduled[S + s] a step later, for what moves before the
-next tick.
+A schedule is a piecewise linear function of time, three values per knot; schedule s owns the knots begins[s] to
+begins[s+1] - 1. Outside its knots it keeps its first or last value. `tick` advances the time by a number of steps and
+evaluates every schedule s of S twice: scheduled[s] is the value now, scheduled[S + s] the value a step later, for
+what moves before the next tick.
 """
 
 import functools
@@ -21,8 +21,8 @@ class ClockKernels:
     """Kernels of one precision.
 
     Attributes:
-        tick: Moves the time and evaluates the schedules.
-        prescribe: Pointwise: gives moved points the velocity that takes them to their scheduled place.
+        tick: Advances the time and evaluates the schedules.
+        prescribe: Pointwise: gives points on a prescribed motion the velocity that takes them to their scheduled place.
     """
 
     tick: Kernel

@@ -1,9 +1,9 @@
 """Frictionless contact with a rigid body on a prescribed path, by projection.
 
-After the drift, a point inside the body is put on the nearest point of its surface, and its velocity at the half step
-takes the displacement along (the position constraint of RATTLE). After the second half kick, a touching point that
-still moves into the body loses its normal velocity relative to it. Both are impulses along the normal: their sum, with
-the sign turned, is what the body feels.
+After the drift, a point inside the body is moved to the nearest point of its surface, and its velocity at the half
+step is corrected by that shift (the position constraint of RATTLE). After the second half kick, a touching point that
+still moves into the body loses its normal velocity relative to it. Both are impulses along the normal: minus their sum
+is the impulse on the body.
 """
 
 import functools
@@ -18,7 +18,7 @@ from .pointwise import Pointwise, pointwise
 
 @dataclass(frozen=True)
 class Shape:
-    """Warp functions of the shape of a rigid body; `arm` goes from its centre to a point [m], vec3.
+    """Warp functions of the shape of a rigid body; `arm` is the vector from its centre to a point [m], vec3.
 
     Attributes:
         project: (arm, constants) -> whether the point is inside, and the shift to the nearest point of the surface [m].
@@ -66,8 +66,8 @@ class ContactKernels:
     """Pointwise stages of one configuration.
 
     Attributes:
-        project: Puts points on the surface, after the drift.
-        separate: Takes away the velocity into the body, after the second half kick.
+        project: Moves points to the surface, after the drift.
+        separate: Removes the velocity into the body, after the second half kick.
     """
 
     project: Pointwise
@@ -78,7 +78,7 @@ class ContactKernels:
 def rigid_contact(
     bits: int, shape: ShapeFactory, held: bool, loaded: bool, damped: bool, tracked: bool, module: str
 ) -> ContactKernels:
-    """Stages of contact with a body of some shape.
+    """Stages of contact with a body.
 
     Args:
         bits: 32 or 64.
@@ -118,12 +118,12 @@ def rigid_contact(
         a.velocity[i] = before + change
         a.impulse[i] = a.impulse[i] + momentum
         if wp.static(tracked):
-            # The half kick belongs to the same instant: the velocity before it counts, and the one after both.
+            # The half kick happens at the same instant, so the work takes the velocities before and after both.
             a.work[i] = a.work[i] + wp.float64(real(0.5) * wp.dot(momentum, start + before + change))
 
     @wp.func(module=module)
     def half_kick(i: int, a: Contact):
-        """Change of velocity by half a step of the forces."""
+        """Change of velocity due to the forces over half a step."""
         total = a.force[i]
         if wp.static(loaded):
             total += a.external[i]

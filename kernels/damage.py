@@ -1,4 +1,4 @@
-"""Damage of a point, and the triangles that no crack has cut."""
+"""Damage of points, and triangles that are not cut by a crack."""
 
 import functools
 
@@ -20,7 +20,7 @@ def point_damage(layout: str, bits: int, module: str) -> Kernel:
 
     @kernel(module)
     def damage(family: Family, intact: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
-        """Area of the members that were lost over that of the initial family."""
+        """Area of the members that were lost divided by that of the initial family."""
         i = wp.tid() + first
         lost = real(0.0)
         for word in range(family.words):
@@ -62,7 +62,7 @@ def face_damage(layout: str, bits: int, module: str) -> Kernel:
         first: int,
         intact_faces: wp.array(dtype=wp.uint8),
     ):
-        """Whether a triangle kept the bonds along its edges; no bond lies along one that is longer than the horizon."""
+        """Whether the bonds along the edges of a triangle are intact; edges longer than the horizon have no bond."""
         t = wp.tid() + first
         a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
         torn = lost(family, intact, a, b) or lost(family, intact, b, c) or lost(family, intact, c, a)

@@ -1,8 +1,8 @@
-"""Kernels and what they touch: which launches may share one, run side by side, or need a halo follows from this.
+"""Kernels and the arrays they touch, which decide what launches can be merged, run in parallel, or need a halo.
 
 Every kernel in this package takes `first`, the number of its first thread, and follows one rule: arrays before `first`
-are read, arrays after it are written (and perhaps read). What a kernel reads at other points than its own is declared
-with it as `gathers`. tests/unit/kernels/test_effects.py compares the declarations with what the kernels do.
+are read, arrays after it are written (and perhaps read). Arrays that a kernel reads at points other than its own are
+declared as `gathers`. tests/unit/kernels/test_effects.py compares the declarations with what the kernels do.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ PER = ("point", "block", "list", "face", "body", "once")
 
 @dataclass(frozen=True)
 class Effects:
-    """What a kernel touches, by the names of its arguments; tables that never change need no mention.
+    """What a kernel touches, by the names of its arguments; constant tables need not be listed.
 
     Attributes:
         per: What a thread works on: its own "point", a "block" of points, an entry of a "list" of points, a "face", a
             rigid "body", or everything ("once"). All but "point" count as gathering everything they read.
         writes: Arrays that it writes, at its own point if it works on one.
-        gathers: Arrays that it reads at other points than its own.
+        gathers: Arrays that it reads at points other than its own.
     """
 
     per: str
@@ -63,9 +63,9 @@ def kernel(
 
     Args:
         module: Name of the Warp module.
-        gathers: Arguments that are read at other points than the thread's own.
+        gathers: Arguments that are read at points other than the thread's own.
         per: What a thread works on, see Effects.
-        launch_bounds: Most threads of a block and least blocks of a processor, on CUDA.
+        launch_bounds: Maximum threads per block and minimum blocks per multiprocessor, on CUDA.
     """
 
     def declare(function: Callable[..., None]) -> Kernel:

@@ -1,6 +1,6 @@
-"""What the search for equilibrium does to whole fields: trial steps, smoothing, transfer between lattices.
+"""Operations of the search for equilibrium on whole fields: trial steps, smoothing, transfer between lattices.
 
-Held components (bits of `held_mask`) take no part: their residual, product and correction are zero.
+Held components (bits of `held_mask`) are excluded: their residual, product and correction are zero.
 """
 
 import functools
@@ -90,7 +90,7 @@ def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
         first: int,
         solution: wp.array(dtype=vec3),
     ):
-        """A fresh sweep starts from zero."""
+        """One sweep; with `fresh` it starts from zero."""
         i = wp.tid() + first
         if fresh != 0:
             solution[i] = omegas[sweep] * (inverse_blocks[i] * right_side[i])
@@ -122,7 +122,7 @@ def lattice_transfer(bits: int, held: bool, module: str) -> tuple[Kernel, Kernel
     """Kernels between two lattices over the same rectangle.
 
     interpolate: target += values of the source lattice at the points of the target, bilinear.
-    interpolate_smoothly: target = the same by cubic polynomials; a kink would cost Newton a step or two.
+    interpolate_smoothly: target = the same by cubic polynomials; kinks would cost Newton's method a step or two.
     restrict_residual: coarse = P^T (b - K x), P the interpolation from coarse to fine; energies match, so the
     transpose needs no factor.
     """

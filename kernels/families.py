@@ -1,10 +1,10 @@
 """Families of bonds in two layouts, read through the same functions.
 
-Lattice: all points share one stencil; points with the same surroundings form a class and share one row of a small
-table (`family_class`): bits, shape tensors, weights, area. Cloud: every point has its own row.
+Lattice: all points share one stencil. Points with the same neighbourhood form a family class (`family_class`) and share
+one row of a small table: bits, shape tensors, weights, area. Cloud: every point has its own row.
 
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
-area of a point. So every tabulated number is of order one, in any system of units and in float32.
+area of a point. Every tabulated number is therefore of order one, in any system of units and in float32.
 """
 
 import functools
@@ -24,16 +24,16 @@ class FamilyFunctions:
 
     Attributes:
         struct: The Warp struct that holds the tables.
-        neighbour: (family, i, k) -> index of the point; of members that do not exist a number that is no index.
-        reverse: (family, i, k) -> the member index of the reverse bond, under which that point sees i; likewise.
+        neighbour: (family, i, k) -> index of the point; not a valid index for members that do not exist.
+        reverse: (family, i, k) -> member index of the reverse bond, i in the family of that point; likewise.
         bond: (family, i, k) -> xi_ik, vec2.
         influence: (family, i, k) -> w_ik.
-        common: (family, i, k, word) -> bits of the members that lie within the horizon of k too.
+        common: (family, i, k, word) -> bits of the members that also lie within the horizon of k.
         initial: (family, i, word) -> bits of the members that exist in the undamaged sheet.
         shape: (family, i, k) -> inverse of K_ik of the undamaged sheet: components 11, 12, 22.
-        weight: (family, i, k) -> W_ik over the reference area.
-        area: (family, i) -> a_i over the reference area.
-        family_area: (family, i) -> undamaged |H_i| over the reference area.
+        weight: (family, i, k) -> W_ik divided by the reference area.
+        area: (family, i) -> a_i divided by the reference area.
+        family_area: (family, i) -> undamaged |H_i| divided by the reference area.
     """
 
     struct: Any

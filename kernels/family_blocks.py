@@ -1,16 +1,16 @@
 """The variational bond-associated force with two bonds per thread and a few families per block of threads.
 
-The same sums as `reference_force` in kernels/bond_associated.py, for any family. The threads of a block share what each
-finds, between barriers, in the block's own memory:
+It computes the same sums as `reference_force` in kernels/bond_associated.py, for any family. The threads of a block
+exchange their results, between barriers, through the shared memory of the block:
 
     every thread (i, k)     c_k X_k and U_k of its members
     every thread (i, j)     A_ij = W_ij P_ij K_ij^-1 of its bonds, two columns, from those of the members of D_ij
     every thread (i, k)     t_ik = c_k [ sum over j with k in D_ij of A_ij ] X_ik
 
-k belongs to D_ij where j belongs to D_ik, so both sums run over the members of one intersection. Loops over members
-are spelled out. What a thread reads of a member serves both of its bonds, as reading takes as long as summing up: k, of
-the near half of the family, and half a family further the far one. Threads side by side have the same bonds of
-neighbouring points, and on a lattice they do the same.
+k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one intersection. Loops over members are
+unrolled. A thread uses what it reads of a member for both of its bonds, because reading takes as long as summing: one
+is k, of the near half of the family, the other lies half a family further, in the far half. Adjacent threads have the
+same bond of neighbouring points, and on a lattice they follow the same branches.
 """
 
 import functools
@@ -25,7 +25,8 @@ from .kinematics import kinematics
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
-# Most threads of a block, and about how many threads are to fit the registers of a processor, by precision.
+# Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
+# precision.
 MAX_THREADS = 128
 RESIDENT_THREADS = {32: 896, 64: 448}
 
@@ -52,11 +53,11 @@ def block_force(
     module: str,
     fast_module: str,
 ) -> Kernel:
-    """Kernel that fills bond_force [members, ring] and force [points], its own half; variational form.
+    """Kernel that fills bond_force [members, ring] and force [points] by the families' own half; variational form.
 
     It takes `blocks` blocks of threads_of_family(members) x families_together(members) threads, each of which works
     until all families are done. Point i has column i % ring of `bond_force`. `moments` [members, rows] holds
-    (c_k X_k, 1 / c_k) of each row of the families, lengths over the horizon.
+    (c_k X_k, 1 / c_k) of each row of the families, with lengths divided by the horizon.
 
     Args:
         layout: "lattice" or "cloud".
@@ -64,10 +65,10 @@ def block_force(
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
         breakable: None, "redistribute" or "drop".
-        members: Most members of a family.
+        members: Maximum number of members of a family.
         listed: Whether the points are those on the list `others`, instead of `start` to `stop` - 1.
         module: Name of the Warp module of the law.
-        fast_module: Name of the Warp module of this kernel alone, as it is compiled for its own blocks.
+        fast_module: Name of the Warp module of this kernel alone, which is compiled for its own block size.
     """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
@@ -98,7 +99,7 @@ def block_force(
         k: int,
         here: bool,
     ):
-        """Whether the bond is intact; its (U_k, c_k X_k) in parts as threads share them, and the bits of D_ik."""
+        """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik."""
         intact_here = bool(False)
         stretch = vec3(real(0.0), real(0.0), real(0.0))
         moment = vec3(real(0.0), real(0.0), real(0.0))
@@ -130,7 +131,7 @@ def block_force(
         G1: vec3,
         G2: vec3,
     ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape` and `size` are those of a torn family."""
+        """A_ik of a bond and its weight, from the sums over D_ik; `shape` and `size` are those of a damaged family."""
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
@@ -213,7 +214,7 @@ def block_force(
             far_size = real(0.0)
             if wp.static(damaged):
                 if not undamaged:
-                    # Not spelled out: few families are damaged, and registers are for the others.
+                    # Not unrolled: few families are damaged, and unrolling would take registers from the others.
                     for word in range(wp.static(words)):
                         for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
                             other = wp.static(word * word_size) + at
@@ -301,18 +302,18 @@ def gather_reverse_bonds(
     listed: bool,
     module: str,
 ) -> Pointwise:
-    """Point function that takes from each point's own half of the force [points] what the families around it do to it.
+    """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
 
-    Broken bonds carry zero, so the bonds of the undamaged sheet will do. The loop over members is spelled out and has
-    no branches: a thread has the loads of all of them under way at once.
+    Broken bonds carry zero, so it runs over all bonds of the undamaged sheet. The loop over members is unrolled and has
+    no branches: a thread issues the loads of all members at once.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        members: Most members of a family.
-        steps: Lattice steps to each member, which are numbers in the code, or None on a cloud.
+        members: Maximum number of members of a family.
+        steps: Lattice steps to each member, compiled in as constants, or None on a cloud.
         turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
-        listed: Whether a list of other points was used, which the first point empties.
+        listed: Whether a list of other points was used; the first point empties it.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -336,7 +337,7 @@ def gather_reverse_bonds(
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):
-                # The list is used up; the next launches begin another.
+                # The list has been used; the next launches start a new one.
                 if i == a.first_point:
                     a.other_count[0] = 0
             place = i

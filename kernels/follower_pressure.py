@@ -1,4 +1,4 @@
-"""Follower pressure: it turns and grows with the surface. Its force, and how that changes with the displacement."""
+"""Follower pressure, which rotates and grows with the surface: its force, and the tangent of that force."""
 
 import functools
 
@@ -15,10 +15,10 @@ from .pointwise import Pointwise, pointwise
 
 @functools.cache
 def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.Function:
-    """Warp function of F e1 x F e2, with F of the whole family of a point: normal times area ratio (Nanson).
+    """Warp function of F e1 x F e2, with F of the complete family of a point: normal times area ratio (Nanson).
 
-    It is zero where the remaining family determines no F. The loop over members has no branches: a thread of a GPU
-    has the loads of several of them under way at once.
+    It is zero where the intact bonds determine no F. The loop over members has no branches: a GPU thread issues the
+    loads of several members at once.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -66,9 +66,9 @@ def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.F
 
 @functools.cache
 def follower_pressure(layout: str, bits: int, breakable: bool, scheduled: bool, module: str) -> Pointwise:
-    """Pointwise stage that adds p a_i (F e1 x F e2), with F of the whole family of the point.
+    """Pointwise stage that adds p a_i (F e1 x F e2), with F of the complete family of the point.
 
-    A point whose remaining family determines no F takes no pressure.
+    A point whose intact bonds determine no F takes no pressure.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -102,8 +102,8 @@ def follower_pressure(layout: str, bits: int, breakable: bool, scheduled: bool, 
 def follower_pressure_tangent(layout: str, bits: int, breakable: bool, scheduled: bool, module: str) -> Kernel:
     """Kernel that adds the change of follower pressure along a direction, p a_i (dF e1 x F e2 + F e1 x dF e2).
 
-    Not symmetric: a pressure has a potential only where the edge of the sheet is held, and its normals here are
-    averages over families.
+    The tangent is not symmetric: a pressure has a potential only if the edge of the sheet is held, and the normals
+    here are averages over families.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3

@@ -37,7 +37,7 @@ def gent_root(bits: int) -> wp.Function:
             z = volume_of(d)
             rise = real(3.0) * root * root
             thinning = slope * (z - area)
-            # Held off the lock here so that an iterate beyond it can come back.
+            # Kept off the lock here so that an iterate beyond it can come back.
             room = wp.max(lock * root - trace - thinning + real(3.0) * d, real(1.0e-3) * lock)
             residual = third * (real(2.0) * thinning - trace) + half * z * room
             floor = real(2.0) * third * slope * rise + half * rise * room
@@ -45,7 +45,7 @@ def gent_root(bits: int) -> wp.Function:
             new = wp.max(d - residual / wp.max(tangent, real(0.25) * floor), real(shrink) * root - real(1.0))
             change = wp.abs(new - d)
             d = new
-            # The iteration converges quadratically only within a distance of the order of the room to the lock.
+            # The iteration converges quadratically only within a distance of the order of `room`, the room to the lock.
             doubt = change * lock
             trust = room
             if doubt <= real(tolerance) * trust:
@@ -92,8 +92,8 @@ def gent(bits: int) -> tuple[wp.Function, wp.Function]:
     """Slightly compressible Gent material; constants: mu [Pa], K = 2/D [Pa], Jm [-].
 
     Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J).
-    Beyond the lock, I1b - 3 >= Jm at constant volume, the sheet can only swell: where no stress is found the
-    functions return NaN, which the run reports as the lock reached. Source: BA paper's Gent sheet.
+    Beyond the lock, I1b - 3 >= Jm at constant volume, the sheet can only swell. Where no stress is found the
+    functions return NaN, and the run reports that the lock was reached. Source: BA paper's Gent sheet.
     """
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
@@ -166,7 +166,7 @@ def gent_response(bits: int) -> wp.Function:
 
 @functools.cache
 def gent_membrane(bits: int) -> tuple[wp.Function, wp.Function]:
-    """The same two functions as `neo_hookean_membrane`, of the Gent material; NaN at and beyond its lock."""
+    """The same two functions as `neo_hookean_membrane`, for the Gent material; NaN at and beyond its lock."""
     types = numeric(bits)
     real, parameters = types.real, types.parameters
     _, excess_invariant, _ = invariants(bits)

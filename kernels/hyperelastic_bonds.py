@@ -1,18 +1,18 @@
-"""Bond-based hyperelastic sheets (HE, chapter 3): bonds that pull along themselves, as the loading mode says.
+"""Bond-based hyperelastic sheets (HE, chapter 3): bond forces along the bonds, with constants of the loading mode.
 
 With s = |Y|/|X|, n = Y/|Y| and L = (X . Y) / (|X| |Y|), the force density of a bond is (HE eqs. 29, 52, 71)
 
     f = (4 c0 delta / |X|^2) L^2 t(s) n,     c0 = mu / (2 pi h delta^2),     t(s) = a s - b/s^2 - c/s^3 - d/s^5,
 
-where the mode decides a, b, c, d (warp_pd/bond_neo_hookean.py). Areas over a_ref and lengths over the horizon,
+where the mode sets a, b, c, d (warp_pd/bond_neo_hookean.py). With areas divided by a_ref and lengths by the horizon,
 
     F_ik = (h a_ref / delta) (W_ik + W_ki)/2 G_ik L^2 mu t(s) / |xi|^2 n,     W_ik = (2/pi) (a_ref / delta^2) a_i a_k,
 
-and F_ki = -F_ik to the last bit. G_ik is the surface correction, an ellipse whose half-axes are the means of what
-both points want along x and y (HE eqs. 42 and 43).
+and F_ki = -F_ik to the last bit. G_ik is the surface correction, an ellipse whose half-axes are the means of the
+corrections of both points along x and y (HE eqs. 42 and 43).
 
 t is written with t(1) and e = s - 1, so that float32 keeps the digits of a small strain. The factor L^2 makes the
-size of the force depend on the angle that the bond has turned: the force has no potential and knows a direction.
+size of the force depend on the angle by which the bond has rotated: the force has no potential and is not objective.
 """
 
 import functools
@@ -52,7 +52,7 @@ def hyperelastic_bonds(
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        compressed: Whether bonds shorter than in the reference have constants of their own.
+        compressed: Whether bonds shorter than in the reference configuration have separate constants.
         corrected: Whether there is a surface correction.
         breakable: Whether bonds can break.
         module: Name of the Warp module.
@@ -119,7 +119,7 @@ def hyperelastic_bonds(
 
     @wp.func(module=module)
     def stiffness_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
-        """The larger of what the bond resists along and across itself."""
+        """The larger of the stiffnesses along and across the bond."""
         e = strain(xi, U)
         p = chosen(e, constants)
         stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))

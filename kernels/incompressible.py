@@ -4,11 +4,11 @@ A material is one Warp function of the invariants and of at most four constants,
 
     energy(x, y, constants) -> vec6     Psi, Psi_1, Psi_2, Psi_11, Psi_12, Psi_22  [Pa]
 
-with x = I1 - 3 and y = I2 - 3, and indices for derivatives by I1 and I2. `incompressible` makes of it what force
-laws, fast paths and Newton's method ask of a material (see kernels/materials.py). Ogden's material is one of
-principal stretches, and has functions of its own.
+with x = I1 - 3 and y = I2 - 3, and indices for derivatives by I1 and I2. From it `incompressible` makes what force
+laws, fast paths and Newton's method need of a material (see kernels/materials.py). Ogden's material is written in
+principal stretches and has separate functions.
 
-With G = C - I, t = tr G, g = det G and d = det C - 1 = t + g, no difference of numbers near one is left:
+With G = C - I, t = tr G, g = det G and d = det C - 1 = t + g, no differences of numbers near one remain:
     I1 - 3 = (t d - g) / (1 + d),     I2 - 3 = (d^2 - g) / (1 + d),
     S = 2 (Psi_1 I + Psi_2 adj C) (I - C33 C^-1).
 """
@@ -33,7 +33,7 @@ class Incompressible:
 
     Attributes:
         functions: (stress, energy).
-        near: stress_near, whose guess has nothing to do.
+        near: stress_near, which ignores the guess.
         response: Stress and moduli.
     """
 
@@ -43,7 +43,7 @@ class Incompressible:
 
 
 def named(factory: Callable[[int], T], energy: FunctionFactory, what: str) -> Callable[[int], T]:
-    """A cached factory whose name tells it from that of other materials: names decide what is compiled together."""
+    """A cached factory with a name that is unique to the material: names decide what is compiled together."""
     cached: Any = functools.cache(factory)
     cached.__module__, cached.__name__ = energy.__module__, f"{energy.__name__}_{what}"
     cached.__qualname__ = f"{energy.__qualname__}.{what}"
@@ -54,7 +54,7 @@ def named(factory: Callable[[int], T], energy: FunctionFactory, what: str) -> Ca
 def principal_tangent(bits: int) -> wp.Function:
     """Function (G, N11, N12, N22, h) -> T of the derivatives N_ij of the principal stresses S_i by C_j.
 
-    h = (S1 - S2) / (C1 - C2) is what a shear of the principal axes meets. C1 is the larger.
+    h = (S1 - S2) / (C1 - C2) is the modulus for a shear of the principal axes. C1 is the larger.
     """
     types = numeric(bits)
     real, mat22, vec3, vec6 = types.real, types.mat22, types.vec3, types.vec6
@@ -99,7 +99,7 @@ def principal_strains(bits: int) -> wp.Function:
 
 @functools.cache
 def incompressible(energy_of: FunctionFactory) -> Incompressible:
-    """Everything that is asked of a material, from the factory of its energy, see above."""
+    """All functions of a material, from the factory of its energy, see above."""
 
     def stress_functions(bits):
         types = numeric(bits)

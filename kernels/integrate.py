@@ -4,8 +4,8 @@ With mass damping c (force -c m v) the two halves
     v(n+1/2) = v(n) (1 - c dt/2) + dt/2 a(n),      v(n+1) = [v(n+1/2) + dt/2 a(n+1)] / (1 + c dt/2)
 are the central difference scheme. Velocities are known at full steps, so the step may change at any time.
 
-`held` is a bit mask a point: bits 0 to 2 hold a component to a prescribed motion, bit 3 marks a point of a
-rigid inclusion. A held component keeps the velocity it was given and is never accelerated.
+`held_mask` is a bit mask per point: bits 0 to 2 hold a component to a prescribed motion, bit 3 marks a point of a
+rigid inclusion. A held component keeps its prescribed velocity and is never accelerated.
 """
 
 import functools
@@ -53,7 +53,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
 
     @wp.func(module=module)
     def power(held_bits: wp.uint8, internal: vec3, external: vec3, velocity: vec3):
-        """Power of external forces and of the supports, which balance the internal force."""
+        """Power of external forces and of the supports, whose reactions balance the internal force."""
         rate = wp.float64(0.0)
         if (wp.int32(held_bits) & rigid) != 0:
             return wp.float64(wp.dot(external, velocity))

@@ -1,4 +1,4 @@
-"""From a deformation gradient to its strain, and from a shape tensor to its inverse."""
+"""Strain of a deformation gradient and inverse of a shape tensor."""
 
 import functools
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import warp as wp
 
 from .numeric import numeric
 
-# Least det K / (tr K / 2)^2 of a shape tensor that determines a deformation gradient; see kernels/bond_associated.py.
+# Minimum det K / (tr K / 2)^2 of a shape tensor that determines a deformation gradient; see kernels/bond_associated.py.
 DEGENERATE = 0.2
 
 
@@ -17,7 +17,7 @@ class Kinematics:
 
     Attributes:
         green: (H1, H2) -> C - I.
-        determines_gradient: K (11, 12, 22) -> whether it can be inverted: the one test of a degenerate shape tensor.
+        determines_gradient: K (11, 12, 22) -> whether it can be inverted: the only test of a degenerate shape tensor.
         inverse_shape: K -> its inverse, or zero where degenerate.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
     """
@@ -37,13 +37,13 @@ def kinematics(bits: int) -> Kinematics:
 
     @wp.func
     def green(H1: vec3, H2: vec3):
-        """C - I of the gradient with columns H1, H2, without adding and taking away one."""
+        """C - I of the displacement gradient with columns H1, H2, without adding and subtracting one."""
         shear = H1[1] + H2[0] + wp.dot(H1, H2)
         return mat22(real(2.0) * H1[0] + wp.dot(H1, H1), shear, shear, real(2.0) * H2[1] + wp.dot(H2, H2))
 
     @wp.func
     def determines_gradient(shape: vec3):
-        """Whether the points behind a shape tensor (11, 12, 22) are far enough from one line."""
+        """Whether the points of a shape tensor (11, 12, 22) are far enough from collinear."""
         half_trace = real(0.5) * (shape[0] + shape[2])
         return shape[0] * shape[2] - shape[1] * shape[1] > real(degenerate) * half_trace * half_trace
 
@@ -58,7 +58,7 @@ def kinematics(bits: int) -> Kinematics:
 
     @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
-        """Columns of W P K^-1, with P = F S and F = I + (H1, H2): times c_k X_k it is the force on a member k."""
+        """Columns of W P K^-1, with P = F S and F = I + (H1, H2); times c_k X_k they give the force on a member k."""
         F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
         F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
         P1 = weight * (S[0, 0] * F1 + S[1, 0] * F2)

@@ -1,6 +1,6 @@
 """The tangent of the bond-associated law on an undamaged lattice, stored as a matrix by lattice steps.
 
-A product with it takes a quarter of the time of the matrix-free one on a CPU. What it is made of is in
+A product with it takes a quarter of the time of the matrix-free one on a CPU. The equations are in
 kernels/bond_associated_tangent.py.
 """
 
@@ -24,7 +24,7 @@ class LatticeMatrixKernels:
         assemble: Fills matrix [offsets, points]: the 3x3 blocks of the stiffness by the lattice step from a point to
             the other one; the first offset is the point itself.
         product: The change of the force along a direction from that matrix.
-        inverse_diagonal: Inverse of its diagonal blocks, held components left out.
+        inverse_diagonal: Inverse of its diagonal blocks, without held components.
     """
 
     assemble: Kernel
@@ -63,7 +63,7 @@ def lattice_matrix(bits: int, held: bool, module: str) -> LatticeMatrixKernels:
         i = wp.tid() + first
         for o in range(matrix.shape[0]):
             matrix[o, i] = mat33()
-        # Families that hold i: its own, where it is the centre (member index `members`), and its neighbours'.
+        # Families that contain i: its own, where it is the centre (member index `members`), and its neighbours'.
         for s in range(family.members + 1):
             q = i
             mine = family.members
@@ -84,7 +84,7 @@ def lattice_matrix(bits: int, held: bool, module: str) -> LatticeMatrixKernels:
                     if inverse[0] > real(0.0) and (
                         mine == family.members or (f.common(family, q, j, word) & bit) != wp.uint32(0)
                     ):
-                        # First the sum over the members, whose negative is the coefficient of the centre.
+                        # First the sum over the members; its negative is the coefficient of the centre.
                         centre = vec2(real(0.0), real(0.0))
                         for w in range(family.words):
                             members = f.common(family, q, j, w) & f.initial(family, q, w)
@@ -120,7 +120,7 @@ def lattice_matrix(bits: int, held: bool, module: str) -> LatticeMatrixKernels:
                             + real(2.0) * wp.outer(t2, F2)
                             + wp.outer(t3, F1)
                         )
-                        # Fold K^-1 in, so that the loop over members takes c xi as it is.
+                        # Fold K^-1 in here, so that the loop over members only needs c xi.
                         Q1 = inverse[0] * R1 + inverse[1] * R2
                         Q2 = inverse[1] * R1 + inverse[2] * R2
                         o = pair_offset[mine, family.members]

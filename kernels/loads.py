@@ -11,7 +11,7 @@ from .pointwise import Pointwise, pointwise
 
 @functools.cache
 def begin_loads(bits: int, present: bool, module: str) -> Pointwise:
-    """Pointwise stage that starts the external force from the loads that never change, or from zero."""
+    """Pointwise stage that sets the external force to the constant loads, or to zero."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 

@@ -1,4 +1,4 @@
-"""Hyperelastic materials in plane stress, free of rotations.
+"""Hyperelastic materials in plane stress, without rotations.
 
 A material is a pair of Warp functions of G = C - I, where C = F^T F is the right Cauchy-Green tensor of
 the sheet (2x2), and of at most four constants:
@@ -8,18 +8,18 @@ the sheet (2x2), and of at most four constants:
 
 For the fast paths a material adds a factory of
 
-    stress_near(G, constants, guess) -> S, d      the same stress, and a number that guesses it nearby; 0 knows nothing
+    stress_near(G, constants, guess) -> S, d      the same stress, and the guess for a state nearby; 0 is no guess
 
 and for Newton's method
 
     response(G, constants) -> S, T   also the derivative T of (S11, S22, 2 S12) by (C11, C22, C12), vec6 [Pa]
 
-where C12 stands for both off-diagonal entries: T is then twice the Hessian of Psi, symmetric. It is a factory of
-its own, so that runs without Newton's method compile nothing of it.
+where C12 stands for both off-diagonal entries: T is then twice the Hessian of Psi, symmetric. It has a separate
+factory, so that runs without Newton's method do not compile it.
 
-G, not C, is passed because C - I holds the digits that 1 + strain loses in float32. The thickness stretch
+The functions take G, not C, because C - I keeps the digits that 1 + strain loses in float32. The thickness stretch
 C33 follows from a vanishing through-thickness stress. Newton's iteration finds d = J^(2/3) - 1, of which the
-volume change z = J^2 - 1 = d (3 + 3d + d^2) and the residual are polynomials: no root, one or two divisions.
+volume change z = J^2 - 1 = d (3 + 3d + d^2) and the residual are polynomials: no roots, one or two divisions.
 
 Written with the second Piola stress, the law needs no local frame and no rotation: F S is exactly what the
 papers obtain by rotating to the tangent plane, taking the stress there and rotating back.
@@ -32,19 +32,19 @@ import warp as wp
 from .factories import FunctionFactory
 from .numeric import numeric
 
-# Typical states take 2 or 3 steps, the worst found below the lock of a Gent sheet 19 (K / mu near 1). A guess that
-# leads nowhere is given up for zero after RESTART of them.
+# Typical states take 2 or 3 steps; the worst state found below the lock of a Gent sheet takes 19 (K / mu near 1). After
+# RESTART steps a guess that does not converge is replaced by zero.
 NEWTON_STEPS = 36
 RESTART = 12
 # Change of d at which the iteration ends: it converges quadratically, so the next change is its square.
 TOLERANCE = {32: 3e-4, 64: 1e-7}
-# Least factor on J^(2/3) in one step of the iteration.
+# Smallest factor on J^(2/3) in one step of the iteration.
 SHRINK = 0.585
 
 
 @functools.cache
 def invariants(bits: int) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """Functions of the strain that the materials share: area_change, excess_invariant, plane_stress."""
+    """Functions of the strain common to all materials: area_change, excess_invariant, plane_stress."""
     types = numeric(bits)
     real, mat22 = types.real, types.mat22
 

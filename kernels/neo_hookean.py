@@ -131,9 +131,9 @@ def neo_hookean_response(bits: int) -> wp.Function:
 
 @functools.cache
 def neo_hookean_membrane(bits: int) -> tuple[wp.Function, wp.Function]:
-    """For force laws that write the first Piola stress as g (F - C33 F^-T): (G, constants) -> z, and g.
+    """Functions z and g for force laws that write the first Piola stress as g (F - C33 F^-T).
 
-    The second function is (tr C - 2, C33 - 1, z, constants) -> g [Pa].
+    They are (G, constants) -> z = J^2 - 1 and (tr C - 2, C33 - 1, z, constants) -> g [Pa].
     """
     types = numeric(bits)
     real, parameters = types.real, types.parameters

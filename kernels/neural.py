@@ -5,11 +5,11 @@ rotation theta, the family of i pulls its member k with
 
     a_i a_k T_ik = h a_i c_k mu |X| (2 / tr K_i) T(lambda, theta, C33, det F),   T = (along the bond, across it).
 
-Bond stretch and rotation are measured in the family's tangent plane, turned by the rotation R of F = R U: seen from
-there uniform deformation is the symmetric U, as in the training data. (The paper turns the convected vector g1
-to E1 instead, which leaves a triangular F; theta then holds shear, which the data do not know.) lambda is the
-bond's length in space and the force along it acts in its own direction in space, so that a point which leaves the
-surface is pulled back; the force across it acts in the tangent plane.
+Bond stretch and rotation are measured in the family's tangent plane, rotated by R of F = R U. In that frame a uniform
+deformation is the symmetric U, as in the training data. (The paper rotates the convected vector g1 to E1 instead, which
+leaves a triangular F; theta then contains shear, which the data do not.) lambda is the bond's stretch in space, and
+the force along the bond acts in its own direction in space, so that a point which leaves the surface is pulled back.
+The force across it acts in the tangent plane.
 
 Closed form. Lambda, theta and det F determine U: in the frame of the bond, with a = lambda cos theta,
 b = lambda sin theta, U = [[a, b], [b, (det + b^2)/a]]. With the first Piola stress g (F - C33 F^-T) of the
@@ -17,10 +17,10 @@ materials here (g = mu J^-2/3 for the neo-Hookean one)
 
     T mu = g ( [a^2 - C33 (1 + b^2/det)] / a,   b (1 + C33/det) )      along and across the reference bond.
 
-It has a pole where a bond is turned by 90 degrees from where its family would put it: a is held above MIN_COSINE
-lambda (and its square), which keeps the force finite and pushing the bond back.
+It has a pole where a bond is rotated by 90 degrees from the direction given by its family. a is kept above MIN_COSINE
+lambda (and its square), so that the force remains finite and pushes the bond back.
 
-Broken bonds leave F and C33 but not tr K, so that the remaining bonds keep their stiffness.
+Broken bonds are removed from F and C33 but not from tr K, so that the intact bonds keep their stiffness.
 """
 
 import functools
@@ -43,9 +43,9 @@ class NeuralKernels:
     """Kernels of one configuration.
 
     Attributes:
-        direct: Fills bond_force [members, points], N, in one launch; None if Torch stands in between.
-        features: Fills features [members x points] with (lambda, theta, C33, det F), those of a bond at rest where
-            there is none, and frame [points] with R; None unless Torch stands in between.
+        direct: Fills bond_force [members, points], N, in one launch; None if Torch evaluates the network.
+        features: Fills features [members x points] with (lambda, theta, C33, det F), those of an undeformed bond where
+            there is none, and frame [points] with R; None unless Torch evaluates the network.
         spread: Turns pairs [members x points] of T into bond_force [members, points], N; None likewise.
         gather: Sums bond_force to the internal force [points], N.
         outside: Counts the bonds of each point whose state lies outside a range of principal stretches.
@@ -79,7 +79,7 @@ def neural(
         breakable: Whether bonds can break.
         evaluation: "torch", "fused" or "closed_form".
         layers: Numbers of the network, see `network_function`, for "fused", else None.
-        counted: Whether there is a range that bonds can leave.
+        counted: Whether to count the bonds outside a range of stretches.
         module: Name of the Warp module.
         fused_module: Name of the Warp module of the kernel that evaluates a network.
     """
@@ -154,7 +154,7 @@ def neural(
         i = wp.tid() + first
         R = frame[i]
         scale = unit_force * f.area(family, i) * f.weight(family, i, 0)
-        # A family that determines no frame carries nothing.
+        # A family that determines no frame carries no force.
         if wp.ddot(R, R) == real(0.0):
             scale = real(0.0)
         for k in range(family.members):
@@ -177,7 +177,7 @@ def neural(
         first: int,
         out: wp.array(dtype=wp.int32),
     ):
-        """Bonds whose U has a principal stretch below `least` or above `most`."""
+        """Counts the bonds whose U has a principal stretch below `least` or above `most`."""
         i = wp.tid() + first
         H, _R, D, V, area, _z = law.family_frame(family, intact, displacement, constants, inverse_horizon, i)
         det = real(1.0) + area

@@ -1,4 +1,4 @@
-"""What the evaluations of the neural law share: stretch and rotation of a bond, the exact law, forces in space.
+"""Functions that all evaluations of the neural law use: stretch and rotation of a bond, exact law, forces in space.
 
 The equations are in kernels/neural.py.
 """
@@ -14,25 +14,25 @@ from .families import family_functions
 from .nodal import point_family
 from .numeric import numeric
 
-# Least cosine of the angle that a bond has turned, see kernels/neural.py.
+# Smallest cosine of the angle by which a bond has rotated, see kernels/neural.py.
 MIN_COSINE = 0.1
-# The least stretch that a network is shown: it takes logarithms.
+# Smallest stretch passed to a network, which takes logarithms.
 NO_LENGTH = 1e-6
 
 
 @dataclass(frozen=True)
 class NeuralFunctions:
-    """Warp functions that the evaluations share; i is a point, k a member of its family.
+    """Warp functions common to all evaluations; i is a point, k a member of its family.
 
     Attributes:
         struct: Warp struct of the families.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
         family_frame: (family, intact, displacement, constants, inverse_horizon, i) -> H, R, U - I, U^-1, det F - 1, z.
         bond_motion: (x, u, H, D, V) -> stretch and rotation of a bond.
-        bond_vectors: (family, displacement, inverse_horizon, i, k) -> direction, relative displacement, share.
-        bond_seen: The same, and what a network sees of the bond.
+        bond_vectors: (family, displacement, inverse_horizon, i, k) -> direction, relative displacement, weight.
+        bond_seen: The same, and the input of a network for the bond.
         family_scale: (family, V, unit_force, i) -> force per T c_k |X| / horizon.
-        logarithms: Inputs of a network from what it sees.
+        logarithms: Inputs of the layers from the input of the network.
         pull: (x, u, direction, R, T) -> the pair T in space.
     """
 
@@ -113,9 +113,9 @@ def bond_kinematics(
     def bond_motion(x: vec2, u: vec3, H: mat32, D: mat22, V: mat22):
         """Excess stretch lambda - 1, sine and 1 - cosine of the rotation, direction in the tangent plane.
 
-        x: Unit vector of the bond. u: Its ends' relative displacement over its length. With Y the bond's image and
-        y = R^T Y = U^-1 F^T Y, the difference y - x = U^-1 [ H^T (x, 0) + F^T u - (U - I) x ] is of the order of
-        the strain, as is each of its terms while the sheet has not turned.
+        x: Unit vector of the bond. u: Relative displacement of its ends divided by its length. With Y the bond's image
+        and y = R^T Y = U^-1 F^T Y, the difference y - x = U^-1 [ H^T (x, 0) + F^T u - (U - I) x ] is of the order of
+        the strain, as is each of its terms as long as the sheet has not rotated.
         """
         x3 = vec3(x[0], x[1], real(0.0))
         e = V * (wp.transpose(H) * (x3 + u) + vec2(u[0], u[1]) - D * x)
@@ -155,7 +155,7 @@ def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
         det = real(1.0) + area
         b = stretch * sine
         alpha = excess - stretch * versine
-        # For a bond of no length, too.
+        # Also for a bond of zero length.
         alpha = wp.max(alpha, real(least) * wp.max(stretch, real(least)) - real(1.0))
         a = real(1.0) + alpha
         # C33 det^2 = 1 + z
@@ -174,7 +174,7 @@ def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
 
 @functools.cache
 def neural_functions(layout: str, bits: int, membrane: PairFactory, breakable: bool, module: str) -> NeuralFunctions:
-    """Functions of a configuration; arguments as of `neural`."""
+    """Functions of a configuration; arguments as for `neural`."""
     types = numeric(bits)
     real, vec2, vec3, vec4, mat32, mat22 = (
         types.real, types.vec2, types.vec3, types.parameters, types.mat32, types.mat22,
@@ -186,7 +186,7 @@ def neural_functions(layout: str, bits: int, membrane: PairFactory, breakable: b
 
     @wp.func(module=module)
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, i: int, k: int):
-        """Unit vector of the bond, relative displacement over its length, c_k |X| / horizon."""
+        """Unit vector of the bond, relative displacement divided by its length, c_k |X| / horizon."""
         xi = f.bond(family, i, k)
         length = wp.length(xi)
         m = f.neighbour(family, i, k)
@@ -204,7 +204,7 @@ def neural_functions(layout: str, bits: int, membrane: PairFactory, breakable: b
         family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, H: mat32, D: mat22, V: mat22,
         area: real, z: real, i: int, k: int,
     ):  # fmt: skip
-        """`bond_vectors`, direction in the tangent plane, and what a network sees: (lambda, theta, C33, det F)."""
+        """`bond_vectors`, direction in the tangent plane, and the input of a network: (lambda, theta, C33, det F)."""
         x, u, share = bond_vectors(family, displacement, inverse_horizon, i, k)
         excess, sine, versine, direction = bond_motion(x, u, H, D, V)
         det = real(1.0) + area

@@ -1,4 +1,4 @@
-"""The network of the neural law inside a kernel, and the data that it is trained with."""
+"""The network of the neural law inside a kernel, and its training data."""
 
 import functools
 from collections.abc import Sequence
@@ -16,12 +16,12 @@ Layers: TypeAlias = tuple[tuple[tuple[float, ...], ...], ...]
 
 @functools.cache
 def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
-    """Warp function from the inputs to the outputs of a network, whose weights are numbers in its code.
+    """Warp function from the inputs to the outputs of a network, with its weights compiled in as constants.
 
     Args:
         bits: 32 or 64.
         layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
-            every other one 1 / (1 + exp y) of what the one before gives, in place of tanh
+            every other one takes 1 / (1 + exp y) of the output y of the layer before, in place of tanh
             (`warp_pd.networks.Network.sigmoids`).
         module: Name of the Warp module.
     """

@@ -1,13 +1,14 @@
-"""Nodal correspondence: one deformation gradient and one stress a point. It has zero-energy modes.
+"""Nodal correspondence: one deformation gradient and one stress per point. It has zero-energy modes.
 
 With c_k = w_ik a_k over the intact bonds of the family H_i (Silling et al., J. Elast. 88, 2007; NN eqs. 2 to 5):
 
     K_i = sum c_k X_ik (x) X_ik,      F_i = I + [sum c_k U_ik (x) X_ik] K_i^-1,   U_ik = u_k - u_i,
     E = h sum_i a_i s_i Psi(F_i),     a_i a_k T_ik = a_i s_i c_k h P_i K_i^-1 X_ik,
 
-with s_i the share of the family's area that is still intact: broken bonds carry nothing. The force is minus
-the gradient of E. Opposite members with equal displacements leave F_i alone, so a lattice does not feel a
-checkerboard, nor a family the place of its own middle: the zero-energy modes that other laws are measured by.
+with s_i the fraction of the family's area that is still intact: broken bonds carry no force. The force is minus
+the gradient of E. Equal displacements of opposite members do not change F_i, so a checkerboard displacement of a
+lattice, or a displacement of the centre of a family, costs no energy. These are the zero-energy modes that other
+laws are compared with.
 
 A family whose points are (nearly) collinear determines no gradient and carries no force, see `bond_associated`.
 """
@@ -51,7 +52,7 @@ class NodalKernels:
         family_force: Fills bond_force [members, points], N.
         gather: Sums bond_force to the internal force [points], N.
         strain_energy: Energy of each family [points], J.
-        earlier_energy: Warp function of the energy of a family a moment ago, for what breaking bonds release.
+        earlier_energy: Warp function of the energy of a family a moment ago, for the energy released by breaking bonds.
     """
 
     family_force: Kernel
@@ -80,7 +81,7 @@ def point_family(layout: str, bits: int, breakable: bool, module: str) -> PointF
         back: real,
         i: int,
     ):
-        """Displacement gradient times horizon, K^-1 (zero if degenerate), intact area over the reference area."""
+        """Displacement gradient times horizon, K^-1 (zero if degenerate), intact area divided by the reference area."""
         ui = displacement[i]
         first = vec3(real(0.0), real(0.0), real(0.0))
         second = vec3(real(0.0), real(0.0), real(0.0))
@@ -141,7 +142,7 @@ def nodal(layout: str, bits: int, material: PairFactory, breakable: bool, module
         inverse_horizon: real,
         i: int,
     ):
-        """Energy of the family of i over (thickness x reference area) [J/m^3]."""
+        """Energy of the family of i divided by (thickness x reference area) [J/m^3]."""
         G1, G2, inverse, size = point.gradient(family, intact, displacement, velocity, back, i)
         stored = real(0.0)
         if inverse[0] > real(0.0):

@@ -42,7 +42,7 @@ def numeric(bits: int) -> Numeric:
         ValueError: for any other precision.
     """
     if bits not in (32, 64):
-        raise ValueError(f"precision = {bits!r}: expected 32 and 64")
+        raise ValueError(f"precision = {bits!r}: expected 32 or 64")
     real = wp.float32 if bits == 32 else wp.float64
     return Numeric(
         bits=bits,

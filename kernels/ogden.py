@@ -42,7 +42,7 @@ def logarithmic_strains(bits: int) -> wp.Function:
 
 @functools.cache
 def exponential(bits: int) -> wp.Function:
-    """Function x -> exp(x) - 1, with the digits of x."""
+    """Function x -> exp(x) - 1, which keeps the digits of x."""
     real = numeric(bits).real
     small = 2e-2 if bits == 32 else 1e-3
 
@@ -113,7 +113,7 @@ def ogden(bits: int) -> tuple[wp.Function, wp.Function]:
     def stress(G: mat22, constants: parameters):
         middle, half, mean, _radius = strains(G)
         h = shear(middle, half, constants)
-        # The mean of the principal stresses, and what turns with G about it.
+        # The mean of the principal stresses, and the deviation from it, which is coaxial with G.
         centre = real(0.5) * (
             principal_stress(middle + half, middle, constants) + principal_stress(middle - half, middle, constants)
         )

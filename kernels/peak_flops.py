@@ -1,4 +1,4 @@
-"""What a device can do at most: a kernel of multiply-adds that wait for nothing."""
+"""Peak arithmetic rate of a device: a kernel of multiply-adds that wait for no memory."""
 
 import functools
 
@@ -10,7 +10,7 @@ from .numeric import numeric
 
 @functools.cache
 def multiply_add(bits: int) -> Kernel:
-    """Kernel of eight sums a thread, `rounds` multiply-adds each."""
+    """Kernel of eight sums per thread, `rounds` multiply-adds each."""
     real = numeric(bits).real
     module = f"warp_pd_rates_{bits}"
 

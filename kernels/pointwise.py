@@ -1,8 +1,8 @@
-"""Pointwise stages: parts of a step that write nothing but their own point.
+"""Pointwise stages: parts of a step that write only to their own point.
 
-Stages that follow each other on the same points share a launch, so that a step of a small sheet waits for fewer of
-them and a large one passes its arrays through the processors less often. A stage works through a run of points: one
-on a GPU; many on a CPU, where a call copies its arguments.
+Consecutive stages on the same points share a launch, so that a step of a small sheet waits for fewer launches and a
+step of a large one reads and writes its arrays less often. A stage works through a range of points: one point on a
+GPU, many on a CPU, where a call copies its arguments.
 """
 
 import functools
@@ -22,7 +22,7 @@ class Pointwise:
     Attributes:
         function: Warp function (begin, end, arguments) of the points begin to end - 1.
         arguments: Its Warp struct.
-        name: What it is called in the plan.
+        name: Its name in the plan.
         effects: What it touches, by the names in its struct.
     """
 
@@ -40,7 +40,7 @@ def pointwise(
     Args:
         module: Name of the Warp module.
         arguments: Warp struct of the arguments.
-        writes: Members of the struct that are written, at the own point alone.
+        writes: Members of the struct that are written, only at the stage's own point.
         gathers: Members of the struct that are read at other points.
     """
 
@@ -53,9 +53,9 @@ def pointwise(
 
 @functools.cache
 def in_turn(first: Pointwise, second: Pointwise, module: str) -> Pointwise:
-    """Pointwise stage of one after the other; its struct holds theirs as `a` and `b`.
+    """Pointwise stage that runs two stages in sequence; its struct holds theirs as `a` and `b`.
 
-    Its effects are not told by names: whoever joins two stages knows the arrays of both.
+    Its effects list no names: the caller, which joins the two stages, knows the arrays of both.
     """
     First, Second = first.arguments, second.arguments
     do_first, do_second = first.function, second.function

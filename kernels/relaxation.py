@@ -1,8 +1,8 @@
-"""Fictitious density of dynamic relaxation: sums of the rows of the stiffness, one number a point.
+"""Fictitious density of dynamic relaxation: sums of the rows of the stiffness, one number per point.
 
 Underwood's condition (HE eq. 91), density >= dt^2/4 sum_j |K_ij|, makes a unit step stable; one number for the
-three directions keeps it free of the frame (HE, after Sauve and Metzger). With dF_ij = sum_k u_k (x) g_k, an
-intersection adds at most |A| |g_k| |g_l| between its points k and l, A the 6x6 second derivative of its energy:
+three directions makes it independent of the frame (HE, after Sauve and Metzger). With dF_ij = sum_k u_k (x) g_k, an
+intersection adds at most |A| |g_k| |g_l| between its points k and l, A the 6x6 second derivative of its energy, so
 the row of k gains |A| |g_k| sum_l |g_l|.
 """
 
@@ -28,10 +28,10 @@ def row_sums(
     form: str,
     module: str,
 ) -> tuple[Kernel, Kernel]:
-    """Kernels `family_rows` and `sum_rows`; arguments as `bond_associated_tangent`.
+    """Kernels `family_rows` and `sum_rows`; arguments as for `bond_associated_tangent`.
 
-    family_rows fills row [members, points] with what the family of a point adds to the rows of its members, and
-    own [points] with its own row; sum_rows adds up both ends of the bonds to the density [N/m].
+    family_rows fills row [members, points] with the contributions of the family of a point to the rows of its members,
+    and own [points] with that to its own row; sum_rows adds both ends of the bonds to the density [N/m].
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -128,7 +128,7 @@ def row_sums(
         first: int,
         density: wp.array(dtype=real),
     ):
-        """A point that nothing holds keeps the density `least`, whatever the unit."""
+        """Sums the density of a point; a point without stiffness keeps the density `least`, in any unit."""
         i = wp.tid() + first
         total = own[i]
         for k in range(family.members):

@@ -1,7 +1,7 @@
-"""Unbalanced force of a sheet and what it is compared with.
+"""Unbalanced force of a sheet and the forces it is compared with.
 
-Free components keep what internal and external force leave unbalanced; held ones turn it into a reaction. Points of
-rigid inclusions are moved by the sum of their forces: their own count neither as unbalanced nor as a reaction.
+On free components the sum of internal and external force is unbalanced; on held ones it is a reaction. Points of rigid
+inclusions move with the sum of their forces: the force on a single one counts neither as unbalanced nor as a reaction.
 """
 
 import functools
@@ -21,7 +21,7 @@ def residual(bits: int, held: bool, loaded: bool, apart: bool, module: str) -> K
         bits: 32 or 64.
         held: Whether any component is held.
         loaded: Whether external forces act.
-        apart: Whether dead loads also count on their own: those that follow the displacement may balance them.
+        apart: Whether dead loads also count separately: loads that depend on the displacement may balance them.
         module: Name of the Warp module.
     """
     types = numeric(bits)

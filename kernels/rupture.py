@@ -1,9 +1,8 @@
 """Rupture: bonds that exceed a criterion break for good.
 
-Both ends of a bond compute the same number from the same words, so their bits agree without being compared.
-
-The force changes between two steps, so the energy that breaking releases is taken half a step back: then the energy
-balance of central differences stays second order in the step through rupture.
+Both ends of a bond compute the same number from the same data, so their bits agree without being compared.
+The force changes between two steps, so the energy released by breaking is evaluated half a step back. The energy
+balance of central differences then stays second order in the step through rupture.
 """
 
 import functools
@@ -20,13 +19,13 @@ from .numeric import numeric
 
 @dataclass(frozen=True)
 class Criterion:
-    """When a bond breaks.
+    """The criterion by which a bond breaks.
 
     Attributes:
         exceeds: Warp function (family, displacement, criterion, horizon, i, k, m) -> whether bond k of point i, to
-            point m, is past the criterion. Both ends of a bond must come to the same answer.
+            point m, exceeds the criterion. Both ends of a bond must give the same result.
         struct: Warp struct of its constants and arrays.
-        gathers: Arrays of the struct that it reads at other points than i.
+        gathers: Arrays of the struct that it reads at points other than i.
     """
 
     exceeds: wp.Function
@@ -103,10 +102,10 @@ def breaking(
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        criterion: When a bond breaks.
+        criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.
-        earlier_energy: Warp function of the force law's energy of a family a moment ago, where the energy that
-            breaking releases is summed up, per point; else None.
+        earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
+            breaking, per point; None if it is not tracked.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -130,7 +129,7 @@ def breaking(
     ):
         """The bits of `intact_bits` whose bonds do not exceed the criterion.
 
-        Without branches: a thread of a GPU has the loads of several members under way at once.
+        The loop has no branches: a GPU thread issues the loads of several members at once.
         """
         left = intact_bits
         bit = wp.uint32(1)

@@ -1,6 +1,6 @@
 """Power iteration for the largest natural frequency, by finite differences of the force.
 
-trial(s) = u + s e v, with e so that the fastest component of v moves by `reach`; the stiffness times v is the central
+trial(s) = u + s e v, with e such that the largest component of v moves by `reach`; the stiffness times v is the central
 difference of the force; v <- M^-1 K v. A thread of `respond` sums one block of points, in order, so the sums repeat
 bit for bit.
 """
@@ -20,7 +20,7 @@ class PowerIteration:
     """Kernels of one precision.
 
     Attributes:
-        trial: Displacement plus or minus a small one along the direction.
+        trial: Displacement plus or minus a small multiple of the direction.
         respond: Response M^-1 K v, and per block: v M v, v K v, |response|^2 weighted by mass, max |response|.
         summarise: Squared frequency from the sums of the blocks, and the scale of the next direction.
         renew: The next direction.

@@ -1,13 +1,13 @@
 """Fast path of the variational bond-associated law: undamaged families inside a square lattice.
 
-They are all alike, so everything about their reference configuration is a number in the code. With
+They are identical, so all data of their reference configuration are constants in the code. With
     F_ij = I + sum_k U_ik (x) b_jk,    b_jk = c_k K_ij^-1 X_ik,    t_ik = h sum_j W_ij P_ij b_jk
-a member of an intersection costs twelve multiplications and additions. Where an intersection holds more than
-half of a large family, the sum runs over the members outside it and is taken from the sum over all.
+a member of an intersection costs twelve multiplications and additions. If an intersection contains more than
+half of a large family, the sum runs over the members outside it and is subtracted from the sum over all.
 
-A quarter turn maps the stencil onto itself. The kernel therefore spells out the bonds of one quarter and goes
-around four times, each time with displacements and forces seen from axes turned by 90 degrees. So the family
-stays in registers, and the code in the instruction cache of a GPU. It takes an isotropic material.
+A rotation by 90 degrees maps the stencil onto itself. The kernel therefore unrolls the bonds of one quarter and
+repeats them four times, each time with displacements and forces in axes rotated by 90 degrees. The family then
+stays in registers, and the code in the instruction cache of a GPU. The material must be isotropic.
 """
 
 import functools
@@ -20,9 +20,9 @@ from .factories import FunctionFactory
 from .kinematics import kinematics
 from .numeric import numeric
 
-# From this many members on, sums over the members outside an intersection pay (measured on an H200).
+# Above this number of members, sums over the members outside an intersection are faster (measured on an H200).
 LARGE = 16
-# Most registers, of 255, that displacements and forces of a family may take together.
+# Maximum number of registers, of 255, that displacements and forces of a family may take together.
 MAX_REGISTERS = 200
 
 
@@ -32,9 +32,9 @@ class Stencil:
 
     Attributes:
         steps: Lattice steps to each member.
-        turned: Member at which each member arrives when turned by 90 degrees.
+        turned: Member onto which a rotation by 90 degrees maps each member.
         moments: w_ik X_ik of each member.
-        quarter: Members of one quarter, from which turns by 90 degrees make all others.
+        quarter: Members of one quarter; rotations by 90 degrees give all others.
         inside: Whether each member (second index) belongs to the intersection of each bond of the quarter.
         inverse: K_ij^-1 (11, 12, 22) of each bond of the quarter.
         weights: W_ij of each bond of the quarter.
@@ -53,15 +53,15 @@ class Stencil:
 def undamaged_lattice_force(
     bits: int, near: FunctionFactory, stencil: Stencil, breakable: bool, listed: bool, module: str
 ) -> Kernel:
-    """Kernel that fills bond_force [members, ring] and force [points], their own half, of undamaged inner families.
+    """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
 
-    Point i has column i % ring of `bond_force`: all points, or a ring that launches reuse.
+    Point i has column i % ring of `bond_force`: the ring has a column for each point, or fewer that launches reuse.
 
     Args:
         bits: 32 or 64.
         near: Factory of stress_near, called with `bits`.
         stencil: Stencil.
-        breakable: Whether families may have lost bonds; those count as others.
+        breakable: Whether families may be damaged; those count as others.
         listed: Whether the indices of all other points go to the list `others` (in any order).
         module: Name of the Warp module.
     """
@@ -91,7 +91,7 @@ def undamaged_lattice_force(
 
     @wp.func(module=module)
     def seen(v: vec3, cosine: int, sine: int):
-        """A vector in axes turned by some quarters."""
+        """A vector in axes rotated by a multiple of 90 degrees."""
         c = real(cosine)
         s = real(sine)
         return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])

@@ -2,20 +2,20 @@
 
     S = S_inf(C) + sum_p H_p,        dH_p/dt + H_p / theta_p = d S_p(C) / dt,     theta_p = time_p rate^-exponent_p
 
-S_inf is the long-term stress, S_inf + sum_p S_p the instantaneous one, all second Piola stresses of plane stress, free
-at rest. Over a step S_p changes linearly in time, and the update is exact then (VE eq. 58):
+S_inf is the long-term stress, S_inf + sum_p S_p the instantaneous one. All are second Piola stresses of plane stress
+and vanish in the undeformed sheet. S_p changes linearly in time over a step; the update is then exact (VE eq. 58):
 
     H_p <- H_p - x k H_p + k (S_p(new) - S_p(old)),        x = dt / theta_p,  k = (1 - exp(-x)) / x.
 
-The relaxed stress q = S_p - H_p is then a mean of 0 and of all earlier S_p. As the energy F_p of S_p is convex in C, q
-is the stress at some strain C_q, and with it the stored energy and the dissipation are
+The relaxed stress q = S_p - H_p is then a mean of 0 and of all earlier S_p. The energy F_p of S_p is convex in C, so q
+is the stress at some strain C_q, and the stored energy and the dissipation are
 
     Psi_p = F_p(C) - F_p(C_q) - q : (C - C_q) / 2 >= 0,      D_p = (S_p(C) - q) : (C - C_q) / (2 theta_p) >= 0
 
-whatever the motion: convexity says both. Energies are taken in float64 at frames alone, when C_q is searched.
-
-A force at a displacement off the path, as the stable step asks for, answers with the instantaneous stiffness. `strain`
-[members, points] keeps C - I of the last step (11, 22, 12), `overstress` [terms * members, points] keeps H_p.
+for any motion, both by convexity. Energies are computed in float64 and only at frames, where C_q is searched.
+At a displacement off the path, as for the estimate of the stable step, the force responds with the instantaneous
+stiffness. `strain` [members, points] keeps C - I of the last step (11, 22, 12), `overstress` [terms * members, points]
+keeps H_p.
 """
 
 import functools
@@ -31,7 +31,7 @@ from .incompressible import incompressible, yeoh
 from .kinematics import kinematics
 from .numeric import numeric
 
-# Steps of the search for C_q, and its tolerance; it is convex and ends in a few.
+# Steps of the search for C_q, and its tolerance; the search is convex and takes a few steps.
 SEARCH, ENOUGH = 60, 1e-11
 
 
@@ -60,9 +60,9 @@ class ViscoKernels:
     """Kernels of one configuration.
 
     Attributes:
-        update: Renews strain, overstress and viscous work after a step.
-        visco_force: Fills bond_force [members, points] with both halves' forces of each family, N.
-        stored_energy: Stored energy of each family and what its Prony terms dissipated so far [points], J.
+        update: Updates strain, overstress and viscous work after a step.
+        visco_force: Fills bond_force [members, points] with the forces of each family, N.
+        stored_energy: Stored energy of each family and the energy that its Prony terms have dissipated [points], J.
     """
 
     update: Kernel
@@ -72,7 +72,7 @@ class ViscoKernels:
 
 @functools.cache
 def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> ViscoKernels:
-    """Kernels of the law; arguments as of `bond_associated`, `material` is the one at equilibrium."""
+    """Kernels of the law; arguments as for `bond_associated`; `material` is the equilibrium one."""
     types = numeric(bits)
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
     f = family_functions(layout, bits, module)
@@ -234,7 +234,7 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
                     elastic += wp.float64(weight) * energies(wide, c)
                     for p in range(prony.shape[0]):
                         term = prony[p]
-                        # H belongs to the strain of the last step; the force adds the same difference.
+                        # H belongs to the strain of the last step; add the same difference as the force does.
                         now = term_constants(term)
                         H = overstress[p * family.members + j, i]
                         ahead = prony_stress(G, now) - prony_stress(tensor(strain[j, i]), now)
@@ -274,7 +274,7 @@ def prony_energy(module: str) -> wp.Function:
 
     @wp.func(module=module)
     def stored(G: wp.mat22d, H: wp.vec3d, c: wp.vec4d):
-        """The least of the potential is at C_q: Psi = F(C) - q : C / 2 - least."""
+        """Psi = F(C) - q : C / 2 minus the minimum of the potential, which is at C_q."""
         S, T = response(G, c)
         q = wp.vec3d(S[0, 0] - H[0], S[1, 1] - H[1], S[0, 1] - H[2])
         value = potential(G, q, c)

@@ -6,11 +6,11 @@ sum w |X|^2 V (eqs. 39 and 41), the family of i pulls its bond k with the force 
     t = (4 w / m) [ (c10 + 2 c20 J) |Y| + |X| sum_p (c10_p + 2 c20_p J) gamma_p ]  along Y,
 
 where gamma is the part of the stretch |Y| / |X| that has not relaxed. The two-dimensional Yeoh energy has no pressure
-term, so t does not vanish at rest: 4 c10 w |X| / m. A broken bond gives nothing to J or to the force.
+term, so t does not vanish in the undeformed sheet: 4 c10 w |X| / m. A broken bond adds nothing to J or to the force.
 
-A force off the path answers with the instantaneous stiffness, as in kernels/visco.py. `strain` [members, points] keeps
-|Y| / |X| - 1 of the last step, `viscous_stretch` [terms * members, points] keeps gamma_p. Table `weight` is 4 w a_i
-a_k / sum_k w xi^2 a_k.
+At a displacement off the path the force responds with the instantaneous stiffness, as in kernels/visco.py. `strain`
+[members, points] keeps |Y| / |X| - 1 of the last step, `viscous_stretch` [terms * members, points] keeps gamma_p. The
+table `weight` is 4 w a_i a_k / sum_k w xi^2 a_k.
 """
 
 import functools
@@ -32,9 +32,9 @@ class ViscoBondKernels:
     """Kernels of one configuration.
 
     Attributes:
-        half_forces: Fills bond_force [members, points] with what each family pulls its bonds with, N.
+        half_forces: Fills bond_force [members, points] with the forces of each family on its bonds, N.
         gather: Sums bond_force to the internal force [points], N.
-        update: Renews strain and viscous stretch after a step.
+        update: Updates strain and viscous stretch after a step.
         strain_energy: Energy of each family without Prony terms [points], J.
         earlier_energy: Warp function of that energy a moment ago.
     """
@@ -75,7 +75,7 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
         inverse_horizon: real,
         i: int,
     ):
-        """I1 - 2 of the displacement a time `back` ago; |Y|^2 - |X|^2 = X^2 s (2 + s)."""
+        """I1 - 2 for the displacement a time `back` ago; |Y|^2 - |X|^2 = X^2 s (2 + s)."""
         total = real(0.0)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
@@ -167,7 +167,7 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
         inverse_horizon: real,
         i: int,
     ):
-        """Energy c10 J + c20 J^2 of the family of i over (thickness x reference area) a time `back` ago [J/m^3]."""
+        """Energy c10 J + c20 J^2 of family i a time `back` ago, divided by (thickness x reference area) [J/m^3]."""
         J = excess(family, intact, displacement, velocity, back, inverse_horizon, i)
         return f.area(family, i) * J * (constants[0] + constants[1] * J)
 

@@ -1,17 +1,17 @@
 """A rigid ball tears a rubber sheet. NN paper, section 6.4 (figures 16 to 18).
 
 A neo-Hookean sheet of 1 x 1 x 0.01 m, all four edges fixed. A ball of 0.15 m moves down at 0.1 m/s from the
-moment it touches; there is no friction. Bonds break at a stretch of 1.3. The paper shows the damage at
+moment it touches the sheet; there is no friction. Bonds break at a stretch of 1.3. The paper shows the damage at
 1, 2, 3 and 4 s, and the torn sheet from above at 4 s; it gives no numbers to compare with.
 
-The paper's weights gain energy once the sheet is torn and the run ends early (try `--weights published`).
-With the plain weights of the variational form it runs to its end, undamped. At horizons of 1.5 and 2.015
-cracks follow the grid; at 3.15 they do not visibly. Torn edges recoil by the spacing of a few points in a few
-steps and stiffen as they crumple: a tenth of the stable step (`safety`) follows that at 101 points.
+With the paper's weights the energy grows once the sheet is torn, and the run ends early (try `--weights published`).
+With the plain weights of the variational form the run completes without damping. At horizons of 1.5 and 2.015
+cracks follow the grid; at 3.15 they do not visibly. Torn edges recoil by a few spacings in a few steps and stiffen
+as they crumple: a tenth of the stable step (`safety`) resolves that at 101 points.
 
-The paper does not say how the edges are held. Here the clamp goes on outside the sheet for one horizon; held at
-its outermost points alone, families at the edge are cut off, soft, and tear there first. Bonds into the clamp do
-not break: the kink there makes the first rows take unequal shares of a mean stretch of 1.13.
+The paper does not say how the edges are held. Here the clamp continues outside the sheet for one horizon. If only the
+outermost points were held, families at the edge would be cut off and soft, and the sheet would tear there first. Bonds
+into the clamp do not break: the kink there distributes a mean stretch of 1.13 unequally over the first rows.
 """
 
 import math
@@ -52,7 +52,7 @@ def build(
 ) -> Simulation:
     count("points", points, 3)
     positive("horizon", horizon)
-    # The clamp goes on outside the sheet for one horizon, so that no family inside is cut off.
+    # The clamp continues outside the sheet for one horizon, so that no family inside is cut off.
     layer = math.ceil(horizon)
     sheet = Sheet.filled(
         1.0, 1.0, thickness=0.01, density=1000.0, points=points, layers=(layer, layer), turn=turn, jitter=jitter,
@@ -86,7 +86,7 @@ def build(
 
 
 def lowest(sheet, frame):
-    """Lowest point of the sheet [m], loose points left out."""
+    """Lowest point of the sheet [m], without loose points."""
     return frame.displacement[np.unique(sheet.triangles[frame.intact_faces]), 2].min()
 
 

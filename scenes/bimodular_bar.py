@@ -1,4 +1,4 @@
-"""A hanging bar whose tensile and compressive moduli differ, under its weight and an end load. IM paper, section 6.1.
+"""A bar with different tensile and compressive moduli under its weight and an end load. IM paper, section 6.1.
 
 L 10 m, section 1 m^2, weight 2 Pa/m, 6 N upwards on the free upper end, E- 5000 Pa, E+ = E- / `ratio` with ratio
 c-/c+ = 1, 5 or 10; 200 points, horizon of 3 spacings, one load step. Below h = L - P/gamma = 7 m the bar is
@@ -6,9 +6,9 @@ compressed, above it stretched:
 
     u(z) = (P z - gamma (L z - z^2/2)) / E-  up to h,      u(z) = u(h) + gamma (z - h)^2 / (2 E+)  above.
 
-The points are centres of cells; the lowest is held, so the exact displacement is counted from there. The paper
-shows its error over the ratio as a curve without numbers; half a spacing too little between the support and the
-end is the larger part of the error here, which halves with the spacing.
+The points are centres of cells; the lowest is held, so the exact displacement is measured from there. The paper
+shows its error against the ratio as a curve without numbers. The larger part of the error here is that the bar is
+half a spacing too short between the support and the end; it halves with the spacing.
 """
 
 import numpy as np

@@ -3,14 +3,15 @@
 2 x 0.21 x 0.01 m in plane stress, E+ 3.84e8 Pa, nu 1/3, left end fixed, 1000 N down on point A in ten load steps;
 200 x 21 points, horizon of 3 spacings. `ratio` is E+/E-.
 
-The paper writes c-/c+ = 1, 5, 10, 20 in the text and c+/c- in the tables and figures. It means c+/c-: E+ is what it
-gives, deformations grow with the ratio, which a stiffer compressed side would not do, and its neutral layer shifts
-up, to the stretched side, so that is the stiffer one. With c-/c+ the mirrored beam would bend less and less.
+The paper writes c-/c+ = 1, 5, 10, 20 in the text and c+/c- in the tables and figures. It means c+/c-: it gives E+;
+its deformations grow with the ratio, which they would not with a stiffer compressed side; and its neutral layer
+shifts up, to the stretched side, which is therefore the stiffer one. With c-/c+ the mirrored beam would bend less and
+less.
 
 Point A is taken as the middle of the free end. Membrane finite elements (converged to 1e-4) move the end of the
 middle line of the beam of equal moduli down by 0.7690 m and in by 0.1867 m; the paper gives curves without numbers.
 A horizon of 3 spacings on 21 points across is 3 % too stiff in tension and more in bending.
-`--set stiffness=constant` takes the paper's other stiffness.
+`--set stiffness=constant` uses the paper's other stiffness.
 """
 
 from warp_pd import Bimodular, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
@@ -35,7 +36,7 @@ def build(
     most_cuts: int = 6,
 ) -> Simulation:
     if solver == "relaxation" and stiffness != "tangent":
-        raise InputError(f"stiffness = {stiffness!r}: expected 'tangent' with the solver relaxation")
+        raise InputError(f"stiffness = {stiffness!r}: expected 'tangent' with solver 'relaxation'")
     finite("load", load)
     solvers: dict[str, Solver] = {
         "newton": Newton(

@@ -1,18 +1,18 @@
-"""A sheet with a notch in either side is pulled until it comes apart. BA paper, section 6.3 (figures 9 and 10).
+"""A sheet with a notch in each side is pulled until it separates. BA paper, section 6.3 (figures 9 and 10).
 
 Gent sheet of 20 x 10 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 60 x 30 points. Top and bottom edge
 move apart at 1.2 mm/s each; bonds break at a stretch of 2. The paper shows the damage as the crack runs from
 both notches straight to the middle, and gives no numbers.
 
-The paper leaves open how long the notches are (here 2.5 mm, `notch`), how the edges are held (here by grips that go
-on outside the sheet, where it neither contracts nor tears), and its damping (here 20 /s, which settles waves but
-is far below the load). The crack crosses the sheet in some hundredths of a second: frames from `slow_from` to
+The paper does not specify the length of the notches (here 2.5 mm, `notch`), how the edges are held (here by grips that
+continue outside the sheet, where it neither contracts nor tears), or its damping (here 20 /s, which settles waves
+but is far below the load). The crack crosses the sheet in some hundredths of a second: frames from `slow_from` to
 `slow_to` are 1 ms apart. Their defaults fit 60 points; coarser grids tear later, finer ones earlier. At 60 points
-a row of points lies on the line of the notches; it belongs to its upper side.
+a row of points lies on the line of the notches; it belongs to the upper side.
 
-An exactly flat sheet stays flat. When it snaps, its recoil then crushes families beside its edges in plane, which
-ended the run on turned and jittered grids; a real sheet buckles. `roughness`, the height of random bumps in
-spacings, lets it: 1e-3 and 1e-2 give the same crack.
+An exactly flat sheet stays flat. When it snaps, its recoil then crushes families next to its edges in plane, which
+ended the run on rotated and jittered grids; a real sheet buckles. `roughness`, the height of random bumps in
+spacings, lets it buckle: 1e-3 and 1e-2 give the same crack.
 """
 
 import math
@@ -44,8 +44,8 @@ def build(
 ) -> Simulation:
     width, height = 20e-3, 10e-3
     if not 0.0 < positive("notch", notch) < 0.5 * width:
-        raise InputError(f"notch = {notch!r}: expected lengths up to below {0.5 * width:g} m, half the width")
-    # The grips go on outside the sheet for one horizon: families cut off beside them fold out and tear first.
+        raise InputError(f"notch = {notch!r}: expected a length less than {0.5 * width:g} m, half the width")
+    # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
     sheet = Sheet.filled(
         width, height, thickness=1e-3, density=1000.0, points=points,
         layers=(0, math.ceil(positive("horizon", horizon))), turn=turn, jitter=jitter, seed=seed,

@@ -2,14 +2,14 @@
 
 0.38 x 0.128 m, 25 um thick, E+ 3.5e9 Pa, nu 1/3, no compressive modulus; 380 x 128 points, horizon of 3 spacings. The
 lower edge is fixed; the upper edge moves along y until the membrane carries 1.5 MPa, then by 1.6 mm along x. The
-paper takes 16 steps of Newton for all of it and compares principal stresses on the middle line, which it shows as
-curves, with finite elements; its own lie above those, more so at larger horizons.
+paper takes 16 Newton steps in all and compares principal stresses on the middle line, which it shows as curves, with
+finite elements; its own lie above those, more so at larger horizons.
 
-How the prestress is applied the paper leaves open. Here the upper edge moves up first. A wide strip would need height x
-1.5 MPa (1 - nu^2) / E; this one, whose ends are free and contract without resistance as the membrane takes no
-compression, needs 1.085 times as much for a mean traction of 1.5 MPa at the paper's horizon; what results is reported
-as `prestress`. Take multiples of 95 points: then cells are square, as in the paper. Otherwise a horizon of just 3
-spacings loses the longest bonds along one axis, which changes the prestress by up to 40 %.
+The paper does not say how the prestress is applied. Here the upper edge moves up first. A wide strip would need height
+x 1.5 MPa (1 - nu^2) / E. The ends of this one are free and contract without resistance, because the membrane takes no
+compression, so it needs 1.085 times as much for a mean traction of 1.5 MPa at the paper's horizon. The scene reports
+the resulting traction as `prestress`. Use multiples of 95 points: cells are then square, as in the paper. Otherwise a
+horizon of just 3 spacings loses the longest bonds along one axis, which changes the prestress by up to 40 %.
 """
 
 import numpy as np
@@ -50,7 +50,7 @@ def build(
     sheet = Sheet.rectangle(WIDTH, HEIGHT, thickness=THICKNESS, density=1420.0, points=points, centred=True)
     bottom, top = sheet.edges("bottom"), sheet.edges("top")
     line = row_at(sheet.points, 0.5 * HEIGHT)
-    # The held rows are one spacing less apart than the edges.
+    # The held rows are closer together than the edges by one spacing.
     lift = FREE_ENDS * (HEIGHT - sheet.spacing) * PRESTRESS * (1.0 - 1.0 / 9.0) / TENSILE
     section = WIDTH * THICKNESS
     inner = line[len(line) // 4 : -(len(line) // 4)]
@@ -76,7 +76,7 @@ def build(
             ),
             Measure("mean_wrinkle_level", "1", lambda built, frame: frame.point_data["wrinkle_level"].mean()),
         ],
-        outcomes=[Outcome("prestress", "Pa", at_time("traction_y", 0.5), PRESTRESS, "wanted by the paper")],
+        outcomes=[Outcome("prestress", "Pa", at_time("traction_y", 0.5), PRESTRESS, "prescribed in the paper")],
         fields=("principal_stress", "wrinkle_level"),
         section="IM 6.4",
         pictures=pictures,

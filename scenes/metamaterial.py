@@ -2,14 +2,14 @@
 
 0.5 x 0.5 x 0.01 m, four inclusions of radius r0 = 0.0625 m centred at (-2.5 r0, 0), (2.5 r0, 0), (0, -1.5 r0) and (0,
 1.5 r0), polyurea of table 2, 120 x 120 points, horizon 3.015; with `crack` a crack of 0.1 m along x in the middle.
-The sheet is stretched alike along x and y: to 1.5, or 1.2 with Prony term and crack.
+The sheet is stretched equally along x and y: to 1.5, or 1.2 with Prony term and crack.
 
-What figures and text leave open, and what is chosen here: the size of the sheet is that of the other sections; the
-inclusions, 144 GPa in the paper, are rigid; edges move as in visco_hole. Without failure the sheet comes to rest by
-dynamic relaxation (viscous: in time, at `rate`, with exaggerated density).
-
-Failure: Gc 6.69 N/m and 1 stretch a microsecond, shown from 150 to 190 microseconds, would be stretches above 150, at
-170 times the speed of sound and more; here as in visco_crack, 205 /s or 159.4 /s, and Gc read as 6.69 MN/m.
+The paper leaves some choices open. Here the size of the sheet is that of the other sections; the inclusions, 144 GPa in
+the paper, are rigid; edges move as in visco_hole. Without failure, dynamic relaxation finds static equilibrium
+(viscous: in time, at `rate`, with exaggerated density).
+Failure: Gc 6.69 N/m and a stretch rate of 1 per microsecond, shown from 150 to 190 microseconds, would mean stretches
+above 150, at 170 times the speed of sound and more. Here it is as in visco_crack, 205 /s or 159.4 /s, and Gc is read as
+6.69 MN/m.
 """
 
 import math
@@ -57,14 +57,14 @@ def build(
     if stretch is None:
         stretch = 6.0 if failure else 1.2 if viscous and crack else 1.5
     if positive("stretch", stretch) <= 1.0:
-        raise InputError(f"stretch = {stretch!r}: expected a stretch above 1")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     if rate is None:
         rate = (159.4 if viscous else 205.0) if failure else 0.15
     moving = viscous or failure
     duration = (stretch - 1.0) / positive("rate", rate) if moving else 1.0
     density = positive("density", density or (1100.0 if failure else 2e6))
-    # The published law's stress at a point depends on the whole families of its neighbours.
+    # The published law's stress at a point depends on the complete families of its neighbours.
     outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)
     layers = (outside, outside)
     sheet = Sheet.rectangle(

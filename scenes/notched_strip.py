@@ -1,12 +1,12 @@
-"""A membrane strip with a notch is torn, and wrinkles beside the crack. IM paper, section 6.5 (figure 21).
+"""A membrane strip with a notch is torn and wrinkles next to the crack. IM paper, section 6.5 (figure 21).
 
 0.1 x 0.04 x 0.001 m, a notch of 6 mm in the middle of the lower edge, 200 x 80 points, horizon of 3 spacings, E+ 1e5
 Pa, nu 1/3, no compressive modulus; the ends move apart by Ux each, bonds break at a strain of 6e-3. The paper shows
-crack and wrinkle level at Ux = 2.1, 2.4, 2.7 and 3.0e-4 m, without numbers; membrane beside the crack is slack.
+crack and wrinkle level at Ux = 2.1, 2.4, 2.7 and 3.0e-4 m, without numbers; the membrane next to the crack is slack.
 
-One load step goes to `start`, the others on to 3.0e-4 m by `increment` (the paper's least: 1e-6 m). At every load
-step the strip comes to rest, breaks what is over-stretched, and comes to rest again until nothing breaks. The ends
-are free to contract; the middle of each keeps its height.
+One load step goes to `start`, the others continue to 3.0e-4 m by `increment` (the paper's smallest: 1e-6 m). In every
+load step the solver finds static equilibrium, breaks the overstretched bonds, and repeats this until no bond breaks.
+The ends are free to contract; the middle of each keeps its height.
 """
 
 import math
@@ -44,12 +44,13 @@ def build(
     tolerance: float = 1e-6,
 ) -> Simulation:
     if not 0.0 < positive("start", start) < TRAVEL:
-        raise InputError(f"start = {start!r}: expected displacements above 0 and below {TRAVEL:g} m")
+        raise InputError(f"start = {start!r}: expected a displacement greater than 0 and less than {TRAVEL:g} m")
     if not 0.0 < positive("increment", increment) <= TRAVEL - start:
-        raise InputError(f"increment = {increment!r}: expected steps above 0, up to {TRAVEL - start:g} m")
+        raise InputError(f"increment = {increment!r}: expected a step greater than 0 and at most {TRAVEL - start:g} m")
     further = max(1, round((TRAVEL - start) / increment))
     if count("points", points, 3) * NOTCH < 2.0 * WIDTH:
-        raise InputError(f"points = {points}: expected {math.ceil(2.0 * WIDTH / NOTCH)} or more, two spacings a notch")
+        least = math.ceil(2.0 * WIDTH / NOTCH)
+        raise InputError(f"points = {points}: expected at least {least}, two spacings per notch")
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, load_steps=1 + further, most_iterations=60),
         "relaxation": Relaxation(tolerance=tolerance, load_steps=1 + further, most_steps=10_000_000),

@@ -1,17 +1,17 @@
 """Two edges of a sheet move out of its plane, in opposite directions. BA paper, section 6.4 (figures 11 to 13).
 
 Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 81 x 81 points. The left edge moves
-down and the right one up at 1 mm/s for 50 s, then both stay. The paper's point: nodes at the corners leave
-the surface, and an empirical force along the free edges (eq. 45, here `boundary_force`, A in N/m^7) brings
-them back. `largest_corner_distance` and `largest_edge_distance` measure that: how far points of the
-corners and of the free edges are from the plane through their neighbours, in spacings.
+down and the right one up at 1 mm/s for 50 s, then both stay. The paper shows that nodes at the corners leave
+the surface and that an empirical force along the free edges (eq. 45, here `boundary_force`, A in N/m^7) brings
+them back. `largest_corner_distance` and `largest_edge_distance` measure how far points of the corners and of the
+free edges are from the plane through their neighbours, in spacings.
 
 Measured at 3.15 spacings (docs/scenes.md): with the published weights corner points leave by 1.04 spacings, with
 the plain ones by 0.89, and A = 1e16 keeps both below 0.04. The corrected weights need no force until the edges have
 moved by 44 mm; then a corner point leaves by 0.33. At 2.015 spacings they need none at all (0.07, at the start).
 
-The paper leaves open its damping (here 200 /s: it takes that much to keep the published weights from
-blowing up) and its step; it says that a smaller step needs no force.
+The paper does not give its damping (here 200 /s: the published weights blow up with less) or its step; it says that
+a smaller step needs no force.
 """
 
 import numpy as np

@@ -5,13 +5,13 @@ in from the middle of the right edge. The left edge is held; the two halves of t
 down at 0.4 mm/s; bonds break at a stretch of 2. The paper shows the damage while the crack runs straight on
 from the cut "for some distance", as experiments do, and gives no numbers.
 
-On a grid in line with the cut and symmetric to it the tear runs straight through; on turned or jittered ones it runs
-straight for 10 to 30 mm, then turns to one side and cuts off a leg (docs/tearing.md): by then the straight tear is
-no longer stable, and only the symmetry of the grid keeps it. The grid turned by 45 degrees is no exception: its points
-lie symmetric to the cut, but those on the cut itself belong to its lower side.
+On a grid aligned with the cut and symmetric about it the tear runs straight through. On rotated or jittered grids it
+runs straight for 10 to 30 mm, then turns to one side and cuts off a leg (docs/tearing.md): by then the straight tear is
+no longer stable, and only the symmetry of the grid keeps it straight. The grid rotated by 45 degrees is no exception:
+its points lie symmetric about the cut, but those on the cut itself belong to its lower side.
 
-The grips go on outside the sheet, and points in them do not tear out. The paper leaves open whether the pulled
-halves may come nearer to the left edge (here they may not) and its damping (here 20 /s). The pull is slow: waves
+The grips continue outside the sheet, and points in them do not tear out. The paper does not say whether the pulled
+halves may move towards the left edge (here they may not), nor its damping (here 20 /s). The pull is slow: waves
 cross the sheet in a tenth of a second. `--set speed=4e-3` gives the same tear ten times sooner.
 """
 
@@ -54,8 +54,8 @@ def build(
 ) -> Simulation:
     side = 0.1
     if not 0.0 < positive("cut", cut) < side:
-        raise InputError(f"cut = {cut!r}: expected lengths up to below {side:g} m, the width")
-    # The grips go on outside the sheet for one horizon: families cut off beside them fold out and tear first.
+        raise InputError(f"cut = {cut!r}: expected a length less than {side:g} m, the width")
+    # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
     sheet = Sheet.filled(
         side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(positive("horizon", horizon)), 0),
         turn=turn, jitter=jitter, seed=seed,

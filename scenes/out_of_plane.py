@@ -2,7 +2,7 @@
 
 1 x 1 x 0.01 m, neo-Hookean mu 1 kPa, K 100 kPa, rho 1000 kg/m^3. The points within 0.04 m of the middle of the
 right edge move by u1 = 0.025 t, u3 = 0.05 t until 2 s, and then stay. The paper shows u3 at 1.5, 2.5, 3.5 and
-4.5 s, no numbers. The other edges are free.
+4.5 s, without numbers. The other edges are free.
 """
 
 import numpy as np

@@ -1,17 +1,17 @@
-"""A slit in the middle of a sheet runs as the sheet is pulled and lifted. NN paper, section 6.3 (figures 13 to 15).
+"""A slit in the middle of a sheet grows as the sheet is pulled and lifted. NN paper, section 6.3 (figures 13 to 15).
 
 1 x 1 x 0.01 m, neo-Hookean mu 1 kPa, K 100 kPa, rho 1000 kg/m^3, 120 x 120 points, the left edge fixed. The points
 within 0.04 m of the middle of the right edge move by u1 = 0.0125 t, u3 = 0.025 t; bonds break at a stretch of
 1.3. Initial displacements that vary as sines seed the wrinkles that form along the slit. The paper shows u3 at
 3, 4.5, 6, 7.5, 9 and 10.5 s, and crack length and speed against time.
 
-The paper leaves open the slit (here 0.3 m along y through the middle, `slit` and `slit_at`), the seed (here
-0.1 mm, four waves along either side, `seed_height`), its damping (here 0.1 /s, as in 6.1), and why the sheet
-does not tear where it is pulled (here the bonds of the pulled points do not break). They may tear out all the
-same, on coarse grids before the slit runs: `grip_tears_out` is the time at which less than 2 % of the sheet hang at
-them, none where they hold, and `grip_share` that share. At a horizon of 3.15 they tear out at 7 s with 45
-points and hold with 60: take 60 points or more.
-Cracks within 0.2 m of the middle of the pulled edge do not count as those of the slit.
+The paper does not specify the slit (here 0.3 m along y through the middle, `slit` and `slit_at`), the seed (here
+0.1 mm, four waves along each side, `seed_height`), its damping (here 0.1 /s, as in 6.1), or why the sheet does not
+tear where it is pulled (here the bonds of the pulled points do not break). The pulled points may still tear out, on
+coarse grids before the slit grows. `grip_share` is the fraction of the sheet that is still attached to them, and
+`grip_tears_out` the time at which it falls below 2 %, or none if they hold. At a horizon of 3.15 they tear out at 7 s
+with 45 points and hold with 60: use 60 points or more.
+Cracks within 0.2 m of the middle of the pulled edge do not count as part of the slit.
 """
 
 import numpy as np
@@ -58,7 +58,7 @@ def build(
 ) -> Simulation:
     for name, value in (("slit", slit), ("slit_at", slit_at)):
         if not 0.0 < positive(name, value) < 1.0:
-            raise InputError(f"{name} = {value!r}: expected lengths up to below 1 m, the width")
+            raise InputError(f"{name} = {value!r}: expected a length less than 1 m, the width")
     sheet = Sheet.filled(1.0, 1.0, thickness=0.01, density=1000.0, points=points, turn=turn, jitter=jitter, seed=seed)
     resolved("slit", slit, sheet.spacing)
     lower, upper = (slit_at, 0.5 - 0.5 * slit), (slit_at, 0.5 + 0.5 * slit)

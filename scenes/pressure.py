@@ -1,6 +1,6 @@
-"""A sheet with fixed edges blown up by a pressure. BA paper, section 6.2.
+"""A sheet with fixed edges is inflated by a pressure. BA paper, section 6.2.
 
-Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, under 5 Pa that follow the surface. Finite
+Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, under a follower pressure of 5 Pa. Finite
 elements (nine-node membranes, converged to 1e-6): 15.680 mm at the centre; 15.466 mm if the pressure is
 dead. The paper's own finite elements give 15.62 mm, its peridynamics 16.19 mm.
 """
@@ -26,7 +26,7 @@ def build(
         "relaxation": Relaxation(tolerance=tolerance),
         "explicit": Explicit(1.0, frames=20, damping=40.0, precision=64),
     }
-    # The published weights have no energy, which Newton asks for, and it is slow at wide horizons (docs/solvers.md).
+    # Newton needs an energy, which the published weights lack, and is slow at large horizons (docs/solvers.md).
     solvers["auto"] = solvers["relaxation" if weights == "published" or horizon > 2.5 else "newton"]
     sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
     centre = sheet.nearest(0.05, 0.05)

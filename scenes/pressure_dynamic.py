@@ -1,9 +1,9 @@
-"""The same sheet when the pressure comes suddenly. NN paper, section 6.1 (figure 8).
+"""A neo-Hookean sheet with fixed edges under suddenly applied pressure. NN paper, section 6.1 (figure 8).
 
-1 x 1 x 0.01 m, neo-Hookean mu 1 kPa, K 100 kPa, rho 1000 kg/m^3, all edges fixed; 20 Pa from t = 0, following
-the surface, mass damping 0.1 /s, to 1 s. Waves run in from the edges and meet in the middle: finite
-elements (100 x 100, lumped mass) give 0.0633, 0.2592, 0.634 and 0.432 m as the largest deflection at 0.25,
-0.5, 0.75 and 1 s, good to 0.5, 0.5, 1 and 0.2 %; the paper's colour bars end at 0.06, 0.26, 0.62 and 0.44 m.
+1 x 1 x 0.01 m, mu 1 kPa, K 100 kPa, rho 1000 kg/m^3, all edges fixed; a follower pressure of 20 Pa from t = 0, mass
+damping 0.1 /s, to 1 s. Waves run in from the edges and meet in the middle: finite elements (100 x 100, lumped
+mass) give 0.0633, 0.2592, 0.634 and 0.432 m as the largest deflection at 0.25, 0.5, 0.75 and 1 s, accurate to
+0.5, 0.5, 1 and 0.2 %; the paper's colour bars end at 0.06, 0.26, 0.62 and 0.44 m.
 """
 
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, Pressure, Sheet, Simulation

@@ -1,6 +1,6 @@
-"""A neo-Hookean sheet with fixed edges under pressure, at rest. NN paper, section 6.1 (figures 6 and 7).
+"""Static equilibrium of a neo-Hookean sheet with fixed edges under pressure. NN paper, section 6.1 (figures 6 and 7).
 
-1 x 1 x 0.01 m, mu 1 kPa, K 100 kPa, all edges fixed, 20 Pa that follow the surface (`--set pressure=10` is the
+1 x 1 x 0.01 m, mu 1 kPa, K 100 kPa, all edges fixed, a follower pressure of 20 Pa (`--set pressure=10` is the
 paper's other case). Finite elements (nine-node membranes, converged to 1e-6): 0.302585 m at the centre at
 20 Pa. The paper shows contours of u3 and its profile along the centre line, and no table of numbers.
 """
@@ -39,7 +39,7 @@ def build(
         "relaxation": Relaxation(tolerance=tolerance),
         "explicit": Explicit(20.0, frames=20, damping=4.0, precision=64),
     }
-    # Newton asks for a tangent and an energy, and is fast at short horizons (docs/solvers.md).
+    # Newton needs a tangent and an energy, and is fast at small horizons (docs/solvers.md).
     law = force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights)
     wide = weights == "published" or horizon > 2.5
     solvers["auto"] = solvers["relaxation" if wide or not law.has_tangent else "newton"]

@@ -1,13 +1,13 @@
-"""A square membrane pulled at its corners wrinkles. IM paper, section 6.3 (figures 13 to 15).
+"""A square membrane is pulled at its corners and wrinkles. IM paper, section 6.3 (figures 13 to 15).
 
 0.5 x 0.5 x 0.001 m, 100 x 100 points, E+ 1e5 Pa, nu 1/3, no compressive modulus; four forces of 5 N pull the corners
-outwards along the diagonals, the four middle points are fixed; one load step. The paper needs 6 steps of Newton.
+outwards along the diagonals, the four middle points are fixed; one load step. The paper needs 6 Newton steps.
 
-The paper prints a horizon of 5e-3 m: one spacing, four bonds a point. Such a net has no stiffness against shear
-along its lines; pulled at its corners it turns into a shape in which no bond is compressed, without any wrinkled
-region (`--horizon 1`). The paper's pictures show wrinkles, so here the horizon is that of its other examples, 3
-spacings. 5 N are far beyond small strain where they act: on 0.1 N/m of stiffness times spacing, the bonds of a corner
-point stretch to several times their length. `--set pull=0.05` stays small.
+The paper prints a horizon of 5e-3 m: one spacing, four bonds per point. Such a net has no shear stiffness along its
+lines; pulled at its corners it deforms into a shape in which no bond is compressed, without any wrinkled region
+(`--horizon 1`). The paper's pictures show wrinkles, so here the horizon is that of its other examples, 3 spacings.
+Strains are far from small where the 5 N act: against 0.1 N/m of stiffness times spacing, the bonds of a corner point
+stretch to several times their length. With `--set pull=0.05` strains stay small.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ def pictures(history, folder):
     frame = shown[0]
     for name, axis in (("u1", "x"), ("u2", "y")):
         plots.reference(folder / f"{name}.png", shown, field=name, label=f"displacement along {axis} (m)")
-    # The corner points alone would set the scale.
+    # Otherwise the corner points alone would set the scale.
     high = float(np.quantile(frame.fields["principal_stress_1"], 0.99))
     plots.reference(
         folder / "stress.png", shown, field="principal_stress_1", label="largest principal stress (Pa)",

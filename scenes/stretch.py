@@ -1,22 +1,23 @@
-"""A rubber sheet stretched in its plane, whole or with a hole, a crack or an inclusion. HE thesis, chapter 5.
+"""A rubber sheet stretched in its plane, with or without a hole, a crack or an inclusion. HE thesis, chapter 5.
 
 0.5 x 0.5 x 0.01 m, incompressible neo-Hookean, E 0.109 GPa, mu = E/3; hole and inclusion of radius 0.08 m, crack of
-0.16 m along y. `mode` says what the edges do at the stretch l:
+0.16 m along y. `mode` sets how the edges move at the stretch l:
 
     equibiaxial   all four edges move apart by l;      planar   left and right do, the other two keep their distance;
     uniaxial      left and right move apart, the other two are free.
 
-The laws of bonds, `bond_based` as published and `bond_based_refitted`, are made for one mode each; `law` = another
-mode gives them the wrong one. They take points at the centres of cells and layers of points outside the sheet as wide
-as the horizon (HE section 4.3), which move as the sheet would if it stretched evenly: across the edge (`grip` =
-roller) or altogether (`clamp`). `bond_associated` needs no mode and no layers: points on the
+The bond-based laws, `bond_based` as published and `bond_based_refitted`, are made for one mode each; `law` gives them
+the constants of another mode. They need points at the centres of cells and layers of points outside the sheet as wide
+as the horizon (HE section 4.3), which move as in a uniform stretch: in the direction across the edge (`grip` =
+roller) or in both (`clamp`). `bond_associated` needs no mode and no layers; its points lie on the
 edges. The default of 32 points takes seconds, uniaxial half a minute; the paper takes `--points 100` (equibiaxial,
 planar) and `--points 50` (uniaxial). The crack's gap of 5 mm is the spacing of those 100 points: here no bond crosses
 its line. `inclusion` is rigid, `stiff_inclusion` the same rubber 100 times as stiff.
 
-Reported is the force on the right edge at the last stretch, beside the exact one of the sheet without defect or, with
-a hole, membrane finite elements whose edges are on rollers. A uniaxial sheet with a defect is compressed across over
-17 to 58 % of its area: a real one wrinkles there, and plane solutions, these and the paper's, stop being physical.
+The scene reports the force on the right edge at the last stretch, next to the exact one of the sheet without defect or,
+with a hole, that of membrane finite elements with edges on rollers. A uniaxial sheet with a defect is compressed across
+the pull over 17 to 58 % of its area: a real one wrinkles there, and plane solutions, these and the paper's, stop being
+physical.
 """
 
 from dataclasses import replace
@@ -52,7 +53,7 @@ HOLE = {
     "equibiaxial": {1.5: 202.99e3, 2.0: 301.24e3, 2.5: 383.71e3, 3.0: 462.65e3},
     "planar": {1.5: 176.58e3, 2.0: 282.81e3, 2.5: 371.99e3, 3.0: 455.03e3},
 }
-# The whole uniaxial sheet in grips that hold its width, likewise.
+# The uniaxial sheet without defect in grips that hold its width, likewise.
 GRIPPED = {1.5: 200.42e3, 2.0: 326.49e3, 2.5: 432.34e3, 3.0: 530.80e3, 3.5: 625.99e3, 4.0: 719.51e3}
 DEFECTS, GRIPS = ("none", "hole", "crack", "inclusion", "stiff_inclusion"), ("roller", "clamp")
 LAWS = ("bond_based", "bond_based_refitted", "bond_associated")
@@ -76,7 +77,7 @@ def build(
     one_of("law", law, ("auto", *MODES))
     one_of("grip", grip, GRIPS)
     if not 1.0 < finite("stretch", stretch) <= 4.0:
-        raise InputError(f"stretch = {stretch!r}: expected numbers above 1 up to 4")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1 and at most 4")
     bonds = one_of("force", force, LAWS) != "bond_associated"
     if not bonds and law != "auto":
         raise InputError(f"law = {law!r}: expected 'auto' with force 'bond_associated', which has no mode")
@@ -96,7 +97,7 @@ def build(
         chosen = HyperelasticBonds(BondNeoHookean(MU, mode if law == "auto" else law, fit), horizon=horizon)
     else:
         chosen = BondAssociated(MooneyRivlin(0.5 * MU), horizon=horizon, weights=weights)
-    # One frame a stretch of 0.5, where they divide.
+    # One frame per 0.5 of stretch, where it divides evenly.
     steps = max(1, round((stretch - 1.0) / 0.5))
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, load_steps=steps),
@@ -127,14 +128,14 @@ def build(
         ],
         section="HE 5",
         pictures=pictures,
-        notes=["compressed across: a real sheet wrinkles there, plane solutions stop being physical"]
+        notes=["compressed across the pull: a real sheet wrinkles there, plane solutions stop being physical"]
         if mode == "uniaxial" and defect != "none"
         else [],
     )
 
 
 def whole_sheet(points: int, horizon: float, mode: str, bonds: bool) -> Sheet:
-    """The sheet about the origin: with layers outside, its points in cells, for the laws of bonds."""
+    """The sheet without defect, centred at the origin; for bond-based laws with points in cells and layers outside."""
     layers = int(horizon + 1e-6) if bonds else 0
     return Sheet.rectangle(
         SIDE, SIDE, thickness=THICKNESS, density=DENSITY, points=points, origin=(-HALF, -HALF), centred=bonds,
@@ -144,7 +145,7 @@ def whole_sheet(points: int, horizon: float, mode: str, bonds: bool) -> Sheet:
 
 def with_defect(sheet: Sheet, defect: str, bonds: bool) -> Sheet:
     if defect == "hole" and bonds:
-        # As in the paper, every point that is left stands for its cell.
+        # As in the paper, every remaining point represents its cell.
         holed = sheet.hole((0.0, 0.0), RADIUS)
         return replace(holed, areas=np.full(holed.size, sheet.areas[0]))
     if defect == "hole":
@@ -159,7 +160,7 @@ def with_defect(sheet: Sheet, defect: str, bonds: bool) -> Sheet:
 
 
 def with_round_hole(sheet: Sheet) -> Sheet:
-    """Points on the edge of the hole, and those of the sheet that lie half a spacing and more outside."""
+    """Points on the edge of the hole, and those of the sheet that lie at least half a spacing outside it."""
     outside = np.hypot(*sheet.points.T) > RADIUS + 0.5 * sheet.spacing
     angle = np.linspace(0.0, 2.0 * np.pi, round(2.0 * np.pi * RADIUS / sheet.spacing), endpoint=False)
     ring = RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -168,7 +169,7 @@ def with_round_hole(sheet: Sheet) -> Sheet:
 
 
 def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed | Motion]:
-    """Edges, or layers outside, that move as in an even stretch; the plane holds everything across itself."""
+    """Edges, or layers outside, that move as in a uniform stretch; all points are held in the plane."""
     x, y = np.abs(sheet.points).T >= HALF * (1.0 - 1e-9)
     across = {"equibiaxial": stretch, "planar": 1.0, "uniaxial": 1.0}[mode]
     if mode == "uniaxial":
@@ -177,7 +178,7 @@ def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed |
     loose = np.setdiff1d(np.arange(sheet.size), np.concatenate([[], *sheet.inclusions]))
     loads: list[Fixed | Motion] = [Fixed(loose, "z")]
     for c, (name, (held, goal)) in enumerate(moved.items()):
-        # Points that lie alike move alike; rounding tells them apart by less than a spacing.
+        # Points with the same coordinate move together; round-off separates them by far less than a spacing.
         place = np.round(sheet.points[:, c] / (1e-3 * sheet.spacing)).astype(int)
         for where in np.unique(place[held]):
             points = np.flatnonzero(held & (place == where))

@@ -2,7 +2,7 @@
 
 Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160. The left end is held, the right one moves by
 100 mm; neither may contract. Finite elements (nine-node membranes, converged to 1e-5): the middle of each
-free edge moves in by 13.543 mm, the grips pull with 0.18112 N. The paper's own finite elements give
+free edge moves in by 13.543 mm, the grip force is 0.18112 N. The paper's own finite elements give
 13.57 mm, its peridynamics 14.06 mm.
 """
 
@@ -27,10 +27,10 @@ def build(
         "relaxation": Relaxation(tolerance=tolerance, ramp_steps=12 * points),
         "explicit": Explicit(2.0, frames=20, damping=20.0, precision=64),
     }
-    # The published weights have no energy, which Newton asks for, and it is slow at wide horizons (docs/solvers.md).
+    # Newton needs an energy, which the published weights lack, and is slow at large horizons (docs/solvers.md).
     solvers["auto"] = solvers["relaxation" if weights == "published" or horizon > 2.5 else "newton"]
     if finite("extension", extension) <= -SIDE:
-        raise InputError(f"extension = {extension!r} m: expected more than {-SIDE}, at which no sheet is left")
+        raise InputError(f"extension = {extension!r}: expected more than {-SIDE:g} m, at which no sheet is left")
     sheet = Sheet.rectangle(SIDE, SIDE, thickness=1e-3, density=1000.0, points=points)
     middle = sheet.nearest(0.05, 0.0)
     right = sheet.edges("right")

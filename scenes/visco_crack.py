@@ -1,20 +1,20 @@
-"""A sheet with a crack is stretched alike along x and y. VE paper, sections 6.3 and 6.7 (figures 12 to 14, 22 to 25).
+"""A sheet with a crack is stretched equally along x and y. VE paper, sections 6.3, 6.7 (figures 12 to 14, 22 to 25).
 
 0.5 x 0.5 x 0.01 m, a crack of 0.1 m along y in the middle, polyurea of table 2, 100 x 100 points, horizon 3.015.
 
-The crack stays as it is (figures 12 and 13: stretches of 1.5 and 4, no Prony term; figures 22 and 23: viscous = True,
-stretch = 1.5 and 2.5, at 0.15 /s): as in visco_hole, at rest or with exaggerated density.
+By default the crack does not grow (figures 12 and 13: stretches of 1.5 and 4, no Prony term; figures 22 and 23: viscous
+= True, stretch = 1.5 and 2.5, at 0.15 /s): as in visco_hole, in static equilibrium or with exaggerated density.
 
-The crack runs (failure = True): rate 205 /s without Prony term, 159.4 /s with it, Gc 6.69 N/m, density 1100 kg/m^3
-(not given). The sheet starts with the velocity of uniform stretching: pulled at its edges alone it would be slower
-than they are (51 m/s against waves of some 35 m/s). The paper shows damage at 22, 23, 24 and 25 ms (hyperelastic) and
-25, 29, 30 and 31 ms (visco-hyperelastic), stretches of 5 and more. That cannot be with its numbers: the first bonds
-of a uniform sheet have released Gc / Nc at a stretch of 1.0013 by the published law, which is taut from the start,
+With failure = True the crack grows: rate 205 /s without Prony term, 159.4 /s with it, Gc 6.69 N/m, density 1100 kg/m^3
+(not given). The sheet starts with the velocity of uniform stretching: pulled only at its edges, it could not follow
+them (51 m/s against waves of some 35 m/s). The paper shows damage at 22, 23, 24 and 25 ms (hyperelastic) and 25, 29,
+30 and 31 ms (visco-hyperelastic), stretches of 5 and more. Its numbers do not allow that: the first bonds of a
+uniform sheet have released Gc / Nc at a stretch of 1.0013 by the published law, which is under tension from the start,
 and of 1.017 by the stress-free one: after 6 and 85 microseconds. With moduli in MPa the printed number would be 6.69
-MN/m, and that fits: `energy`, 6.69e6 N/m by default, lets the published law begin to tear at 20.6 to 21.0 ms, and at
-26 ms with the Prony term (40 to 60 points). What snaps at such stretches is crushed where it lands, which ends runs
-of the stress-free law some milliseconds later (status "diverged"); a `roughness`, in spacings, lets it buckle, and
-the small steps of the default `safety` put that off.
+MN/m, and that fits: with `energy`, 6.69e6 N/m by default, the published law begins to tear at 20.6 to 21.0 ms, and at
+26 ms with the Prony term (40 to 60 points). Material that snaps at such stretches is crushed by its recoil, which ends
+runs of the stress-free law some milliseconds later (status "diverged"). A `roughness`, in spacings, lets it buckle,
+and the small steps of the default `safety` delay the end.
 """
 
 import math
@@ -64,7 +64,7 @@ def build(
     safety: float | None = None,
 ) -> Simulation:
     if positive("stretch", stretch) <= 1.0:
-        raise InputError(f"stretch = {stretch!r}: expected a stretch above 1")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     if rate is None:
         rate = (159.4 if viscous else 205.0) if failure else 0.15
@@ -77,7 +77,7 @@ def build(
     moving = viscous or failure
     duration = SHOWN[viscous][-1] if failure else (stretch - 1.0) / rate if viscous else 1.0
     last = 1.0 + rate * duration if failure else stretch
-    # The published law's stress at a point depends on the whole families of its neighbours.
+    # The published law's stress at a point depends on the complete families of its neighbours.
     outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)
     layers = (outside, outside)
     sheet = Sheet.rectangle(
@@ -90,7 +90,7 @@ def build(
         layers=layers,
     ).cut((0.0, -0.5 * CRACK), (0.0, 0.5 * CRACK))
     if safety is None:
-        # The sheet stiffens by a factor of ten and more while it tears, faster than the stable step is estimated anew.
+        # The sheet stiffens by a factor of ten and more while it tears, faster than the stable step is updated.
         safety = 0.02 if failure else 0.5
     prony = (TERM,) if viscous else ()
     solver: Solver = Newton(tolerance=tolerance, load_steps=load_steps)

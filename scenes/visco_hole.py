@@ -1,12 +1,13 @@
-"""A sheet with a hole is stretched alike along x and y. VE paper, sections 6.2 and 6.6 (figures 9, 10, 20 and 21).
+"""A sheet with a hole is stretched equally along x and y. VE paper, sections 6.2 and 6.6 (figures 9, 10, 20 and 21).
 
 0.5 x 0.5 x 0.01 m, hole radius 0.08 m, polyurea of table 2, 100 x 100 points, horizon 3.015. Section 6.2 has no Prony
 term and shows stretches of 4 and 7; section 6.6 (set viscous = True, stretch = 2.5 or 3) has one, and stretches at
-0.15 /s. The paper shows displacements by picture, and that the hole stays round.
+0.15 /s. The paper shows pictures of the displacements, and that the hole stays round.
 
-`law` is "stress_free", at rest by Newton's method, or "published", by dynamic relaxation. With `viscous` both move in
-time, and the density is exaggerated as in visco_sheet. Edges and layers of points outside them move as in a uniform
-sheet: the paper does not say what its boundary layers leave free. Defaults are for two CPU cores.
+`law` is "stress_free", with static equilibrium by Newton's method, or "published", by dynamic relaxation. With
+`viscous` both move in time, and the density is exaggerated as in visco_sheet. Edges and layers of points outside them
+move as in a uniform sheet: the paper does not say which components its boundary layers leave free. Defaults are for two
+CPU cores.
 """
 
 import math
@@ -51,10 +52,10 @@ def build(
     safety: float = 0.5,
 ) -> Simulation:
     if not 1.0 < positive("stretch", stretch) <= 10.0:
-        raise InputError(f"stretch = {stretch!r}: expected stretches above 1 up to 10")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1 and at most 10")
     published = one_of("law", law, ("stress_free", "published")) == "published"
     duration = (stretch - 1.0) / positive("rate", rate) if viscous else 1.0
-    # The published law's stress at a point depends on the whole families of its neighbours.
+    # The published law's stress at a point depends on the complete families of its neighbours.
     outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)
     layers = (outside, outside)
     sheet = Sheet.rectangle(
@@ -76,9 +77,9 @@ def build(
         force = Visco(POLYUREA, prony=prony, horizon=horizon)
 
     def growth(frame):
-        """Growth of the hole's radius, and how much more it grows along the axes than along the mean direction.
+        """Growth of the hole's radius, and how much more it grows along the axes than on average.
 
-        The points at the edge of the hole are not all at its radius: a line in the distance takes that out.
+        The points at the edge of the hole are not all at its radius: a linear fit in the distance corrects for that.
         """
         place = np.hypot(*sheet.points[inner].T)
         moved = sheet.points[inner] + frame.displacement[inner, :2]

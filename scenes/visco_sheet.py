@@ -1,17 +1,18 @@
-"""A visco-hyperelastic sheet is stretched alike along x and y. VE paper, sections 6.1 and 6.5 (figures 6, 7 and 19).
+"""A visco-hyperelastic sheet is stretched equally along x and y. VE paper, sections 6.1 and 6.5 (figures 6, 7 and 19).
 
 0.5 x 0.5 x 0.01 m, 100 x 100 points, horizon 3.015, polyurea of table 2: c10 0.1996, c20 0.0170 MPa, one Prony term
 0.01733, 0.0015 MPa, phi_ref 0.9466, eta 1.6665. Section 6.1 has no Prony term and goes to a stretch of 4 (set viscous
-= False, stretch = 4), section 6.5 goes to 2.5 at 0.15 /s. The paper compares with its own finite elements by picture.
-Its displacement at the corner is (stretch - 1) 0.25 m whatever the material. Its stresses at (-0.165, 0.125) m are
-given as differences alone: hyperelastic above visco-hyperelastic by 24 kPa at 1.25 and 1.2 MPa at 2.5, though the
-force of its eq. 62 adds the viscous part to the hyperelastic one. At 2.5 its own viscous constants allow 0.15 MPa at
-most. The reference here is the exact answer of each law for a homogeneous sheet.
+= False, stretch = 4), section 6.5 goes to 2.5 at 0.15 /s. The paper compares with its own finite elements in pictures.
+Its displacement at the corner is (stretch - 1) 0.25 m for any material. Its stresses at (-0.165, 0.125) m are
+given only as differences: hyperelastic above visco-hyperelastic by 24 kPa at 1.25 and 1.2 MPa at 2.5, although the
+force of its eq. 62 adds the viscous part to the hyperelastic one. At 2.5 its own viscous constants allow at most
+0.15 MPa. The reference here is the exact response of each law for a homogeneous sheet.
 
-`law` is "stress_free" (Visco) or "published" (ViscoBondBased), whose sheet pulls at rest. Edges and layers of points
-outside them, one horizon wide (two for the published law), move as in a uniform sheet, which starts with that
-velocity. Stress is that of eq. 78 at the paper's point. The paper's density is not given; here it is exaggerated,
-`density`, so that steps are long; `kinetic_share` says what is left of inertia. Defaults are for two CPU cores.
+`law` is "stress_free" (Visco) or "published" (ViscoBondBased), which is under tension when undeformed. Edges and layers
+of points outside them, one horizon wide (two for the published law), move as in a uniform sheet, and the sheet starts
+with the velocity of uniform stretching. Stress is that of eq. 78 at the paper's point. The paper does not give its
+density; here it is exaggerated, `density`, so that steps are long; `kinetic_share` measures the remaining inertia.
+Defaults are for two CPU cores.
 """
 
 import math
@@ -41,11 +42,11 @@ def build(
     safety: float = 0.5,
 ) -> Simulation:
     if positive("stretch", stretch) <= 1.0:
-        raise InputError(f"stretch = {stretch!r}: expected a stretch above 1")
+        raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1")
     duration = (stretch - 1.0) / positive("rate", rate)
     prony = (TERM,) if viscous else ()
     published = one_of("law", law, LAWS) == "published"
-    # The published law's stress at a point depends on the whole families of its neighbours.
+    # The published law's stress at a point depends on the complete families of its neighbours.
     outside = math.ceil(positive("horizon", horizon)) * (2 if published else 1)
     layers = (outside, outside)
     sheet = Sheet.rectangle(
@@ -67,13 +68,13 @@ def build(
     source = "exact convolution, homogeneous sheet"
 
     def kinetic_share(built, frame):
-        """Kinetic energy of what is not uniform stretching, over the work of the whole load."""
+        """Kinetic energy of the deviation from uniform stretching, divided by the work of the full load."""
         uneven = frame.velocity - velocity
         energy = 0.5 * (built.to_numpy(built.state.mass)[:, None] * uneven**2).sum()
         return energy / (SIZE**2 * THICKNESS * 2.0 * np.trapezoid(exact, path))
 
     def viscous_stress(built, frame):
-        """What relaxes of the nominal stress at the point, from the internal variables of its bonds [Pa]."""
+        """The relaxing part of the nominal stress at the point, from the internal variables of its bonds [Pa]."""
         now = 1.0 + rate * frame.time
         if not published:
             return now * built.to_numpy(built.law.internal["overstress"])[:, middle, 0].mean()

@@ -1,4 +1,4 @@
-"""Modules that moved: the old names import the new ones, with a warning, for one release."""
+"""Modules that moved: for one release the old names import the new ones, with a warning."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class MovedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         """A spec for an old name."""
         if fullname not in MOVED:
             return None
-        # A package, so that names below it are looked for.
+        # A package, so that Python looks for names below it.
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
         """A module with everything that the new ones have."""
         new = MOVED[spec.name]
         said = " and ".join(new)
-        warnings.warn(f"{spec.name} has moved to {said}; the old name goes with the next release", FutureWarning, 2)
+        warnings.warn(f"{spec.name} has moved to {said}; the next release drops the old name", FutureWarning, 2)
         module = ModuleType(spec.name)
         for name in new:
             found = vars(importlib.import_module(name))
@@ -49,10 +49,10 @@ class MovedModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Nothing: it is filled already."""
+        """Does nothing: the module is filled already."""
 
 
 def install() -> None:
-    """Let the old names be found."""
+    """Registers the old names with the import system."""
     if not any(isinstance(finder, MovedModules) for finder in sys.meta_path):
         sys.meta_path.append(MovedModules())

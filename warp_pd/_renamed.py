@@ -1,4 +1,4 @@
-"""Attributes of a built simulation that were renamed: the old names work with a warning, for one release."""
+"""Renamed attributes of a built simulation: for one release the old names work, with a warning."""
 
 from __future__ import annotations
 
@@ -27,5 +27,5 @@ class RenamedAttributes:
         if name not in RENAMED:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         new = RENAMED[name]
-        warnings.warn(f"{name} is called {new} now; the old name goes with the next release", FutureWarning, 2)
+        warnings.warn(f"{name} is now called {new}; the next release drops the old name", FutureWarning, 2)
         return operator.attrgetter(new)(self)

@@ -1,4 +1,4 @@
-"""What a homogeneous visco-hyperelastic sheet answers: references for scenes, and what identification fits."""
+"""Exact response of a homogeneous visco-hyperelastic sheet: reference for scenes and for parameter identification."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ def nominal_stress(
 ) -> np.ndarray:
     """First Piola stress along x [Pa] of the law Visco after a history of stretches, shape (n,).
 
-    Every relaxing stress follows its convolution, exact where it changes linearly between the times.
+    Every relaxing stress follows its convolution, which is exact if it changes linearly between the times.
 
     Args:
         material: Yeoh with c10 and c20.
         prony: Terms that relax.
-        time: Rising [s], shape (n,).
-        x: Stretch along x, 1 at rest, shape (n,); at the first time it may have jumped.
+        time: Increasing times [s], shape (n,).
+        x: Stretch along x, 1 when undeformed, shape (n,); at the first time it may have jumped.
         y: Stretch along y, shape (n,).
 
     Raises:
-        InputError: for times that do not rise.
+        InputError: for times that do not increase.
     """
     _require_rising(time)
     third = 1.0 / (x * y)
@@ -57,7 +57,7 @@ def nominal_stress(
 
 
 def published_stress(material: Yeoh, prony: Sequence[Prony], time: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """The same of the law ViscoBondBased under equal stretches along x and y [Pa], shape (n,) (VE eqs. 46 to 55)."""
+    """The same for the law ViscoBondBased under equal stretches along x and y [Pa], shape (n,) (VE eqs. 46 to 55)."""
     _require_rising(time)
     excess = 2.0 * stretch**2 - 2.0
     total = (material.c10 + 2.0 * material.c20 * excess) * stretch
@@ -83,4 +83,4 @@ def _relaxing(term: Prony, time: np.ndarray, change: np.ndarray, driven: np.ndar
 
 def _require_rising(time: np.ndarray) -> None:
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
-        raise InputError(f"time has {len(time)} values: expected two or more, rising")
+        raise InputError(f"time has {len(time)} values: expected at least two, increasing")

@@ -1,7 +1,7 @@
-"""How long a step takes: cases, timing, tables.
+"""Time per step: cases, timing, tables.
 
-The sheet is stretched and rough, and the step so short that it stays as it is: every run of a case does the same
-work, however long it is measured. Nothing is written and no frame is taken.
+The sheet is stretched and rough, and the step is so short that it hardly moves: every run of a case does the same
+work, however long it is measured. The benchmark writes nothing and takes no frames.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from .simulation import Simulation
 from .solvers import Explicit
 
 FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
-# Some unknown displacement survives any sum with a step so short.
+# With a step this short the displacement does not change within round-off.
 STEP = 1e-12
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is timed.
+    """A case to be timed.
 
     Attributes:
         points: Points along a side of a square sheet.
-        horizon: Over the spacing.
+        horizon: Horizon in spacings.
         precision: 32 or 64.
-        features: Some of FEATURES.
+        features: A selection from FEATURES.
         layout: "lattice" or "cloud".
-        weights: As of `BondAssociated`.
-        damaged: Share of the points that have lost a bond, with "rupture".
-        fast: Whether the fast kernels are taken.
+        weights: As for `BondAssociated`.
+        damaged: Fraction of the points that have lost a bond, with "rupture".
+        fast: Whether to use the fast kernels.
         law: "bond_associated" (Gent) or "bond_based" (one modulus).
     """
 
@@ -63,12 +63,12 @@ class Case:
         one_of("layout", self.layout, ("lattice", "cloud"))
         one_of("law", self.law, ("bond_associated", "bond_based"))
         if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
-            raise InputError(f"damaged = {self.damaged!r}: expected a share from 0 to 1")
+            raise InputError(f"damaged = {self.damaged!r}: expected a fraction from 0 to 1")
         if self.damaged > 0.0 and "rupture" not in self.features:
             raise InputError(f"damaged = {self.damaged!r}: expected 0 without the feature 'rupture'")
 
     def simulation(self) -> Simulation:
-        """The sheet with what acts on it."""
+        """The sheet with its loads, supports and contact."""
         sheet = Sheet.rectangle(1.0, 1.0, thickness=1e-2, density=1000.0, points=self.points)
         if self.layout == "cloud":
             sheet = sheet.as_cloud()
@@ -99,18 +99,18 @@ class Case:
 
 @dataclass(frozen=True)
 class Timing:
-    """What was measured.
+    """The measurements of a case.
 
     Attributes:
         case: The case.
         points: Number of points.
         bonds: Number of bonds, each counted from both ends.
         step: Median time of a step [s].
-        spread: Half the range of the middle half of the measurements, over the median.
+        spread: Half the interquartile range of the measurements, divided by the median.
         array_bytes: Bytes of all arrays.
         setup: Time to build the simulation [s].
         compile: Time to compile or load its kernels [s].
-        multiply_adds: Counted a step, see `multiply_adds`.
+        multiply_adds: Number per step, see `multiply_adds`.
     """
 
     case: Case
@@ -125,12 +125,12 @@ class Timing:
 
     @property
     def point_steps(self) -> float:
-        """Points times steps a second."""
+        """Points times steps per second."""
         return self.points / self.step
 
     @property
     def bond_steps(self) -> float:
-        """Bonds times steps a second."""
+        """Bonds times steps per second."""
         return self.bonds / self.step
 
 
@@ -162,7 +162,7 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
 
 
 def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, float]:
-    """Median time of a step [s] of a sheet that hardly moves, and half the range of the middle half over it."""
+    """Median time of a step [s] of a sheet that hardly moves, and half the interquartile range divided by it."""
     assert built.state.step is not None
     built.state.step.fill_(STEP)
     built.set_clock(STEP, 1.0)
@@ -203,7 +203,7 @@ def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
 
 
 def break_some(built: Built, share: float, seed: int = 0) -> None:
-    """Break one bond, at both ends, of so many points that about `share` of all have lost one."""
+    """Break one bond, at both ends, of enough points that about the fraction `share` of all have lost one."""
     families, rng = built.law.families, np.random.default_rng(seed)
     assert built.law.intact is not None
     intact = built.law.intact.numpy()
@@ -219,10 +219,11 @@ def break_some(built: Built, share: float, seed: int = 0) -> None:
 
 
 def multiply_adds(built: Built) -> float:
-    """Multiply-adds of a step as the formulas have them, on a sheet without edges.
+    """Multiply-adds of a step as counted from the formulas, on a sheet without edges.
 
-    Of the bond-associated law 12 a member of each intersection for its gradient, as many for its forces, and 100 a
-    stress; of the bond-based law 20 a bond. The fast kernels need fewer: a ratio to a limit counted so is a lower one.
+    The bond-associated law takes 12 per member of each intersection for its gradient, as many for its forces, and 100
+    per stress; the bond-based law takes 20 per bond. The fast kernels need fewer, so the ratio to the peak rate
+    overestimates theirs.
     """
     families = built.law.families
     if families.common.size == 0:
@@ -234,9 +235,9 @@ def multiply_adds(built: Built) -> float:
 
 
 def arithmetic_rate(device: Any, bits: int) -> float:
-    """Multiply-adds a second of independent sums in registers [1/s], the limit of any kernel on a GPU.
+    """Multiply-adds per second of independent sums in registers [1/s], the limit of any kernel on a GPU.
 
-    On a CPU it says little: there the compiler finds vectors in some kernels, and none in these sums.
+    On a CPU it says little: there the compiler vectorises some kernels, but not these sums.
     """
     from .kernels.peak_flops import multiply_add
 
@@ -254,7 +255,7 @@ def arithmetic_rate(device: Any, bits: int) -> float:
 
 
 def copy_rate(device: Any, megabytes: int = 1024) -> float:
-    """Bytes read and written a second when an array is copied [B/s]."""
+    """Bytes read and written per second when an array is copied [B/s]."""
     size = megabytes * 2**18
     source = wp.zeros(size, dtype=wp.float32, device=device)
     target = wp.empty_like(source)
@@ -273,9 +274,9 @@ def table(timings: Iterable[Timing], copied: float, counted: dict[int, float] | 
     """The measurements as a markdown table.
 
     Args:
-        timings: What was measured.
-        copied: As of `copy_rate`.
-        counted: As of `arithmetic_rate`, by precision.
+        timings: The measurements.
+        copied: Result of `copy_rate`.
+        counted: Results of `arithmetic_rate`, by precision.
     """
     lines = [
         "| points | law | layout | horizon | float | features | step | spread | point-steps/s | bond-steps/s | "
@@ -288,7 +289,7 @@ def table(timings: Iterable[Timing], copied: float, counted: dict[int, float] | 
         if c.damaged:
             features += f", {100.0 * c.damaged:g} % damaged"
         if not c.fast:
-            features += ", plain kernels"
+            features += ", reference kernels"
         share = t.array_bytes / t.step / copied
         lines.append(
             f"| {t.points} | {c.law} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
@@ -310,7 +311,7 @@ def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[
 
 
 def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case]:
-    """Every feature alone, all together, damaged sheets, the cloud, the plain kernels."""
+    """Every feature alone, all together, damaged sheets, the cloud, the reference kernels."""
     alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
     torn = [Case(points, horizon, precision, features=("rupture",), damaged=share) for share in (0.01, 1.0)]
     return [

@@ -1,4 +1,4 @@
-"""Composing a simulation: law, parts and solver of a scene on a device, and their launches by phase."""
+"""Builds a simulation: law, parts and solver of a scene on a device, and their launches by phase."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Built(RenamedAttributes, System):
     Attributes:
         simulation: The scene that was built.
         solver: The solver on the device.
-        checks: What every frame looks at.
+        checks: Checks of every frame.
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
         contact: The contact on the device, or None.
@@ -74,7 +74,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
 
     Args:
         scene: What to build.
-        device: "cpu", "cuda", "cuda:0", ...; by default CUDA where there is one.
+        device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
 
     Raises:
@@ -111,7 +111,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
 
 
 def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> BuiltPart | None:
-    """What a part of the scene became on the device."""
+    """The built counterpart of a part of the scene."""
     return next((on_device for part, on_device in zip(parts, built, strict=True) if part is wanted), None)
 
 
@@ -119,7 +119,7 @@ def parts_of(scene: Scene) -> list[Part]:
     """All parts in the order in which they act: rigid inclusions, supports and loads, contact, rupture.
 
     Raises:
-        InputError: for parts that do not go with each other.
+        InputError: for parts that cannot be combined.
     """
     inclusions: list[Part] = [RigidInclusions(scene.sheet.inclusions)] if scene.sheet.inclusions else []
     parts = [part for part in (*inclusions, *scene.loads, scene.contact, scene.damage) if part is not None]
@@ -172,7 +172,7 @@ def _state(scene: Scene, context: Context, external: ExternalForce, energy: Ener
 
 
 def _check_columns(scene: Scene, built: Built) -> None:
-    """Refuse measures under the names of other columns of the history.
+    """Refuse measures with the names of other columns of the history.
 
     Raises:
         InputError: for the first of them.
@@ -180,15 +180,15 @@ def _check_columns(scene: Scene, built: Built) -> None:
     taken = {"time", "step", *(column for part in (built.energy, *built.parts) for column in part.column_names())}
     for name in [*(m.name for m in scene.measures), *(o.name for o in scene.outcomes)]:
         if name in taken:
-            raise InputError(f"measures: two numbers of the run would be called {name!r}: expected one")
+            raise InputError(f"measures: {name!r} is already a column of the history: expected another name")
 
 
 def _add_stages(built: Built) -> None:
-    """Compose the stages that every solver has, and those of this one."""
+    """Compose the stages common to all solvers, and those of this one."""
     context = built.context
     built.add([Phase.START], context.stage("start", "once at the start"))
     built.add(SETUP, context.stage("setup", "once at the start or a restart"))
-    built.add([Phase.SCHEDULES], context.stage("clock", "whenever the host moves the time or the step"))
+    built.add([Phase.SCHEDULES], context.stage("clock", "whenever the host sets the time or the step"))
     built.solver.prepare(built)
     frame = context.stage("frame", "every frame")
     built.add([Phase.FRAME], frame)

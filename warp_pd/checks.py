@@ -1,4 +1,4 @@
-"""Checks of what a user passes in: each raises one line that names the argument, its value, what is expected."""
+"""Checks of user input: each raises one line that names the argument, its value and what is expected."""
 
 import contextlib
 import difflib
@@ -15,7 +15,7 @@ class InputError(ValueError):
 
 @contextlib.contextmanager
 def user_code(said: Callable[[Exception], str]) -> Iterator[None]:
-    """Where code runs that came with the input; `said` makes one line of what it raises.
+    """Context in which user code runs; `said` turns the errors that it raises into one line.
 
     Raises:
         InputError: in place of any other error.
@@ -43,7 +43,7 @@ def finite(name: str, value: Any) -> float:
         number = float(value)
     except (TypeError, ValueError):
         number = None
-    # Text that reads like a number, too: the first sum that it stands in would end with a traceback.
+    # Reject text even if it reads like a number: the first sum with it would end with a traceback.
     if number is None or isinstance(value, str):
         raise InputError(f"{name} = {value!r}: expected a number")
     if not math.isfinite(number):
@@ -87,14 +87,14 @@ def count(name: str, value: Any, least: int) -> int:
 
 
 def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> float:
-    """`length` itself: one that the points can show.
+    """`length` itself, if the points resolve it.
 
     Raises:
         InputError: if it is shorter than `least` spacings.
     """
     if length < least * spacing:
         raise InputError(
-            f"{name} = {length!r}: expected {least:g} spacings or more, {least * spacing:.3g} m; take more points"
+            f"{name} = {length!r}: expected at least {least:g} spacings, {least * spacing:.3g} m; use more points"
         )
     return length
 
@@ -103,7 +103,7 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     """`value` itself.
 
     Raises:
-        InputError: if it is not allowed; the message says which is nearest.
+        InputError: if it is not allowed; the message names the nearest one.
     """
     choices = list(allowed)
     if value in choices:
@@ -133,7 +133,7 @@ def numbers(name: str, value: Any) -> np.ndarray:
     """`value`, one number or an array of them, as a float64 array.
 
     Raises:
-        InputError: unless all are finite numbers; the message holds the first that is not.
+        InputError: unless all are finite numbers; the message names the first that is not.
     """
     try:
         found = np.asarray(value, dtype=np.float64)
@@ -162,5 +162,5 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
         raise InputError(f"{name} = {value!r}: expected at least one point")
     if indices[0] < 0 or indices[-1] >= points:
         bad = int(indices[0]) if indices[0] < 0 else int(indices[-1])
-        raise InputError(f"{name} holds point {bad}: expected 0 to {points - 1}")
+        raise InputError(f"{name} contains point {bad}: expected 0 to {points - 1}")
     return indices.astype(np.int32)

@@ -24,7 +24,7 @@ WRONG_INPUT, DIVERGED = 2, 3
 
 
 class OneLineGroup(click.Group):
-    """A group whose wrong input ends with one line and exit code 2."""
+    """A group that reports wrong input in one line and exits with code 2."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
@@ -55,7 +55,7 @@ def load_scene(name: str) -> Any:
     """The module of a scene, by name, or by the path of a Python file with a function `build`.
 
     Raises:
-        InputError: if there is none; the message says which name is nearest.
+        InputError: if there is none; the message names the nearest one.
     """
     if name.endswith(".py"):
         return _load_file(Path(name))
@@ -68,7 +68,7 @@ def _load_file(path: Path) -> Any:
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # As Python does for a file that it runs: the file may import those beside it.
+    # As Python does for a script, so that the file can import modules in its folder.
     folder = str(path.resolve().parent)
     if folder not in sys.path:
         sys.path.insert(0, folder)
@@ -83,7 +83,7 @@ def _load_file(path: Path) -> Any:
 
 
 def _said_in(path: Path, error: Exception) -> str:
-    """What went wrong in a scene's file, with the last of its lines that led there."""
+    """One line on an error in a scene's file, with the last line number of that file in the traceback."""
     steps = traceback.extract_tb(error.__traceback__)
     lines = [step.lineno for step in steps if Path(step.filename).resolve() == path.resolve()]
     where = f"line {lines[-1]}: " if lines else ""
@@ -91,7 +91,7 @@ def _said_in(path: Path, error: Exception) -> str:
 
 
 def build_scene(name: str, settings: dict[str, Any]) -> Any:
-    """The simulation of a scene; `settings` hold text or numbers for the arguments of its `build`.
+    """The simulation of a scene; `settings` contains text or numbers for the arguments of its `build`.
 
     Raises:
         InputError: for a name that the scene does not know, or a value that does not fit.
@@ -117,8 +117,8 @@ def _convert(key: str, value: Any, parameters: Any) -> Any:
         nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
         hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
         if key == "duration" and {"speed", "travel"} <= set(parameters):
-            hint = " (it lasts travel / speed)"
-        raise InputError(f"{key}: this scene knows {', '.join(parameters)}{hint}")
+            hint = " (the duration is travel / speed)"
+        raise InputError(f"{key} is not an argument of this scene: expected one of {', '.join(parameters)}{hint}")
     default = parameters[key].default
     if not isinstance(value, str) or isinstance(default, str):
         return value
@@ -153,13 +153,13 @@ def _settings(
             raise InputError(f"--set {text!r}: expected name=value")
         name = key.strip().replace("-", "_")
         if name in settings:
-            raise InputError(f"--set {text}: {name} = {settings[name]} is given already; expected one of them")
+            raise InputError(f"--set {text}: {name} = {settings[name]} is given already; expected one value")
         settings[name] = value.strip()
     return settings
 
 
 def _scene_options(command: Any) -> Any:
-    """Options that `run` and `plan` share."""
+    """Options common to `run` and `plan`."""
     options = [
         click.argument("scene"),
         click.option("--points", type=int, help="Points along x."),
@@ -170,14 +170,18 @@ def _scene_options(command: Any) -> Any:
             "of the NN paper; bond_associated, bond_based, bond_based_refitted in `stretch`.",
         ),
         click.option("--weights", help="published, plain, corrected or auto."),
-        click.option("--solver", help="explicit, relaxation or newton, in scenes at rest."),
+        click.option("--solver", help="explicit, relaxation or newton, in static scenes."),
         click.option("--duration", type=float, help="Simulated time [s], in scenes that take one."),
-        click.option("--frames", type=int, help="Number of frames after the first, in scenes in time."),
+        click.option("--frames", type=int, help="Number of frames after the first, in dynamic scenes."),
         click.option(
-            "--set", "assignments", multiple=True, metavar="NAME=VALUE", help="One of the scene's own numbers."
+            "--set",
+            "assignments",
+            multiple=True,
+            metavar="NAME=VALUE",
+            help="A parameter of the scene; may be repeated.",
         ),
-        click.option("--device", help="cpu, cuda:0, ...; CUDA by default where there is one."),
-        click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for rest under load."),
+        click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available."),
+        click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers."),
     ]
     for option in reversed(options):
         command = option(command)
@@ -194,11 +198,11 @@ def list_scenes() -> None:
 
 @main.command()
 @_scene_options
-@click.option("--out", help="Folder of the results; by default runs/SCENE.")
-@click.option("--resume", is_flag=True, help="Go on from the last frame in the folder.")
-@click.option("--no-usd", is_flag=True, help="Write no animation.usd.")
-@click.option("--no-pictures", is_flag=True, help="Draw no pictures.")
-@click.option("--quiet", is_flag=True, help="Show no progress.")
+@click.option("--out", help="Folder for the results; by default runs/SCENE.")
+@click.option("--resume", is_flag=True, help="Continue from the last frame in the folder.")
+@click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
+@click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
+@click.option("--quiet", is_flag=True, help="Do not show progress.")
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
@@ -258,14 +262,14 @@ def plan(
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None,
 ) -> None:  # fmt: skip
-    """Show the arrays and launches of SCENE, and which part asked for each."""
+    """Show the arrays and launches of SCENE, and the part that each belongs to."""
     simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
     click.echo(simulation.plan(device, precision))
 
 
 @main.command("draw")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--scene", help="The scene's file, where it is not any more where it was.")
+@click.option("--scene", help="The scene's file, if it has moved.")
 def draw_again(folder: Path, scene: str | None) -> None:
     """Draw the pictures of a run from its FOLDER, for runs made with --no-pictures or changed pictures."""
     from .run.folder import read_history
@@ -273,7 +277,7 @@ def draw_again(folder: Path, scene: str | None) -> None:
 
     summary = _read_summary(folder / "summary.json")
     if scene is not None and Path(scene).stem != summary["scene"]:
-        raise InputError(f"scene = {scene!r}: this run is of {summary['scene']!r}")
+        raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
     if simulation.pictures is None:
         raise InputError(f"scene = {simulation.scene!r}: it draws no pictures")
@@ -295,7 +299,7 @@ def _read_summary(path: Path) -> dict[str, Any]:
 @main.command()
 @click.argument("file", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
 def info(file: Path) -> None:
-    """Say what a frames.vtkhdf, an animation.usd, a summary.json, or a folder of them holds."""
+    """Show the contents of a frames.vtkhdf, an animation.usd, a summary.json, or a folder of them."""
     from .output.info import describe
 
     click.echo(describe(file))
@@ -308,8 +312,8 @@ def info(file: Path) -> None:
 @click.option("--precision", type=int, default=32, help="32 or 64.")
 @click.option("--features", default="", help="supports, pressure, contact, rupture, energy, damping; or all.")
 @click.option("--layout", default="lattice", help="lattice or cloud.")
-@click.option("--damaged", type=float, default=0.0, help="Share of the points that have lost a bond, with rupture.")
-@click.option("--plain", is_flag=True, help="Take the plain kernels.")
+@click.option("--damaged", type=float, default=0.0, help="Fraction of the points that have lost a bond, with rupture.")
+@click.option("--plain", is_flag=True, help="Use the reference kernels.")
 @click.option("--seconds", type=float, default=1.0, help="Measured time of each case.")
 @click.option("--device", help="Such as cpu or cuda:0.")
 def bench(

@@ -1,4 +1,4 @@
-"""The name of the Warp module of a simulation: scenes that need the same kernels share one."""
+"""Name of the Warp module of a simulation: scenes that need the same kernels use the same module."""
 
 from __future__ import annotations
 
@@ -25,5 +25,5 @@ def _name(kind: type | Callable[..., Any]) -> tuple[str, str]:
 
 
 def _named(key: tuple[object, ...]) -> list[object]:
-    """The key with functions by name: their text must be the same in every process."""
+    """The key with functions replaced by their names, so that its text is the same in every process."""
     return [".".join(_name(entry)) if callable(entry) else entry for entry in key]

@@ -1,4 +1,4 @@
-"""What a writer of result files sees of a simulation: the sheet's surface, and one frame after another."""
+"""The data that writers of result files get from a simulation: the surface of the sheet, and the frames."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 
 
 def format_time(time: float, load_duration: float | None) -> str:
-    """Words for when a frame is: its time [s], or with a static solver the load factor.
+    """Text for the time of a frame: its time [s], or with a static solver the load factor.
 
     Args:
         time: Time, or load time of a static solver [s].
-        load_duration: Load time of the whole load of a static solver [s]; None in dynamics.
+        load_duration: Load time of the full load of a static solver [s]; None in dynamics.
     """
     return f"t = {time:.4g} s" if load_duration is None else f"{100.0 * time / load_duration:.4g} % of the load"
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What stays the same through a whole animation.
+    """Data that stay the same in all frames.
 
     Attributes:
         points: Reference positions [m], shape (N, 3).
         faces: Triangles of the reference sheet, three point numbers each, counter-clockwise seen from +z,
             shape (F, 3).
-        ball_diameter: Diameter of the rigid ball [m]; None where the scene has no ball.
-        title: One line for people: which scene this is.
-        metadata: What to keep beside the results: configuration, version, units.
+        ball_diameter: Diameter of the rigid ball [m]; None if the scene has no ball.
+        title: One line that describes the scene.
+        metadata: Data to store with the results: configuration, version, units.
     """
 
     points: NDArray[np.floating]
@@ -40,18 +40,18 @@ class Surface:
     metadata: Mapping[str, str | float | int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse shapes and point numbers that no writer could draw."""
+        """Refuse shapes and point numbers that writers cannot draw."""
         if np.ndim(self.points) != 2 or self.points.shape[1] != 3 or len(self.points) == 0:
             raise ValueError(f"points has shape {np.shape(self.points)}; expected (N, 3) with N > 0")
         if not np.all(np.isfinite(self.points)):
-            raise ValueError(f"points holds {_first_bad(self.points)}; expected finite positions [m]")
+            raise ValueError(f"points contains {_first_bad(self.points)}; expected finite positions [m]")
         if np.ndim(self.faces) != 2 or self.faces.shape[1] != 3:
-            raise ValueError(f"faces has shape {np.shape(self.faces)}; expected (F, 3), one triangle a row")
+            raise ValueError(f"faces has shape {np.shape(self.faces)}; expected (F, 3), one triangle per row")
         if not np.issubdtype(np.asarray(self.faces).dtype, np.integer):
             raise ValueError(f"faces has type {self.faces.dtype}; expected integers")
         if self.faces.size and not (0 <= self.faces.min() and self.faces.max() < len(self.points)):
             raise ValueError(
-                f"faces holds point numbers {self.faces.min()} to {self.faces.max()}; "
+                f"faces contains point numbers {self.faces.min()} to {self.faces.max()}; "
                 f"expected 0 to {len(self.points) - 1}"
             )
         if self.ball_diameter is not None and not self.ball_diameter > 0.0:
@@ -67,9 +67,9 @@ class Frame:
         time: Simulated time [s]; with a static solver the load time, see `format_time`.
         displacement: Displacement from the reference positions [m], shape (N, 3).
         velocity: Velocity [m/s], shape (N, 3).
-        intact_faces: Which faces no crack has cut, shape (F,); None where nothing can break.
-        damage: Broken share of each point's bonds, 0 to 1, shape (N,); None where nothing can break.
-        ball_center: Centre of the rigid ball [m], shape (3,); None where the scene has no ball.
+        intact_faces: Whether each face is not cut by a crack, shape (F,); None if bonds cannot break.
+        damage: Damage of each point, the broken fraction of its bonds, 0 to 1, shape (N,); None if bonds cannot break.
+        ball_center: Centre of the rigid ball [m], shape (3,); None if the scene has no ball.
         point_data: Further fields by name, each of shape (N,) or (N, 3).
     """
 
@@ -83,7 +83,7 @@ class Frame:
     point_data: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     def in_double(self) -> Frame:
-        """The same frame, its single-precision numbers in double precision."""
+        """The same frame with single-precision numbers converted to double precision."""
 
         def double(values: Any) -> Any:
             return values.astype(np.float64) if getattr(values, "dtype", None) == np.float32 else values
@@ -101,15 +101,15 @@ class Frame:
         return np.asarray(surface.points, np.float64) + self.displacement
 
     def faces(self, surface: Surface) -> NDArray[np.int32]:
-        """Triangles that no crack has cut, shape (number of intact faces, 3)."""
+        """Triangles that are not cut by a crack, shape (number of intact faces, 3)."""
         faces = np.asarray(surface.faces, np.int32)
         return faces if self.intact_faces is None else faces[self.intact_faces]
 
     def require_fits(self, surface: Surface) -> None:
-        """Raise a ValueError of one line unless every array belongs to this surface.
+        """Raise a one-line ValueError unless every array fits this surface.
 
-        Displacement, velocity, damage and the ball must be finite: a run that became NaN or Inf has no
-        frame to show. Further fields may hold NaN, the usual mark for "has no value here".
+        Displacement, velocity, damage and the ball must be finite: a run that became NaN or infinite has no
+        frame to show. Further fields may contain NaN, the usual mark for "no value here".
         """
         points, faces = len(surface.points), len(surface.faces)
         self._require_array("displacement", self.displacement, (points, 3))
@@ -139,7 +139,7 @@ class Frame:
         if np.shape(values) != shape:
             raise ValueError(f"{name} of frame {self.index} has shape {np.shape(values)}; expected {shape}")
         if not np.all(np.isfinite(values)):
-            raise ValueError(f"{name} of frame {self.index} holds {_first_bad(values)}; expected finite numbers")
+            raise ValueError(f"{name} of frame {self.index} contains {_first_bad(values)}; expected finite numbers")
 
     def _require_ball(self, surface: Surface) -> None:
         if (self.ball_center is None) != (surface.ball_diameter is None):
@@ -152,6 +152,6 @@ class Frame:
 
 
 def _first_bad(values: NDArray[Any]) -> str:
-    """Say which entry is the first that is not finite, for example "nan at point 7"."""
+    """The first entry that is not finite, for example "nan at entry 7"."""
     place = np.argwhere(~np.isfinite(values))[0]
     return f"{np.asarray(values)[tuple(place)]} at entry {place[0]}"

@@ -1,1 +1,1 @@
-"""What a simulation keeps on its device: arrays (fields), launches (stages), graphs. It knows nothing of mechanics."""
+"""Device side of a simulation: arrays (fields), launches (stages), graphs. It knows nothing of mechanics."""

@@ -22,8 +22,8 @@ class Clock:
     """Time and schedules of one simulation. Parts register schedules while they are built, then arrays are allocated.
 
     Attributes:
-        duration: Time to simulate, or load time of the whole load [s].
-        default_ramp: Schedule of the factor of loads that have none of their own; None if those are constant.
+        duration: Time to simulate, or load time of the full load [s].
+        default_ramp: Schedule of the factor of loads that have no schedule; None if those are constant.
         schedules: All schedules.
         scheduled: Value of every schedule now, then of every schedule a step later, vec3; None without schedules.
         time: [s], one float64; None without schedules.
@@ -49,7 +49,7 @@ class Clock:
         return len(self.schedules) + index
 
     def allocate(self, fields: FieldRegister, types: Numeric, module: str) -> None:
-        """Put all schedules on the device; nothing without schedules."""
+        """Put all schedules on the device; does nothing without schedules."""
         if not self.schedules:
             return
         begins = np.concatenate([[0], np.cumsum([len(s.times) for s in self.schedules])]).astype(np.int32)
@@ -65,7 +65,7 @@ class Clock:
         self.kernels: ClockKernels = clock(types.bits, module)
 
     def add_tick(self, stage: Stage, steps: int) -> None:
-        """Add the launch that moves the time by so many steps and evaluates the schedules; none without schedules."""
+        """Add the launch that advances time by some steps and evaluates the schedules; none without schedules."""
         if self.scheduled is None:
             return
         stage.launch(
@@ -75,13 +75,13 @@ class Clock:
         )  # fmt: skip
 
     def set(self, evaluate: LaunchSequence, advance: float, end: float, now: float | None = None) -> None:
-        """Let time advance by so much per step [s] until `end`, from `now` or where it is; nothing without schedules.
+        """Set the advance of the time per step, its end, and optionally its value; does nothing without schedules.
 
         Args:
             evaluate: The launches of the phase SCHEDULES.
             advance: Time per step [s].
             end: Last time [s].
-            now: Present time [s], or None to leave it.
+            now: Present time [s], or None to keep it.
         """
         if self.advance is None or self.time is None:
             return

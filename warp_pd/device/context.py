@@ -1,4 +1,4 @@
-"""The context that parts are built in: device, precision, arrays, stages, and what the parts of a scene share."""
+"""The context in which parts are built: device, precision, arrays, stages, and the arrays that parts have in common."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .fields import Array, Field, FieldRegister
 from .graph import LaunchSequence, run_once
 from .launches import Launch, Stage, compile_launches
 
-# Below this many points small blocks let a launch reach all processors of a GPU.
+# Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
 SMALL, SMALL_BLOCK, BLOCK = 2**17, 64, 256
 
 
@@ -26,7 +26,7 @@ def find_device(name: str | None) -> wp.Device:
     """The Warp device of that name.
 
     Raises:
-        InputError: if it does not exist; a CPU never stands in for a requested GPU.
+        InputError: if it does not exist; a CPU never replaces a requested GPU.
     """
     wp.config.log_level = wp.config.log_level if wp.config.log_level > wp.LOG_WARNING else wp.LOG_WARNING
     wp.init()
@@ -43,13 +43,13 @@ def find_device(name: str | None) -> wp.Device:
 
 @dataclass(frozen=True)
 class Features:
-    """What the parts of a scene need of the kernels that they share.
+    """Requirements of the parts of a scene on the kernels that they have in common.
 
     Attributes:
         held: Whether any component of any point is held.
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
-        tracked: Whether external work and losses are summed up.
+        tracked: Whether external work and losses are summed.
         breakable: Whether bonds can break.
     """
 
@@ -62,7 +62,7 @@ class Features:
 
 @dataclass(eq=False)
 class State:
-    """Arrays that parts share, [points] unless said; None where the scene does not need them.
+    """Arrays that parts have in common, [points] unless noted; None if the scene does not need them.
 
     Attributes:
         displacement: u [m], vec3.
@@ -91,22 +91,22 @@ class State:
 
 @dataclass(eq=False)
 class Context:
-    """Where parts put their arrays and launches.
+    """The arrays and launches of the parts.
 
     Attributes:
         sheet: The sheet.
         device: The Warp device.
         types: Types of the precision.
         module: Name of the Warp module that holds every kernel of this configuration.
-        features: What the parts need of shared kernels.
+        features: Requirements of the parts on common kernels.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
         initial_displacement: [m], shape (N, 3).
         fields: All arrays.
         clock: Time and schedules.
-        block_dim: Threads of a block on CUDA; one number for most launches, as kernels are compiled for it.
+        block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
-        prefix: What the names of stages begin with; coarser sheets of the same simulation have one.
-        state: Shared arrays.
+        prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
+        state: Arrays that parts have in common.
     """
 
     sheet: Sheet
@@ -163,7 +163,7 @@ class Context:
         """
         name = self.prefix + name
         if name in self.stages:
-            raise ValueError(f"stage {name!r} exists already")
+            raise ValueError(f"stage {name!r} exists already: expected a new name")
         self.stages[name] = Stage(name, when, self.device, self.module, self.block_dim, [])
         return self.stages[name]
 
@@ -183,7 +183,7 @@ class Context:
         run_once(self.device, self.stages[self.prefix + name])
 
     def use_fast_math(self, module: str) -> None:
-        """Let a module take the divisions, roots and exponentials of the hardware, in float32 on a GPU."""
+        """Let a module use the approximate divisions, roots and exponentials of the hardware, in float32 on a GPU."""
         wp.get_module(module).options["fast_math"] = self.bits == 32 and self.device.is_cuda
 
     def compile(self) -> float:

@@ -1,4 +1,4 @@
-"""The register of fields: every array of a simulation, declared once with what it is for.
+"""The register of fields: every array of a simulation, declared once with its purpose.
 
 Restart files, `plan`, the memory table, frames and (later) halo exchange read this register, so they cannot disagree.
 """
@@ -14,7 +14,7 @@ import warp as wp
 
 Array: TypeAlias = "wp.array[Any]"
 
-# What an array has an entry for; tables never change, "once" is for single numbers and what is kept once.
+# What an array has an entry for; a "table" never changes, "once" is for single numbers and other data without entries.
 PER = ("point", "bond", "face", "body", "block", "table", "once")
 
 
@@ -23,11 +23,11 @@ class Field:
     """The declaration of an array.
 
     Attributes:
-        name: What it holds.
-        owner: The part that asked for it.
+        name: What it contains.
+        owner: The part that declared it.
         per: What it has an entry for, one of PER; "bond" is [members, points].
         restart: Whether a restart file keeps it; such names are unique in a simulation.
-        halo: Whether a halo of neighbouring points needs it, where a sheet is spread over devices.
+        halo: Whether a halo of neighbouring points needs it when a sheet is distributed over devices.
         output: Name under which frames show it, or "" if they do not.
         density: Whether frames divide it by the volume of the point [m^3].
     """
@@ -54,12 +54,12 @@ class Stored:
 
     @property
     def name(self) -> str:
-        """What it holds."""
+        """Name of the field."""
         return self.field.name
 
     @property
     def owner(self) -> str:
-        """The part that asked for it."""
+        """The part that declared it."""
         return self.field.owner
 
     @property
@@ -101,7 +101,7 @@ class FieldRegister:
             ValueError: for a second restart field of the same name.
         """
         if declared.restart and any(s.field.restart and s.name == declared.name for s in self.stored):
-            raise ValueError(f"field {declared.name!r}: a restart field of this name exists already")
+            raise ValueError(f"field {declared.name!r} exists already: expected a new name for a restart field")
         if values is None:
             array = wp.zeros(shape, dtype=dtype, device=self.device)
         else:
@@ -124,13 +124,13 @@ class FieldRegister:
 
 
 def on_cpu(array: Array) -> bool:
-    """Whether an array lies on a CPU."""
+    """Whether an array is on a CPU."""
     return array.device is not None and bool(array.device.is_cpu)
 
 
 def to_host(array: Array) -> np.ndarray:
     """A copy on the host, in the precision of the device."""
-    # Of an array on a GPU, numpy() is a copy already.
+    # For an array on a GPU, numpy() is a copy already.
     return np.asarray(array.numpy().copy() if on_cpu(array) else array.numpy())
 
 

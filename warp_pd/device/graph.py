@@ -1,4 +1,4 @@
-"""Running stages with the least work on the host: captured graphs on CUDA, recorded launches on a CPU."""
+"""Runs stages with little work on the host: captured graphs on CUDA, recorded launches on a CPU."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ import warp as wp
 from ..cores import available_cores, cores
 from .launches import Call, Item, Launch, Stage, Touched
 
-# Below this many threads a launch is not worth splitting over the cores of a CPU.
+# Below this number of threads, splitting a launch over the cores of a CPU does not pay.
 SPLIT_FROM = 4096
 
 
 class LaunchSequence:
-    """The launches of a stage, repeated, ready to run again and again.
+    """The launches of a stage, repeated, ready to run any number of times.
 
-    On CUDA they are one captured graph; where one is a Call, that captures them. On a CPU every launch is recorded
+    On CUDA they are one captured graph; if one is a Call, the Call captures them. On a CPU every launch is recorded
     once; a large one is cut into slices that run on all cores (a launch releases the interpreter lock), and calls run
-    in between. The stage's wraparound launch takes the place of the last one and the first one of the next repetition.
+    in between. The stage's wraparound launch replaces the last launch and the first one of the next repetition.
     """
 
     def __init__(self, stage: Stage, repeat: int = 1) -> None:
@@ -88,7 +88,7 @@ def _record(item: Item, device: wp.Device) -> list[Callable[[], None]]:
 
 
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:
-    """Run launches now, one by one; on CUDA those of the side stream beside the others that do not need them."""
+    """Run launches now, one by one; on CUDA those of the side stream in parallel with others that do not need them."""
     items = list(items)
     waits = side_stream_waits(items) if device.is_cuda else [False] * (len(items) + 1)
     for item, wait in zip(items, waits, strict=False):
@@ -105,18 +105,18 @@ def run_once(device: wp.Device, items: Iterable[Item]) -> None:
 def side_stream_waits(items: Sequence[Item]) -> list[bool]:
     """Whether the main stream waits for the side stream before each item, and at the end: one entry more than items."""
     waits: list[bool] = []
-    beside: list[Touched] = []
+    parallel: list[Touched] = []
     for item in items:
-        waits.append(any(item.touched.must_wait_for(earlier) for earlier in beside))
+        waits.append(any(item.touched.must_wait_for(earlier) for earlier in parallel))
         if waits[-1]:
-            beside = []
+            parallel = []
         if item.side_stream:
-            beside.append(item.touched)
-    return [*waits, bool(beside)]
+            parallel.append(item.touched)
+    return [*waits, bool(parallel)]
 
 
 def launch_now(item: Launch, device: wp.Device, **changed: Any) -> None:
-    """Run one launch with some arguments changed; for solvers that bring vectors of their own."""
+    """Run one launch with some arguments changed; for solvers with separate vectors."""
     threads, values = replace(item, arguments={**item.arguments, **changed}).slice(
         item.begin, item.begin + item.threads
     )
@@ -134,5 +134,5 @@ def _launch(item: Launch, device: wp.Device) -> None:
 
 @functools.cache
 def _side_stream(alias: str) -> wp.Stream:
-    """Stream of a GPU for what runs beside the rest."""
+    """Stream of a GPU for launches that run in parallel with the main stream."""
     return wp.Stream(alias)

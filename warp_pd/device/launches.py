@@ -1,7 +1,7 @@
 """Launches, and stages: lists of launches that run in order.
 
-A launch knows the arrays that it reads, gathers from neighbours, and writes (kernels/effects.py). From this follow
-which pointwise stages may share one launch, and what has to wait for a launch on a side stream.
+A launch knows the arrays that it reads, gathers from neighbours, and writes (kernels/effects.py). This determines
+which pointwise stages may share one launch, and which launches must wait for a launch on a side stream.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..kernels.effects import Effects, Kernel
 from ..kernels.pointwise import Pointwise, every_point, in_turn
 from .fields import Array
 
-# Points that a thread of a CPU works through in a row, in a pointwise stage.
+# Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
 
 
@@ -26,9 +26,9 @@ class Touched:
     """Arrays that a launch touches, by their address.
 
     Attributes:
-        reads: At the own point, or where the launch knows nothing of points.
-        gathers: At other points.
-        writes: At the own point.
+        reads: Read at the own point, or by a launch that does not work on points.
+        gathers: Read at other points.
+        writes: Written at the own point.
     """
 
     reads: frozenset[int] = frozenset()
@@ -43,7 +43,7 @@ class Touched:
         return not (self.writes & later.gathers or self.gathers & later.writes)
 
     def must_wait_for(self, earlier: Touched) -> bool:
-        """Whether this launch cannot run beside an earlier one."""
+        """Whether this launch cannot run in parallel with an earlier one."""
         used = self.reads | self.gathers | self.writes
         return bool(earlier.writes & used or self.writes & (earlier.reads | earlier.gathers))
 
@@ -79,16 +79,16 @@ class Launch:
 
     Attributes:
         name: The kernel's name, or those of the pointwise stages that it joins.
-        owner: The part that asked for it.
+        owner: The part that added it.
         source: The kernel, one of whose arguments is called `first`, or a pointwise stage.
-        threads: Number of threads; of a pointwise stage, of points.
-        arguments: Value of every argument but `first` and `stop`, by name.
+        threads: Number of threads; for a pointwise stage, number of points.
+        arguments: Value of every argument except `first` and `stop`, by name.
         touched: Arrays that it touches.
-        block_dim: Threads of a block on CUDA.
-        begin: What the first thread gets for `first`.
+        block_dim: Threads per block on CUDA.
+        begin: Value of `first` for the first thread.
         module: Name of the Warp module of a pointwise stage's kernel.
         run: Points per thread of a pointwise stage, or 0.
-        side_stream: Whether it may run beside the launches after it, up to the first that touches its arrays.
+        side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
     """
 
     name: str
@@ -105,18 +105,18 @@ class Launch:
 
     @property
     def parts(self) -> list[str]:
-        """Names of what it does in turn."""
+        """Names of its stages, in order."""
         return self.name.split(", ")
 
     @functools.cached_property
     def kernel(self) -> wp.Kernel:
-        """The Warp kernel; that of a pointwise stage is declared on first use, once it is joined with others."""
+        """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
             return every_point(self.source, self.run, self.module)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
-        """Number of threads, and arguments in the kernel's order, for begin to end - 1 of its threads or points."""
+        """Number of threads, and arguments in the kernel's order, for threads or points begin to end - 1."""
         places = {"first": begin, "stop": end} if self.run else {"first": begin}
         values = {**self.arguments, **places}
         return -(-(end - begin) // (self.run or 1)), [values[a.label] for a in self.kernel.adj.args]
@@ -124,14 +124,14 @@ class Launch:
 
 @dataclass(eq=False)
 class Call:
-    """A step that is no Warp kernel, such as Torch on arrays that it shares with Warp.
+    """A step that is not a Warp kernel, such as a Torch network on arrays that it shares with Warp.
 
     Attributes:
-        name: What it does.
-        owner: The part that asked for it.
+        name: Its name.
+        owner: The part that added it.
         threads: Rows that it works on.
-        function: Does it, on Warp's stream of the device.
-        capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may hold this call.
+        function: The function to call, on Warp's stream of the device.
+        capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
         touched: Arrays that it touches.
     """
 
@@ -162,9 +162,9 @@ class Stage:
         when: How often it runs, for `plan`.
         device: The Warp device.
         module: Name of the Warp module of pointwise stages.
-        block_dim: Threads of a block on CUDA.
+        block_dim: Threads per block on CUDA.
         items: The launches.
-        wraparound: In a stage that follows itself, one launch in place of its last and then its first; or None.
+        wraparound: In a stage that is repeated, one launch that replaces its last and the next first one; or None.
     """
 
     name: str
@@ -192,7 +192,7 @@ class Stage:
         side_stream: bool = False,
         **arguments: Any,
     ) -> None:
-        """Add a launch; `begin` is what the first thread gets for `first`.
+        """Add a launch; `begin` is the value of `first` for the first thread.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -206,7 +206,7 @@ class Stage:
         self.items.append(made)
 
     def pointwise(self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, **arguments: Any) -> None:
-        """Add a pointwise stage; it shares the launch before, if that is pointwise on the same points and may.
+        """Add a pointwise stage; it joins the previous launch if that is pointwise on the same points and shareable.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -225,16 +225,16 @@ class Stage:
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
 
     def call(self, call: Call) -> None:
-        """Add a step that is no kernel."""
+        """Add a step that is not a kernel."""
         self.items.append(call)
 
     def fuse_wraparound(self) -> None:
-        """Let the last launch share one with the first, where the stage follows itself and they may."""
+        """Join the last launch with the first one of the next repetition, if they may share a launch."""
         if len(self.items) > 1:
             self.wraparound = _joined(self.items[-1], self.items[0])
 
     def launches(self) -> Iterator[Launch]:
-        """Every kernel launch, that of the wraparound included."""
+        """Every kernel launch, including the wraparound."""
         yield from (item for item in self.items if isinstance(item, Launch))
         if self.wraparound is not None:
             yield self.wraparound
@@ -243,7 +243,7 @@ class Stage:
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     """Build or load every kernel now."""
     for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
-        # A launch on a CPU has blocks of one thread; a module built for other blocks would be built again there.
+        # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
         module.load(device, block_dim if device.is_cuda else 1)
 
 
@@ -258,7 +258,7 @@ def _check_names(what: str, expected: set[str], given: set[str]) -> None:
 
 
 def _joined(first: Item, second: Item) -> Launch | None:
-    """One launch of two of pointwise stages on the same points, or None."""
+    """One launch that joins two launches of pointwise stages on the same points, or None."""
     if not (isinstance(first, Launch) and isinstance(second, Launch)):
         return None
     if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):

@@ -10,7 +10,7 @@ from .cloud import cloud_families
 from .lattice import lattice_families
 from .tables import TOLERANCE, Families, InfluenceFunction, influence_function
 
-# Largest horizon in spacings: beyond, the masks of a family's intersections take gigabytes.
+# Largest horizon in spacings: beyond it the masks of a family's intersections take gigabytes.
 MAX_HORIZON = 16.0
 
 
@@ -21,28 +21,28 @@ def build_families(
 
     Args:
         sheet: The sheet; a lattice shares one stencil.
-        horizon: Horizon over the spacing of the sheet [-].
+        horizon: Horizon in spacings of the sheet [-].
         influence: Name of an influence function, or a function of r = |X| / horizon.
-        depth: On a lattice, points up to this many spacings from an edge keep rows of their own, more than
-            the families alone would need (corrected weights differ that far inside).
-        intersections: Whether the law asks for intersections of families; without them no masks are made, and
-            the horizon may be as short as one spacing.
+        depth: On a lattice, points up to this many spacings from an edge have separate rows, more than the families
+            alone would need (corrected weights differ that far inside).
+        intersections: Whether the law needs intersections of families; without them no masks are made, and
+            the horizon may be as small as one spacing.
 
     Raises:
-        InputError: for a horizon too small for any intersection to hold two directions, one larger than the sheet
+        InputError: for a horizon too small for any intersection to contain two directions, one larger than the sheet
             or than 16 spacings, or a point without neighbours.
     """
     ratio = finite("horizon", horizon)
     if ratio < 1.0:
-        raise InputError(f"horizon = {horizon!r}: expected 1 spacing or more, and 1.42 on a lattice")
+        raise InputError(f"horizon = {horizon!r}: expected at least 1 spacing, and 1.42 on a lattice")
     across = float(np.ptp(sheet.points, axis=0).max()) / sheet.spacing * (1.0 + TOLERANCE)
     if ratio > min(across, MAX_HORIZON):
         raise InputError(
-            f"horizon = {horizon!r}: expected up to {min(across, MAX_HORIZON):.4g} spacings, "
+            f"horizon = {horizon!r}: expected at most {min(across, MAX_HORIZON):.4g} spacings, "
             + (
-                f"for the sheet is {across:.4g} spacings long"
+                f"as the sheet is {across:.4g} spacings long"
                 if across < MAX_HORIZON
-                else "beyond, families get too large"
+                else "as families become too large beyond"
             )
         )
     function = influence_function(influence)
@@ -57,12 +57,12 @@ def require_diagonals(sheet: Sheet, horizon: float) -> None:
     """Check that the families of a lattice determine deformation gradients.
 
     Raises:
-        InputError: for a horizon, over the spacing, that leaves out the diagonal neighbours.
+        InputError: for a horizon in spacings that excludes the diagonal neighbours.
     """
     if sheet.lattice is None:
         return
     if horizon * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
         raise InputError(
-            f"horizon = {horizon!r}: expected on a lattice 1.42 or more, "
-            f"so that families hold their diagonal neighbours"
+            f"horizon = {horizon!r}: expected at least 1.42 on a lattice, "
+            f"so that families contain their diagonal neighbours"
         )

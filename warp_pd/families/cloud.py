@@ -13,7 +13,7 @@ from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
 
 
 def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
-    """Families of a cloud; arguments as of `build_families`, the horizon in meters.
+    """Families of a cloud; arguments as for `build_families`, the horizon in meters.
 
     Raises:
         InputError: for a point without neighbours.
@@ -49,7 +49,7 @@ def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, in
 
 
 def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Tables of neighbours, in rising order, and of reverse members, (N, n); points that lost bonds to a cut, (N,)."""
+    """Neighbours in ascending order and reverse members, (N, n); which points lost bonds to a cut, (N,)."""
     from scipy import sparse
     from scipy.spatial import cKDTree
 
@@ -73,7 +73,7 @@ def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndar
     exists = member < sizes[:, None]
     neighbours = np.full(exists.shape, -1, np.int32)
     neighbours[exists] = graph.indices
-    # Bond (i, j) is entry e by rows; by columns, entry e is its mate.
+    # Bond (i, j) is entry e by rows; by columns, entry e is its reverse bond.
     slot = np.broadcast_to(member, exists.shape)[exists]
     reverses = np.zeros(exists.shape, np.int32)
     reverses[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data

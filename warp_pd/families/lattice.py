@@ -1,4 +1,4 @@
-"""Families of a lattice: one stencil, and one row for each class of points with the same surroundings."""
+"""Families of a lattice: one stencil, and one row per family class, that is points with the same neighbourhood."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .tables import TOLERANCE, Families, InfluenceFunction
 def lattice_families(
     sheet: Sheet, horizon: float, function: InfluenceFunction, depth: int, intersections: bool
 ) -> Families:
-    """Families of a lattice; arguments as of `build_families`, the horizon in meters."""
+    """Families of a lattice; arguments as for `build_families`, the horizon in meters."""
     lattice = sheet.lattice
     assert lattice is not None
     reach_x, reach_y = int(horizon / lattice.dx + 1e-6), int(horizon / lattice.dy + 1e-6)
@@ -27,7 +27,7 @@ def lattice_families(
     apart = np.linalg.norm(offsets[:, None] - offsets[None], axis=-1)
     reverses = np.array([int(np.flatnonzero((ox == -a) & (oy == -b))[0]) for a, b in zip(ox, oy, strict=True)])
 
-    # Points whose surroundings are the same up to `reach` share a row.
+    # Points whose neighbourhoods are the same up to `reach` share a row.
     reach = max(reach_x, reach_y, depth) + 1
     ix, iy = np.arange(lattice.columns), np.arange(lattice.rows)
     near_x = _edge_code(lattice.columns, reach)

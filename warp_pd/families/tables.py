@@ -1,7 +1,7 @@
 """Families of bonds on the host, and the shape tensors of their intersections.
 
 Lengths are divided by the horizon and areas by the mean area of a point (the reference area), so that the
-tables hold numbers of order one in any units. For bond (i,j), the intersection D_ij holds the members k of
+tables contain numbers of order one in any units. For bond (i,j), the intersection D_ij contains the members k of
 H_i with |X_k - X_j| <= horizon, j included.
 """
 
@@ -20,7 +20,7 @@ from .masks import unpack
 
 # Relative tolerance of lengths that are compared with the horizon.
 TOLERANCE = 1e-9
-# Entries of a table, or of points times members squared, that a core works on at once: they stay in its cache.
+# Entries of a table, or of points times members squared, that a core processes at once: they stay in its cache.
 BLOCK = 200_000
 
 InfluenceFunction = Callable[[np.ndarray], np.ndarray]
@@ -32,7 +32,7 @@ INFLUENCE: dict[str, InfluenceFunction] = {
 
 
 def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
-    """The influence function of r = |X| / horizon, by name or as it is.
+    """The influence function of r = |X| / horizon, by name or passed through.
 
     Raises:
         InputError: for an unknown name.
@@ -44,23 +44,23 @@ def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
 
 @dataclass(eq=False)
 class Families:
-    """Rows of families: one per point on a cloud, one per class of points with the same surroundings on a lattice.
+    """Rows of families: one per point on a cloud, one per family class (points with equal families) on a lattice.
 
-    R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
+    There are R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
 
     Attributes:
         horizon: [m].
         reference_area: Mean area of a point [m^2].
         exists: shape (R, n).
-        bonds: X / horizon, shape (R, n, 2), or (n, 2) where all rows share a stencil.
+        bonds: X / horizon, shape (R, n, 2), or (n, 2) if all rows share a stencil.
         influence: w, shape (R, n) or (n,).
         common: Masks of the intersections over all members of the stencil or row, uint32, shape
             (R, n, words) or (n, words); empty for laws that do not read them.
-        member_areas: Area of each member over the reference area, shape (R, n).
-        areas: Area of the row's point over the reference area, shape (R,).
+        member_areas: Area of each member divided by the reference area, shape (R, n).
+        areas: Area of the row's point divided by the reference area, shape (R,).
         family_class: Row of each point, shape (N,), on a lattice; None on a cloud, where point i has row i.
         neighbours: Index of each member, -1 if it does not exist, shape (N, n), on a cloud.
-        reverses: Member index of the reverse bond, under which a member sees the point, shape (N, n), or (n,) on a
+        reverses: Member index of the reverse bond, the point in the family of its member, shape (N, n), or (n,) on a
             lattice.
         shift: Index offset of each member, shape (n,), on a lattice.
         steps: Lattice steps to each member, shape (n, 2), on a lattice.
@@ -93,7 +93,7 @@ class Families:
 
     @property
     def members(self) -> int:
-        """Most members of a family."""
+        """Maximum number of members of a family."""
         return int(self.exists.shape[1])
 
     @property
@@ -108,7 +108,7 @@ class Families:
 
     @property
     def member_shares(self) -> np.ndarray:
-        """c_k = w a_k of each member over the reference area, shape (R, n); zero where there is none."""
+        """c_k = w a_k of each member divided by the reference area, shape (R, n); zero where there is none."""
         return np.asarray(np.where(self.exists, self.influence, 0.0) * self.member_areas)
 
     @property
@@ -122,14 +122,14 @@ class Families:
         return values if self.family_class is None else values[self.family_class]
 
     def heads(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
-        """Point indices of members of points, shapes that broadcast; meaningless for bonds that do not exist."""
+        """Point indices of members of points, with shapes that broadcast; meaningless for bonds that do not exist."""
         if self.neighbours is not None:
             return np.asarray(self.neighbours[points, members], dtype=np.int64)
         assert self.shift is not None
         return np.asarray(np.asarray(points, dtype=np.int64) + self.shift[members])
 
     def reverse_members(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
-        """Member indices of the reverse bonds, shapes that broadcast."""
+        """Member indices of the reverse bonds, with shapes that broadcast."""
         return np.asarray(self.reverses[points, members] if self.reverses.ndim == 2 else self.reverses[members])
 
     def members_of(self, points: np.ndarray) -> np.ndarray:
@@ -147,14 +147,14 @@ class Families:
         return np.where(exists, heads, -1)
 
     def stiffened(self, weights: np.ndarray) -> np.ndarray:
-        """Weights of the energy by row, shape (R, n), times the factor on the moduli."""
+        """Weights of the energy by row, shape (R, n), multiplied by the factor on the moduli."""
         return weights if self.stiffness is None else self.stiffness[:, None] * weights
 
     def inverse_shapes(self) -> tuple[np.ndarray, np.ndarray]:
         """Inverse shape tensors and sizes of the intersections of every row.
 
         Returns:
-            K_ij^-1 (components 11, 12, 22; zero where degenerate), shape (R, n, 3), and |D_ij| over the
+            K_ij^-1 (components 11, 12, 22; zero where degenerate), shape (R, n, 3), and |D_ij| divided by the
             reference area (zero where degenerate or where the bond does not exist), shape (R, n).
         """
         rows, n = self.exists.shape
@@ -186,7 +186,7 @@ class Families:
 
 
 def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of shape tensors (11, 12, 22), shape (..., 3); zero where degenerate, and where not, shape (...)."""
+    """Inverse of shape tensors (11, 12, 22), shape (..., 3), zero where degenerate; mask of the others, shape (...)."""
     determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
     usable = determinant > DEGENERATE * (0.5 * (shape[..., 0] + shape[..., 2])) ** 2
     inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
@@ -195,7 +195,7 @@ def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def in_blocks(rows: int, entries: int, work: Callable[[slice], None]) -> None:
-    """Do the work on slices of the rows, of so many entries each, on all cores."""
+    """Call `work` on slices of the rows, each of `entries` entries, on all cores."""
     step = max(1, BLOCK // entries)
     for _ in cores().map(work, [slice(begin, min(begin + step, rows)) for begin in range(0, rows, step)]):
         pass

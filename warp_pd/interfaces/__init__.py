@@ -1,7 +1,7 @@
-"""Where parts meet: what a simulation asks of supports, loads, contact, rupture, force laws, solvers and writers.
+"""Protocols that supports, loads, contact, rupture, force laws, solvers and writers implement.
 
 A scene names parts: small frozen dataclasses. Each is built on a device and then adds its own launches, phase by phase
-(phases.py). To write a part of your own, inherit from the protocol: optional methods have defaults. See
+(phases.py). To write your own part, inherit from its protocol: optional methods have defaults. See
 docs/write-your-own-part.md.
 """
 

@@ -19,7 +19,7 @@ class Solve(Protocol):
     """Solves K x = b."""
 
     def __call__(self, b: np.ndarray) -> np.ndarray:
-        """X of b, both of shape (N, 3)."""
+        """Returns x for b, both of shape (N, 3)."""
         ...
 
 
@@ -32,18 +32,18 @@ class SparseTangent(Protocol):
 
 
 class Tangent(Protocol):
-    """How the internal force changes with the displacement, for Newton's method.
+    """The change of the internal force with the displacement, for Newton's method.
 
     Attributes:
         inverse_blocks: Inverse diagonal blocks of the stiffness, (N,) mat33 [m/N].
-        direct_points: Up to so many points a factorisation on the host beats iterations on a GPU.
+        direct_points: Number of points up to which a factorisation on the host is faster than iterations on a GPU.
     """
 
     inverse_blocks: Array
     direct_points: int
 
     def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that take the tangent at a displacement, with an isotropic tension [Pa] added."""
+        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
         ...
 
     def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
@@ -51,15 +51,15 @@ class Tangent(Protocol):
         ...
 
     def is_slack(self) -> bool:
-        """Whether the state just linearised has no stiffness against some displacement."""
+        """Whether the state of the last linearisation has no stiffness against some displacement."""
         ...
 
     def modulus(self) -> float:
-        """How stiff the sheet is [Pa], at the last linearisation."""
+        """Modulus of the sheet [Pa] at the last linearisation."""
         ...
 
     def min_tension(self, relative: float) -> float:
-        """Isotropic tension [Pa] that the tangent needs at least, at a relative residual."""
+        """Minimum isotropic tension [Pa] that the tangent needs at a relative residual."""
         ...
 
     def sparse(self) -> SparseTangent:
@@ -73,15 +73,15 @@ class BuiltLaw(BuiltPart, Protocol):
     Attributes:
         weights: Weights in use, for the summary.
         has_energy: Whether its force is minus the gradient of an energy, or at least reports one.
-        horizon: Horizon over the spacing of the sheet [-].
+        horizon: Horizon in spacings of the sheet [-].
         families: The families on the host.
         struct: The families on the device, a Warp struct (kernels/families.py).
-        intact: Bits of the intact bonds, (words, N) uint32, or None if nothing can break.
+        intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break.
         constants: Constants of the material.
         inverse_horizon: [1/m].
         unit_volume: Thickness times reference area [m^3].
-        correction: What a correction of the weights did, for the summary, or None.
-        earlier_energy: Warp function of the energy of a family a moment ago; of laws with an energy.
+        correction: Report on a correction of the weights, for the summary, or None.
+        earlier_energy: Warp function of the energy of a family a moment ago, for laws with an energy.
         breaks_at_rest: Whether bonds of a sheet in static equilibrium may break under Newton's method.
         coarsens: Whether there is a law on coarser sheets.
     """
@@ -110,7 +110,7 @@ class BuiltLaw(BuiltPart, Protocol):
         ...
 
     def bond_force(self) -> Array:
-        """What the family of a point does to each of its pairs [N], (members, N) vec3, renewed with every force.
+        """Force of the family of a point on each of its pairs [N], (members, N) vec3, updated with every force.
 
         Raises:
             InputError: for a law that does not keep it.
@@ -118,15 +118,15 @@ class BuiltLaw(BuiltPart, Protocol):
         ...
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
-        """Add the launches that fill an array (N,) with a fictitious mass from the stiffness; None if it has none."""
+        """Add the launches that fill an array (N,) with a fictitious mass from the stiffness; None if there is none."""
         ...
 
     def tangent(self, context: Context, geometric: bool) -> Tangent:
         """The tangent for Newton's method.
 
         Args:
-            context: Where to put arrays.
-            geometric: Whether the tension of the sheet has its part in the stiffness.
+            context: Takes the arrays.
+            geometric: Whether the stiffness includes the tension of the sheet.
 
         Raises:
             InputError: for a law without one.
@@ -134,7 +134,7 @@ class BuiltLaw(BuiltPart, Protocol):
         ...
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
-        """The law on a coarser sheet, with a horizon over its spacing, for multigrid; None if there is none."""
+        """The law on a coarser sheet, with a horizon in its spacings, for multigrid; None if there is none."""
         return None
 
     def request_fields(self, names: Sequence[str]) -> None:
@@ -146,17 +146,17 @@ class BuiltLaw(BuiltPart, Protocol):
         ...
 
     def fingerprint(self) -> str:
-        """What functions of the user compute at fixed arguments, as a hash: a restart goes on with the same ones."""
+        """Hash of the values of user functions at fixed arguments: a restart must use the same functions."""
         return ""
 
     def likely_cause(self) -> str:
-        """What to suspect where a run in time diverged."""
+        """The likely cause if a dynamic run diverged."""
         ...
 
 
 @runtime_checkable
 class Law(Protocol):
-    """A force law: how displacements turn into forces. A frozen dataclass."""
+    """A force law, which maps displacements to forces. A frozen dataclass."""
 
     @property
     def material(self) -> Any:
@@ -165,11 +165,11 @@ class Law(Protocol):
 
     @property
     def horizon(self) -> float:
-        """Horizon over the spacing of the sheet [-]."""
+        """Horizon in spacings of the sheet [-]."""
         ...
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
+        """Everything that decides which kernels are compiled."""
         ...
 
     def build(self, context: Context) -> BuiltLaw:

@@ -10,14 +10,14 @@ from ..frame import Frame
 
 
 class Writer(Protocol):
-    """Looks at frames from outside; the simulation does not know what becomes of them."""
+    """Takes frames, for instance to write them to a file; the simulation does not know what a writer does with them."""
 
     def write(self, frame: Frame) -> None:
         """Take one frame."""
         ...
 
     def save(self) -> None:
-        """Bring everything written so far to the disk, so that a restart can go on from here."""
+        """Flush everything written so far to disk, so that a restart can continue from here."""
         ...
 
     def close(self) -> None:
@@ -27,11 +27,11 @@ class Writer(Protocol):
 
 @dataclass(frozen=True)
 class FrameReport:
-    """What a reporter is told at a frame.
+    """Data for a reporter at a frame.
 
     Attributes:
-        when: Words for when it is, such as "t = 0.5 s".
-        share: Part of the run that is done, 0 to 1.
+        when: Text for the time, such as "t = 0.5 s".
+        share: Fraction of the run that is done, 0 to 1.
         steps_per_second: Rate of the steps so far.
         frames: Number of frames of the run.
         row: Row of the history.
@@ -48,19 +48,19 @@ class Reporter(Protocol):
     """Shows the progress of a run."""
 
     def begin(self, headline: str) -> None:
-        """The simulation is built; `headline` says what runs where."""
+        """Called when the simulation is built; `headline` names the scene and the device."""
         ...
 
     def compiled(self, seconds: float) -> None:
-        """Its kernels are compiled."""
+        """Called when the kernels are compiled."""
         ...
 
     def frame(self, report: FrameReport) -> None:
-        """A frame has been recorded."""
+        """Called when a frame has been recorded."""
         ...
 
     def residual(self, steps: int, residual: float, tolerance: float) -> None:
-        """A static solver on its way."""
+        """Called between the frames of a static solver."""
         ...
 
     def close(self) -> None:

@@ -25,7 +25,7 @@ class Constraint:
         owner: Name of the part, for messages.
         points: Point indices, int32.
         components: Bits: 1, 2, 4 for x, y, z; 8 for points that a rigid body moves.
-        motion: Schedule of the displacement [m], or None for points that stay where they start.
+        motion: Schedule of the displacement [m], or None for points that stay at their initial position.
     """
 
     owner: str
@@ -36,10 +36,10 @@ class Constraint:
 
 @runtime_checkable
 class Part(Protocol):
-    """What a scene names. A frozen dataclass whose `build` puts it on a device.
+    """A part of a scene. A frozen dataclass whose `build` puts it on a device.
 
     Attributes:
-        argument: Argument of a scene that takes it: "loads", "contact" or "damage".
+        argument: Argument of the scene that takes it: "loads", "contact" or "damage".
         adds_force: Whether it adds to the external force.
         does_work: Whether it does work on the sheet, for the energy balance.
     """
@@ -49,11 +49,11 @@ class Part(Protocol):
     does_work: ClassVar[bool] = False
 
     def compile_key(self) -> tuple[object, ...]:
-        """What decides which kernels are compiled, besides the type."""
+        """Everything besides the type that decides which kernels are compiled."""
         return ()
 
     def check(self, others: Sequence[Part]) -> None:
-        """Raise InputError for parts that do not go with this one."""
+        """Raise InputError for parts that cannot be combined with this one."""
         return None
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
@@ -61,7 +61,7 @@ class Part(Protocol):
         return ()
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """The part on a device: allocate arrays, register schedules; launches come later."""
+        """Build the part on a device: allocate arrays and register schedules; launches are added later."""
         ...
 
 
@@ -70,14 +70,14 @@ class BuiltLoad(BuiltPart, Protocol):
 
     Attributes:
         follows_displacement: Whether the force depends on the displacement.
-        coarsens: Whether a load that follows the displacement exists on coarser sheets, for multigrid.
+        coarsens: Whether a load that depends on the displacement exists on coarser sheets, for multigrid.
     """
 
     follows_displacement: bool = False
     coarsens: bool = False
 
     def constant_force(self) -> np.ndarray | None:
-        """The force [N], shape (N, 3), if it never changes: then `add_force` is not called. Else None."""
+        """The force [N], shape (N, 3), if it never changes; `add_force` is then not called. Otherwise None."""
         return None
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
@@ -87,17 +87,17 @@ class BuiltLoad(BuiltPart, Protocol):
     def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
         """Add the launches that add the change of the force along a direction [m] to `out` [N].
 
-        Asked of loads that follow the displacement.
+        It is called for loads that depend on the displacement.
 
         Returns:
-            False if there is no tangent: then Newton's method refuses the load.
+            False if there is no tangent: Newton's method then refuses the load.
         """
         return False
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad | None:
         """The same load on a coarser sheet, for multigrid; None if there is none.
 
-        Asked of loads that follow the displacement. Schedules are those of this load.
+        It is called for loads that depend on the displacement. Schedules are those of this load.
         """
         return None
 
@@ -106,16 +106,16 @@ class External(BuiltPart, Protocol):
     """The sum of all loads.
 
     Attributes:
-        following: Loads that follow the displacement.
+        following: Loads that depend on the displacement.
     """
 
     following: Sequence[BuiltLoad]
 
     def keep_dead_apart(self) -> Array | None:
-        """Let `add_force` keep the sum of the loads that do not follow the displacement [N] as well, (N,) vec3.
+        """Let `add_force` also store the sum of the loads that do not depend on the displacement [N], (N,) vec3.
 
         Returns:
-            Its array; None unless there are loads of both kinds.
+            Its array; None unless there are loads that depend on the displacement and loads that do not.
         """
         ...
 
@@ -124,11 +124,11 @@ class External(BuiltPart, Protocol):
         ...
 
     def add_dead(self, stage: Stage, out: Array) -> None:
-        """Add the launches that fill `out` with the force of the loads that do not follow the displacement [N]."""
+        """Add the launches that fill `out` with the force of the loads that do not depend on the displacement [N]."""
         ...
 
     def add_following(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launches that add to `out` the force of the loads that follow the displacement [N]."""
+        """Add the launches that add the force of the loads that depend on the displacement to `out` [N]."""
         ...
 
 
@@ -151,7 +151,7 @@ class BuiltContact(BuiltPart, Protocol):
         return None
 
     def centre(self, time: float) -> np.ndarray | None:
-        """Its centre at a time [m], shape (3,), or None."""
+        """Centre of the ball at a time [m], shape (3,), or None."""
         return None
 
 
@@ -171,8 +171,8 @@ class BuiltRupture(BuiltPart, Protocol):
     """Rupture on a device.
 
     Attributes:
-        damage: Broken share of each point's bonds as of the last frame, 0 to 1, (N,) float32.
-        intact_faces: Which triangles no crack has cut as of the last frame, (F,) uint8.
+        damage: Damage of each point at the last frame, 0 to 1, (N,) float32.
+        intact_faces: Whether each triangle is not cut by a crack at the last frame, (F,) uint8.
     """
 
     damage: Array
@@ -184,7 +184,7 @@ class Rupture(Part, Protocol):
     """A rupture criterion.
 
     Attributes:
-        spared: Points whose bonds never break, such as those in a clamp; None spares none.
+        spared: Points whose bonds never break, such as those in a clamp; None if all bonds may break.
     """
 
     argument: ClassVar[str] = "damage"

@@ -1,4 +1,4 @@
-"""Solvers, and the system that they work on."""
+"""Solvers, and the system that they solve."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .part import Constraint, External
 
 
 class FrameSink(Protocol):
-    """What a solver reports to: takes frames, knows where a resumed run stands.
+    """Takes the frames of a solver, and knows the state of a resumed run.
 
     Attributes:
         frame_index: Index of the last frame.
         time: Its time [s].
         steps: Steps so far.
-        stable_dt: Newest stable step [s], or None.
-        residual: Newest relative residual of a sheet in static equilibrium, or None.
+        stable_dt: Latest stable step [s], or None.
+        residual: Latest relative residual of a sheet in static equilibrium, or None.
         solve: Report of a static solver, or None.
     """
 
@@ -39,20 +39,20 @@ class FrameSink(Protocol):
     solve: dict[str, Any] | None
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
-        """Record a frame at a time [s], so many steps of dt [s] after the last one."""
+        """Record a frame at the time `now` [s], `steps` steps of dt [s] after the last one."""
         ...
 
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
-        """Report a static solver on its way."""
+        """Report the progress of a static solver between frames."""
         ...
 
 
 @dataclass(eq=False)
 class System:
-    """A sheet with its law and parts on a device: what solvers work on.
+    """A sheet with its law and parts on a device, as solvers see it.
 
     Attributes:
-        context: Arrays, stages, shared state.
+        context: Arrays, stages, common state.
         law: The force law.
         external: The sum of all loads.
         parts: All parts that add launches, in the order in which they act within a phase.
@@ -73,7 +73,7 @@ class System:
                 part.add(phase, stage)
 
     def refuse_phases(self, solver: str, phases: Iterable[Phase]) -> None:
-        """Refuse parts that act in phases that a solver does not have.
+        """Refuse parts that act in phases which a solver does not have.
 
         Raises:
             InputError: for the first of them.
@@ -85,11 +85,11 @@ class System:
                 part.add(phase, trial)
                 if len(trial):
                     raise InputError(
-                        f"{part.label}: the solver {solver} does not do this ({phase.value}); take Explicit"
+                        f"{part.label}: the solver {solver} does not have its phase ({phase.value}); expected Explicit"
                     )
 
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
-        """Let time advance by so much per step [s] until `end`, from `now` or where it is, and evaluate schedules."""
+        """Set the advance of the time per step, its end [s], optionally its value, and evaluate the schedules."""
         if self._schedules is None:
             self._schedules = self.context.sequence("clock")
         self.context.clock.set(self._schedules, advance, end, now)
@@ -118,32 +118,32 @@ class BuiltSolver(BuiltPart, Protocol):
         ...
 
     def host_state(self) -> dict[str, Any]:
-        """Numbers that a restart needs, besides fields; anything that JSON takes."""
+        """Data that a restart needs besides fields; anything that JSON can store."""
         return {}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         return None
 
 
 @runtime_checkable
 class Solver(Protocol):
-    """How displacements follow from forces. A frozen dataclass.
+    """A solver, which computes displacements from forces. A frozen dataclass.
 
     Attributes:
-        dynamic: Whether it steps in time: then work and losses are summed up.
+        dynamic: Whether it steps in time; work and losses are then summed.
     """
 
     dynamic: ClassVar[bool]
 
     @property
     def duration(self) -> float:
-        """Time to simulate, or load time of the whole load [s]."""
+        """Time to simulate, or load time of the full load [s]."""
         ...
 
     @property
     def precision(self) -> int:
-        """32 or 64, where the run does not say."""
+        """Default precision, 32 or 64."""
         ...
 
     @property
@@ -168,7 +168,7 @@ class Solver(Protocol):
 
     @property
     def default_ramp(self) -> Schedule | None:
-        """Schedule of the factor of loads that have none of their own; None if those are constant."""
+        """Schedule of the factor of loads that have no schedule; None if those are constant."""
         ...
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:

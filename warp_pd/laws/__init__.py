@@ -1,4 +1,4 @@
-"""Force laws: how displacements turn into forces. One file per law; see interfaces.py for what a law has to offer."""
+"""Force laws, which map displacements to forces. One file per law; interfaces/law.py defines what a law must offer."""
 
 from typing import TYPE_CHECKING
 

@@ -28,28 +28,28 @@ BROKEN = ("redistribute", "drop")
 
 @dataclass(frozen=True)
 class BondAssociated:
-    """Bond-associated correspondence: one deformation gradient and one stress a bond.
+    """Bond-associated correspondence: one deformation gradient and one stress per bond.
 
     Attributes:
         material: Any hyperelastic material.
-        horizon: Horizon over the spacing of the sheet [-].
-        weights: How the bonds share the area of their point:
+        horizon: Horizon in spacings of the sheet [-].
+        weights: How the area of a point is distributed over its bonds:
             "published": not at all; the force of a bond comes from its own stress alone, with volume
                 fractions (BA eqs. 38 and 43). It has no energy and misses uniform stress by about 1 %.
             "plain": in proportion to |D_ij|; conserves energy, exact for uniform stress inside the sheet.
-            "corrected": the nearest weights for which uniform stress is in equilibrium up to the edges too.
-            "auto": "plain" once anything can break or at horizons above 4.5, "corrected" otherwise.
-            With rupture, "corrected" holds as long as the family of a point is whole; what a damaged family
-            does is up to `broken`.
+            "corrected": the nearest weights for which uniform stress is in equilibrium also at the edges.
+            "auto": "plain" if bonds can break or at horizons above 4.5, "corrected" otherwise.
+            With rupture, "corrected" applies as long as the family of a point is undamaged; `broken` sets the
+            weights of a damaged family.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
             1/r^2, or a function of an array.
-        broken: What becomes of the area of broken bonds. "drop" loses it: the stable step does not fall
-            when bonds break. "redistribute" gives it to the remaining bonds of the point: a crack opens a
-            little less too wide (7.0 against 8.6 % above the exact opening, 12 spacings half length, horizon
-            3.15), at a step up to a third shorter; breaking can add energy then, and the energy of a torn strip
-            balanced within 1 % at a `safety` of 0.02 whatever the step, at 0.05 and 0.1 not always.
-        fast: Whether the force takes the fast kernels where there are some; they agree with the plain ones to
-            round-off. Plain ones are there to be read and compared with.
+        broken: What happens to the area of broken bonds. "drop" removes it: the stable step does not decrease
+            when bonds break. "redistribute" gives it to the intact bonds of the point: the opening of a crack is
+            less overestimated (7.0 against 8.6 % above the exact opening, 12 spacings half length, horizon 3.15),
+            but the step is up to a third shorter, and breaking can add energy: the energy of a torn strip always
+            balanced within 1 % at a `safety` of 0.02, at 0.05 and 0.1 not always.
+        fast: Whether the force uses the fast kernels where available; they agree with the reference kernels to
+            round-off. The reference kernels are there to be read and compared with.
     """
 
     material: Material
@@ -69,7 +69,7 @@ class BondAssociated:
         check_material(self.material, "functions")
 
     def resolved_weights(self, breakable: bool) -> str:
-        """The weights that "auto" stands for."""
+        """The weights with "auto" resolved."""
         if self.weights != "auto":
             return self.weights
         return "plain" if breakable or self.horizon > MAX_CORRECTED else "corrected"
@@ -80,7 +80,7 @@ class BondAssociated:
         return "published" if self.weights == "published" else "variational"
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
+        """Everything that decides which kernels are compiled."""
         return (layout, self.material.functions, self.broken if breakable else None, self.form, self.fast)
 
     def build(self, context: Context) -> BuiltLaw:
@@ -97,7 +97,7 @@ class BondAssociatedForce(FamilyLaw):
 
     Attributes:
         weights: The weights in use, "published", "plain" or "corrected".
-        key: What decides its kernels: layout, precision, material functions, `broken` or None, form.
+        key: Everything that decides its kernels: layout, precision, material functions, `broken` or None, form.
         fast_path: Its fast kernels, or None.
     """
 
@@ -110,7 +110,7 @@ class BondAssociatedForce(FamilyLaw):
         self.material, self.fast = law.material, law.fast
         broken = law.broken if breakable else None
         if self.weights == "published" or broken == "redistribute":
-            # Their kernels make weights of their own.
+            # Their kernels compute the weights themselves.
             require_one_material(sheet, f"weights {self.weights!r} and broken {law.broken!r}")
         families, inverse, weights, self.correction = weight_tables(
             sheet, law.horizon, law.influence, self.weights
@@ -125,17 +125,17 @@ class BondAssociatedForce(FamilyLaw):
 
     @functools.cached_property
     def pairs(self) -> Array:
-        """Array of `bond_force`, allocated for those who ask for it."""
+        """Array of `bond_force`, allocated on first use."""
         shape = (self.families.members, self.points)
         return self.context.array(
             "bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond", halo=True
         )  # fmt: skip
 
     def bond_force(self) -> Array:
-        """What the family of a point does to each of its pairs [N], (members, N) vec3.
+        """Force of the family of a point on each of its pairs [N], (members, N) vec3.
 
         Raises:
-            InputError: with the fast kernels, which keep it in pieces, or published weights, which have no energy.
+            InputError: with the fast kernels, which store only parts of it, or published weights, which have no energy.
         """
         if self.fast or self.weights == "published":
             return super().bond_force()
@@ -150,7 +150,7 @@ class BondAssociatedForce(FamilyLaw):
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
     def add_reference_force(self, stage: Stage, displacement: Array, inner: int = -1) -> None:
-        """Add the launch that fills `pairs`, but for undamaged families of the class `inner`."""
+        """Add the launch that fills `pairs`, except for undamaged families of the class `inner`."""
         kernel = reference_force(*self.key, inner >= 0, self.context.module)
         stage.launch(
             self.owner, kernel, self.points, **self.family_arguments(displacement), constants=self.constants,
@@ -164,7 +164,7 @@ class BondAssociatedForce(FamilyLaw):
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill an array with the sums of the rows of the stiffness [N/m].
 
-        None for a material without `response`.
+        Returns None for a material without `response`.
         """
         material, context = self.material, self.context
         response = capabilities(material).response
@@ -189,16 +189,15 @@ class BondAssociatedForce(FamilyLaw):
         """The tangent for Newton's method.
 
         Raises:
-            InputError: for weights without an energy, a material without `response`, or without the part of the
-                tension.
+            InputError: for weights without an energy, a material without `response`, or a tangent without the tension.
         """
         if self.weights == "published":
             raise InputError(
                 "weights = 'published': expected 'plain' or 'corrected', which have an energy, with the solver Newton; "
-                "take the solver Relaxation"
+                "or use the solver Relaxation"
             )
         if not geometric:
-            raise InputError("stiffness = 'constant': expected 'tangent'; 'constant' is for the law BondBased")
+            raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
         return BondAssociatedTangent(self, context)
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:
@@ -206,7 +205,7 @@ class BondAssociatedForce(FamilyLaw):
         return BondAssociatedForce(replace(self.law, weights="plain", horizon=horizon), context)
 
     def likely_cause(self) -> str:
-        """What to suspect where a run diverged."""
+        """The likely cause if a run diverged."""
         if self.weights == "published" and self.lock is None:
-            return "the published weights have no energy: they can pump it in once bonds break; try weights 'plain'"
+            return "the published weights do not conserve energy and can add it once bonds break; try weights 'plain'"
         return super().likely_cause()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 OWNER = "Newton"
-# Largest stress over the modulus of a sheet that counts as slack.
+# Largest stress divided by the modulus of a sheet that counts as slack.
 SLACK_STRESS = 1e-6
 
 
@@ -40,7 +40,7 @@ class BondAssociatedTangent:
     direct_points = 0
 
     def __init__(self, force: BondAssociatedLaw, context: Context) -> None:
-        """Allocate the tangent; it is stored as a matrix where that is faster, on a CPU.
+        """Allocate the tangent; on a CPU it may be stored as a matrix, which is faster.
 
         Raises:
             InputError: for a material without `response`.
@@ -55,8 +55,8 @@ class BondAssociatedTangent:
         response = capabilities(material).response
         if response is None:
             raise InputError(
-                f"material = {type(material).__name__}: expected a material with `response` with the solver Newton; "
-                f"take the solver Relaxation"
+                f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
+                f"or use the solver Relaxation"
             )
         layout, bits, functions, broken, _ = force.key
         held = context.features.held
@@ -83,7 +83,7 @@ class BondAssociatedTangent:
         )
 
     def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that take the tangent at a displacement, with an isotropic tension [Pa] added."""
+        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
         force, n = self.force, self.force.points
         state: dict[str, Any] = {"gradient": self.gradient, "stress": self.stress, "moduli": self.moduli}
         held_mask = self.context.state.held_mask
@@ -127,7 +127,7 @@ class BondAssociatedTangent:
         force.add_gather(stage, force.kernels.gather, force.pairs, change)
 
     def is_slack(self) -> bool:
-        """Whether the sheet carries no stress: a flat one then has no stiffness across its plane."""
+        """Whether the sheet carries no stress: a flat sheet then has no out-of-plane stiffness."""
         return bool(np.abs(self.stress.numpy()).max() < SLACK_STRESS * self.modulus())
 
     def modulus(self) -> float:
@@ -135,7 +135,7 @@ class BondAssociatedTangent:
         return float(self.moduli.numpy()[..., 0].sum() / self.force.points)
 
     def min_tension(self, relative: float) -> float:
-        """None is needed."""
+        """Zero: the tangent needs no tension."""
         return 0.0
 
     def sparse(self) -> BondAssociatedMatrix:
@@ -172,8 +172,8 @@ def _lattice_row(families: Families) -> int:
 class BondAssociatedMatrix:
     """The tangent as a sparse matrix, K = B^T A B, for a direct factorisation on the host.
 
-    B holds the coefficients with which the points of D_ij enter F_ij and changes only when bonds break; A, one
-    symmetric 6x6 block an intersection, is read from the device. Follower pressure is left out: the matrix is
+    B contains the coefficients with which the points of D_ij enter F_ij and changes only when bonds break; A, one
+    symmetric 6x6 block per intersection, is read from the device. Follower pressure is not included, so the matrix is
     symmetric.
     """
 
@@ -203,7 +203,7 @@ class BondAssociatedMatrix:
 
 
 def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """Second derivative of W Psi by F, columns F e1 and F e2 after each other.
+    """Second derivative of W Psi by F, with columns F e1 and F e2 one after the other.
 
     Args:
         F: shape (M, 3, 2).

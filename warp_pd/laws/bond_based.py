@@ -1,4 +1,4 @@
-"""The bond-based force law: bonds that pull along themselves, by a pairwise law of their strain."""
+"""The bond-based force law: forces along the bonds, by a pairwise law of their strain."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ FIELDS = ("principal_stress", "wrinkle_level")
 class BondBased:
     """Bond-based peridynamics: f = c s n, with the micro-modulus c of each point from its own family (IM eq. 4).
 
-    Plane stress has Poisson's ratio 1/3, as all bond-based laws. A bond takes the mean of the micro-moduli of its
-    two points: then forces come in pairs and have an energy, which Newton's method asks for. (The paper writes c
+    Plane stress has Poisson's ratio 1/3, as in all bond-based laws. A bond takes the mean of the micro-moduli of its
+    two points: forces then come in pairs and have an energy, which Newton's method needs. (The paper writes c
     for a bond without saying whose; its stiffness is symmetric only if both ends have the same.) Under uniform
     isotropic strain the energy is exact at every point, edges included; under other strains it is that of the
-    lattice: see tests/test_bond_based.py.
+    lattice: see tests/physics/test_bond_based.py.
 
-    A sheet at rest resists in its plane alone. Plane problems hold all displacements across it:
+    An undeformed sheet has only in-plane stiffness. Plane problems hold all displacements across the plane:
     `Fixed(range(sheet.size), "z")`.
 
     Attributes:
         material: A pairwise material, such as Bimodular.
-        horizon: Horizon over the spacing of the sheet [-], 1 or more.
+        horizon: Horizon in spacings of the sheet [-], at least 1.
         state: "plane stress", or "line" for a sheet of one row of points.
     """
 
@@ -60,14 +60,14 @@ class BondBased:
         check_material(self.material, "pairwise")
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
+        """Everything that decides which kernels are compiled."""
         return (layout, self.material.pairwise, breakable)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 
         Raises:
-            InputError: for a state that the sheet does not have, or a horizon that it does not allow.
+            InputError: for a state that does not fit the sheet, or a horizon that it does not allow.
         """
         return BondBasedForce(self, context)
 
@@ -141,7 +141,7 @@ class BondBasedForce(FamilyLaw):
 
         Args:
             names: "principal_stress": largest and smallest principal virial stress [Pa] and the angle of the
-                largest to the x axis [rad], (N,) vec3; "wrinkle_level": share of compressed bonds [-], (N,).
+                largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,).
 
         Raises:
             InputError: for another name.
@@ -153,7 +153,7 @@ class BondBasedForce(FamilyLaw):
 
 
 def _bond_weights(families: Families, stiffness: float) -> np.ndarray:
-    """W_ik = (g/2) a_i a_k |xi_ik| / sum_k |xi_ik| a_k by row, areas over the reference area, shape (R, n)."""
+    """W_ik = (g/2) a_i a_k |xi_ik| / sum_k |xi_ik| a_k by row, areas divided by the reference area, shape (R, n)."""
     length = np.where(families.exists, np.linalg.norm(families.bonds, axis=-1), 0.0)
     share = length * families.member_areas
     return np.asarray(0.5 * stiffness * families.areas[:, None] * share / share.sum(axis=1, keepdims=True))

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
 OWNER = "Newton"
-# Tension over the modulus that the tangent always has, so that a point whose bonds are all slack or broken stays in
-# the matrix; and times the relative residual where bonds can go slack: it keeps points that nothing holds from
-# flying off (strips of docs/wrinkling.md take half the steps), and fades fast enough to leave the convergence
-# quadratic. It takes no part in the force, so it changes the way to the answer and not the answer.
+# Tension divided by the modulus. The first is always in the tangent: a point whose bonds are all slack or broken
+# stays in the matrix. The second is multiplied by the relative residual and used if bonds can become slack: it keeps
+# points without stiffness from flying off (strips of docs/wrinkling.md take half the steps), and fades fast enough that
+# convergence remains quadratic. Neither enters the force, so they change the iterations but not the solution.
 MIN_TENSION = 1e-10
 SLACK_SHARE = 1e-2
 SLACK = 1e-6
@@ -40,7 +40,7 @@ class BondBasedTangent:
     direct_points = 100_000
 
     def __init__(self, force: FamilyLaw, material: PairwiseMaterial, context: Context, geometric: bool) -> None:
-        """Allocate the tangent; `geometric`: whether the tension of the bonds has its part in the stiffness."""
+        """Allocate the tangent; `geometric`: whether the stiffness includes the tension of the bonds."""
         self.material = material
         self.force, self.context, self.held = force, context, context.held
         t, shape = context.types, (force.families.members, force.points)
@@ -52,7 +52,7 @@ class BondBasedTangent:
         )  # fmt: skip
 
     def add_linearise(self, stage: Stage, displacement: Array, tension: Array) -> None:
-        """Add the launches that take the tangent at a displacement, with an isotropic tension [Pa] added."""
+        """Add the launches that compute the tangent at a displacement, with an isotropic tension [Pa] added."""
         force = self.force
         stage.launch(
             OWNER, self.kernels.linearise, force.points,
@@ -79,7 +79,7 @@ class BondBasedTangent:
         return max(slack, MIN_TENSION) * self.modulus()
 
     def is_slack(self) -> bool:
-        """Whether points may leave the plane and nothing holds them back: a flat sheet without tension."""
+        """Whether points may leave the plane without resistance: a flat sheet without tension."""
         free = self.held & 4 == 0
         if not free.any():
             return False
@@ -98,7 +98,7 @@ class BondBasedTangent:
 class BondBasedMatrix:
     """The stiffness of all bonds as a sparse matrix, for a direct factorisation on the host.
 
-    Follower pressure is left out: the matrix is symmetric.
+    Follower pressure is not included, so the matrix is symmetric.
     """
 
     def __init__(self, tangent: BondBasedTangent) -> None:
@@ -108,7 +108,7 @@ class BondBasedMatrix:
         point, member = np.nonzero(families.rows_of_points(families.exists))
         neighbour = families.heads(point, member)
         self._bonds = member, point
-        # Entries of the matrix: component c of the point against d of its member, and against its own d.
+        # Entries of the matrix: component c of the point with component d of its member, and with its own d.
         number = np.cumsum(self.free) - 1
         c, d = (axis.ravel() for axis in np.meshgrid(np.arange(3), np.arange(3), indexing="ij"))
         row, across, own = 3 * point[:, None] + c, 3 * neighbour[:, None] + d, 3 * point[:, None] + d
@@ -133,7 +133,7 @@ class BondBasedMatrix:
         data = np.add.reduceat(entries[self._order], self._begins)
         matrix = sparse.csc_matrix((data, self._rows, self._starts), shape=(self._size, self._size))
         if self.tangent.force.intact is not None:
-            # A point that lost every bond is in equilibrium where it is.
+            # A point without intact bonds is in equilibrium anywhere.
             matrix += sparse.diags(self._lost().astype(np.float64), format="csc")
         return matrix
 

@@ -1,4 +1,4 @@
-"""What all force laws of families keep on a device."""
+"""Base class of the force laws on families."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from .family_struct import family_struct
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:
-    """Check that a sheet is of one material, for what knows no other.
+    """Check that a sheet has one material, for features that need it.
 
     Raises:
-        InputError: if it is not.
+        InputError: if it has more.
     """
     if sheet.stiffness is not None:
         raise InputError(f"sheet.stiffness: expected a sheet of one material with {what}")
@@ -42,8 +42,8 @@ class FamilyLaw(BuiltLaw):
         context: Arrays and stages.
         points: Number of points.
         depends_on_time: Whether the force depends on more than the present displacement.
-        thickness: Of the sheet [m].
-        fields: Further point fields of the frames that the law offers.
+        thickness: Thickness of the sheet [m].
+        fields: Further point fields that the law offers for frames.
     """
 
     owner: str
@@ -65,11 +65,11 @@ class FamilyLaw(BuiltLaw):
         """Put the families on the device.
 
         Args:
-            law: What the user wrote.
-            context: Where to put arrays.
+            law: The law as given by the user.
+            context: Takes the arrays.
             families: The families.
-            inverse: K^-1 by row, shape (R, n, 3), or None for laws that know no intersections.
-            weights: By row, shape (R, n).
+            inverse: K^-1 by row, shape (R, n, 3), or None for laws without intersections.
+            weights: Weights by row, shape (R, n).
         """
         self.owner = type(law).__name__
         self.label, self.context, self.families = f"force = {self.owner}", context, families
@@ -108,7 +108,7 @@ class FamilyLaw(BuiltLaw):
         return {} if self.strain_energy is None else {"strain": self.strain_energy}
 
     def family_arguments(self, displacement: Array) -> dict[str, Any]:
-        """Arguments that all launches of a law share."""
+        """Arguments common to all launches of a law."""
         return {
             "family": self.struct,
             "intact": self.intact,
@@ -130,11 +130,11 @@ class FamilyLaw(BuiltLaw):
         )  # fmt: skip
 
     def energy_kernel(self) -> Kernel:
-        """Kernel of the energy of each family, of a law that has one."""
+        """Kernel of the energy of each family, for laws with an energy."""
         raise NotImplementedError(f"{self.owner}.energy_kernel: a law with an energy needs one")
 
     def bond_force(self) -> Array:
-        """What the family of a point does to each of its pairs.
+        """Force of the family of a point on each of its pairs.
 
         Raises:
             InputError: if the law does not keep it.
@@ -157,7 +157,7 @@ class FamilyLaw(BuiltLaw):
         others = "Explicit" if self.depends_on_time else "Explicit or Relaxation"
         raise InputError(
             f"force = {self.owner}: expected BondAssociated or BondBased, which have a tangent, with the solver "
-            f"Newton; take {others}"
+            f"Newton; or use the solver {others}"
         )
 
     def fingerprint(self) -> str:
@@ -175,10 +175,10 @@ class FamilyLaw(BuiltLaw):
             raise InputError(f"fields = {list(names)!r}: expected {offered} with the law {self.owner}")
 
     def likely_cause(self) -> str:
-        """What to suspect where a run diverged."""
+        """The likely cause if a run diverged."""
         if self.lock is not None:
             return f"the Gent lock Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step followed"
         if not self.has_energy:
-            return "the law has no energy: it can pump it in; try damping or the law bond_associated"
+            return "the law has no potential and can add energy; try damping or the law bond_associated"
         torn = ", as torn edges do" if self.intact is not None else ""
-        return f"the sheet stiffened faster than the step followed{torn}; try a smaller safety"
+        return f"the sheet stiffened faster than the step was reduced{torn}; try a smaller safety"

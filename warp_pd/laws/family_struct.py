@@ -37,10 +37,10 @@ def family_struct(
     Args:
         families: The rows.
         context: Takes the arrays.
-        owner: Who asked.
-        inverse: K^-1 by row, shape (R, n, 3); None where the law knows no intersections: neither these nor
-            their masks are put on the device then.
-        weights: W over the reference area by row, shape (R, n).
+        owner: The part that declares the arrays.
+        inverse: K^-1 by row, shape (R, n, 3); None for laws without intersections: neither it nor the masks of
+            intersections are then put on the device.
+        weights: W divided by the reference area by row, shape (R, n).
     """
     types = context.types
     s: Any = family_functions(families.layout, types.bits, context.module).struct()

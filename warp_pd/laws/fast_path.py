@@ -1,12 +1,12 @@
-"""Fast kernels of the variational bond-associated law, and when they are taken.
+"""Fast kernels of the variational bond-associated law, and when they are used.
 
-Undamaged families inside a square lattice have a kernel of their own, if the material is isotropic. On a GPU it puts
-all other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too small
-to fill a GPU with one thread per point, use the second kernel alone. Threads of a CPU share no memory: there all other
+Undamaged families inside a square lattice have a separate kernel, if the material is isotropic. On a GPU it puts all
+other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too small to
+fill a GPU with one thread per point, use only the second kernel. CPU threads have no shared memory: there all other
 points use the reference kernel.
 
-The forces between the points of large lattices pass through a ring, a strip of the sheet at a time: they would take
-most of the memory, and a strip of them stays in the cache of a GPU.
+The bond forces of large lattices pass through a ring buffer, one strip of the sheet at a time: all of them would take
+most of the memory, and those of a strip stay in the cache of a GPU.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from ..materials import capabilities
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
-# Largest family whose bonds share a block; larger ones compile slowly.
+# Largest family whose bonds share a thread block; larger ones compile slowly.
 MAX_MEMBERS = 64
-# Threads of a block of the kernel of undamaged families: one in registers leaves room for few threads on a processor.
+# Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
-# Most blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
+# Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
 MAX_BLOCKS = 8192
-# Columns of the ring: every strip waits for the few families at edges, which take as long as 2^16 others.
+# Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
 RING = 2**20
-# Up to so many bonds, all families of a sheet share blocks.
+# Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
 
 def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
-    """The fast kernels for a force law on a sheet, or None where there are none.
+    """The fast kernels for a force law on a sheet, or None if there are none.
 
     Args:
         force: The law on its sheet and device.
         inverse: K^-1 by row, shape (R, n, 3).
-        weights: W over the reference area by row, shape (R, n).
+        weights: W divided by the reference area by row, shape (R, n).
     """
     known = capabilities(force.material)
     near = known.near
@@ -59,7 +59,7 @@ def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray
 
 
 def shares_memory(device: wp.Device) -> bool:
-    """Whether the threads of a block share memory."""
+    """Whether the threads of a block have shared memory."""
     return bool(device.is_cuda)
 
 
@@ -69,7 +69,7 @@ class FastPath:
     Attributes:
         near: Factory of the material's stress_near.
         stencil: Stencil of undamaged inner families and the class that they share, or None.
-        shared: Whether the bonds of all other families share blocks.
+        shared: Whether all other families use the second kernel, in which the bonds of a family share a block.
     """
 
     def __init__(
@@ -78,11 +78,11 @@ class FastPath:
         self.force, self.near, self.stencil, self.shared = force, near, stencil, shared
         w: Context = force.context
         vec3 = w.types.vec3
-        spelled_out = repr((stencil, force.families.members)).encode()
-        self.module = f"{w.module}_fast_{hashlib.sha1(spelled_out).hexdigest()[:8]}"
-        # One kernel for all others is compiled for blocks of its own.
+        compiled_in = repr((stencil, force.families.members)).encode()
+        self.module = f"{w.module}_fast_{hashlib.sha1(compiled_in).hexdigest()[:8]}"
+        # The kernel of all others is compiled for its own block size.
         self.shared_module = f"{w.module}_shared_{force.families.members}"
-        # Division to two units in the last place, in float32 on a GPU; errors against float64 stay the same.
+        # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
             w.use_fast_math(module)
         self.listed = shared and stencil is not None
@@ -110,7 +110,7 @@ class FastPath:
         return context.array("moments", self.force.owner, context.types.vec3, moments, per="table")
 
     def _strips(self) -> list[Strip]:
-        """Strips of the sheet, each with the points whose force is complete with it."""
+        """Strips of the sheet, each with the points whose force is complete after it."""
         assert self.force.families.shift is not None
         points, reach = self.force.points, int(np.abs(self.force.families.shift).max())
         size = RING - 2 * reach
@@ -146,7 +146,7 @@ class FastPath:
             law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
             columns=law.lattice_columns,
-            # Not a number in the code: the turns must not be spelled out.
+            # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
             turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
@@ -183,7 +183,7 @@ class FastPath:
 
 @dataclass(frozen=True)
 class Strip:
-    """Points begin to end - 1 of a sheet, and those whose force is complete with the forces of these families."""
+    """Points begin to end - 1 of a sheet, and those whose force is complete after the forces of these families."""
 
     begin: int
     end: int

@@ -1,4 +1,4 @@
-"""The bond-based law of hyperelastic sheets, one for each mode of loading."""
+"""The bond-based law of hyperelastic sheets, with constants for each mode of loading."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ CALIBRATION = 4.0
 class HyperelasticBonds:
     """Bond-based peridynamics of an incompressible neo-Hookean sheet under one known mode of loading (HE).
 
-    Bonds pull along themselves, in pairs, so momentum is conserved, angular momentum too. But their force has a
-    factor L^2, the squared cosine of the angle that a bond has turned, which the paper leaves out when it takes the
-    derivative of its energy. So the law
+    Bond forces act along the bonds, in pairs, so momentum and angular momentum are conserved. But the force has a
+    factor L^2, the squared cosine of the angle by which a bond has rotated, which the paper leaves out when it takes
+    the derivative of its energy. The law therefore
 
     - has no potential: there is no strain energy, and no energy balance to report;
-    - knows a direction: a stretched sheet that turns as a whole by an angle loses its force with the squared
-      cosine. Take it for sheets that stretch without turning.
+    - is not objective: a stretched sheet that rotates as a whole by an angle loses its force with the squared
+      cosine. Use it for sheets that stretch without rotating.
 
-    The surface correction makes the energy of every point, near edges and inside, that of a whole round family at
+    The surface correction makes the energy of every point, near edges and inside, that of a complete round family at
     stretch 4 (HE eqs. 40, 63, 81, and 43; eqs. 61 to 63 print a factor 2 where eqs. 46 and 51 have none). It matters
-    inside too: without it a lattice of horizon 3.015 counts 20 % too little. Planar as published corrects along x
-    alone (below eq. 63). Refitted constants are fitted to the traction, so with them the correction compares tractions
-    instead, along x and y: in uniaxial sheets of horizon 9.015 that takes the error from 8 to 1 %.
+    inside too: without it the energy of a lattice of horizon 3.015 is 20 % too small. Planar as published corrects
+    only along x (below eq. 63). Refitted constants are fitted to the traction, so with them the correction compares
+    tractions instead, along x and y: in uniaxial sheets of horizon 9.015 that reduces the error from 8 to 1 %.
 
-    A sheet at rest resists in its plane alone. Plane problems hold all displacements across it:
+    An undeformed sheet has only in-plane stiffness. Plane problems hold all displacements across the plane:
     `Fixed(range(sheet.size), "z")`.
 
     Attributes:
-        material: For one mode, see there.
-        horizon: Horizon over the spacing of the sheet [-], 1 or more; the paper's are 3.015, and 9.015 uniaxial.
-        surface_correction: Whether to correct.
+        material: Material for one mode, see `BondNeoHookean`.
+        horizon: Horizon in spacings of the sheet [-], at least 1; the paper's are 3.015, and 9.015 uniaxial.
+        surface_correction: Whether to apply the surface correction.
     """
 
     material: BondNeoHookean
@@ -63,7 +63,7 @@ class HyperelasticBonds:
             raise InputError(f"material = {self.material!r}: expected BondNeoHookean with the law HyperelasticBonds")
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
+        """Everything that decides which kernels are compiled."""
         return (layout, self.material.compressed_constants is not None, self.surface_correction, breakable)
 
     def build(self, context: Context) -> BuiltLaw:
@@ -79,8 +79,8 @@ class HyperelasticBondsForce(FamilyLaw):
     """The law on one sheet and device.
 
     Attributes:
-        bond_constants: Constants of bonds that are longer and shorter than in the reference, and the surface correction
-            along x and y of each point, (N,) vec2, if there is one.
+        bond_constants: Constants of bonds that are longer and shorter than in the reference configuration, and the
+            surface correction along x and y of each point, (N,) vec2, if there is one.
     """
 
     weights = "pairwise"
@@ -89,7 +89,7 @@ class HyperelasticBondsForce(FamilyLaw):
     def __init__(self, law: HyperelasticBonds, context: Context) -> None:
         sheet, self.law = context.sheet, law
         if sheet.lattice is not None and sheet.lattice.rows == 1:
-            raise InputError("a sheet of one row of points: expected one in the plane with the law HyperelasticBonds")
+            raise InputError("sheet has one row of points: expected at least two with the law HyperelasticBonds")
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
         weights = families.stiffened(_bond_weights(families))
         super().__init__(law, context, families, None, weights)
@@ -127,16 +127,16 @@ class HyperelasticBondsForce(FamilyLaw):
 
 
 def _bond_weights(families: Families) -> np.ndarray:
-    """W_ik = (2/pi) (a_ref / delta^2) a_i a_k by row, areas over the reference area, shape (R, n)."""
+    """W_ik = (2/pi) (a_ref / delta^2) a_i a_k by row, areas divided by the reference area, shape (R, n)."""
     unit = 2.0 / np.pi * families.reference_area / families.horizon**2
     return unit * families.areas[:, None] * np.where(families.exists, families.member_areas, 0.0)
 
 
 def surface_factors(families: Families, material: BondNeoHookean) -> np.ndarray:
-    """Factors along x and y by row, shape (R, 2): what a whole round family has at stretch 4 over what the row's has.
+    """Factors along x and y by row, shape (R, 2): ratio of a complete round family to that of the row at stretch 4.
 
-    That is the energy as published (to 1e-3 the continuum's there, HE eqs. 35, 58 and 77), the traction along the
-    stretch when refitted. The stretch is along x, then along y, in the material's mode.
+    The ratio compares energies for published constants (to 1e-3 that of the continuum, HE eqs. 35, 58 and 77), and
+    tractions along the stretch for refitted ones. The stretch is along x, then along y, in the material's mode.
     """
     p, published = material.coefficients, material.fit != "refitted"
     across = {"equibiaxial": CALIBRATION, "planar": 1.0, "uniaxial": CALIBRATION**-0.5}[material.mode]

@@ -25,7 +25,7 @@ from ..phases import Phase
 from .nodal import PointLaw
 
 EVALUATIONS = ("torch", "fused", "closed_form")
-# Weights of a network that become numbers in a kernel; more compile slowly.
+# Maximum number of network weights that are compiled into a kernel as constants; more compile slowly.
 MAX_WEIGHTS = 10_000
 
 
@@ -33,22 +33,22 @@ MAX_WEIGHTS = 10_000
 class Neural:
     """Bond forces from the bond's own stretch and rotation, with the family's C33 and det F (NN section 4.2).
 
-    In place of the stress of its family, each bond answers to its own image. That removes the zero-energy modes of
-    `Nodal`, without a deformation gradient for every bond. There is no potential: the force is not the gradient of
+    The force of a bond depends on its own image, not on the stress of its family. That removes the zero-energy modes
+    of `Nodal`, without a deformation gradient for every bond. There is no potential: the force is not the gradient of
     any energy, so runs report no strain energy and no balance.
 
     Attributes:
         material: A hyperelastic material with `membrane` and `ratios`, such as NeoHookean or Gent.
-        horizon: Horizon over the spacing of the sheet [-].
+        horizon: Horizon in spacings of the sheet [-].
         evaluation: How the map from bond to force is evaluated:
             "torch": by `network` in Torch, on all bonds at once.
-            "fused": by the same network inside one Warp kernel, its weights numbers in the code.
+            "fused": by the same network inside one Warp kernel, with its weights compiled in as constants.
             "closed_form": exactly (kernels/neural.py), without a network.
         network: A Network, the file of one, or None for the one that comes with the package. For "torch" also
             any callable, a torch.nn.Module for instance, from a tensor (bonds, 4) of (lambda, theta, C33, det F) to
-            one (bonds, 2) of the force over mu along and across the bond. A module is copied and cast to the
-            precision and device of the run; any other callable gets tensors of theirs. It runs without gradients;
-            on CUDA it is captured in a graph, so it must not look at values on the host.
+            one (bonds, 2) of the force divided by mu along and across the bond. A module is copied and cast to the
+            precision and device of the run; any other callable gets tensors of that precision and device. It runs
+            without gradients; on CUDA it is captured in a graph, so it must not read values on the host.
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
 
     Raises:
@@ -74,7 +74,7 @@ class Neural:
         if capabilities(self.material).membrane is None:
             raise InputError(
                 f"material = {type(self.material).__name__}: expected a material with `membrane` and `ratios`, such as "
-                f"NeoHookean and Gent, with the neural law"
+                f"NeoHookean or Gent, with the law Neural"
             )
         if self.evaluation == "closed_form":
             if self.network is not None:
@@ -98,12 +98,12 @@ class Neural:
         if self.evaluation == "fused" and found.size > MAX_WEIGHTS:
             raise InputError(
                 f"network = {name!r} has {found.size} weights: expected at most {MAX_WEIGHTS} with evaluation 'fused'; "
-                f"take 'torch'"
+                f"or use 'torch'"
             )
         return found
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
+        """Everything that decides which kernels are compiled."""
         numbers = self.loaded.sigmoids() if self.loaded is not None and self.evaluation == "fused" else None
         return (
             layout, capabilities(self.material).membrane, breakable, self.evaluation, numbers, self.loaded is not None,
@@ -113,8 +113,8 @@ class Neural:
         """Families and tables on the device.
 
         Raises:
-            InputError: for a horizon that the sheet does not allow, a callable that does not fit, or "torch" where
-                there is no torch.
+            InputError: for a horizon that the sheet does not allow, a callable that does not fit, or "torch" if torch
+                is not installed.
         """
         return NeuralForce(self, context)
 
@@ -133,7 +133,7 @@ class NeuralForce(PointLaw):
         self.law = law
         known = capabilities(law.material)
         assert known.membrane is not None and known.mu is not None
-        # A network gives forces over mu.
+        # A network gives forces divided by mu.
         self._scale = 1.0 if law.evaluation == "closed_form" else known.mu
         layers, fused_module = None, f"{context.module}_fused"
         if law.evaluation == "fused":
@@ -191,21 +191,21 @@ class NeuralForce(PointLaw):
             )  # fmt: skip
 
     def fingerprint(self) -> str:
-        """A hash of what the network gives for some bonds."""
+        """A hash of the output of the network for some bonds."""
         return super().fingerprint() + ("" if self._fingerprint is None else self._fingerprint())
 
     def column_names(self) -> Sequence[str]:
-        """Number of bonds outside the training range, if there is a known one."""
+        """Number of bonds outside the training range, if that range is known."""
         return () if self.outside is None else ("bonds_outside_training",)
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Number of bonds outside the training range, if there is a known one."""
+        """Number of bonds outside the training range, if that range is known."""
         if self.outside is None:
             return {}
         return {"bonds_outside_training": float(np.sum(self.outside.numpy()))}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Whether bonds left the training range."""
+        """A note if bonds left the training range."""
         left = [row.get("bonds_outside_training", 0.0) for row in history]
         if self.law.loaded is None or not left or max(left) == 0.0:
             return []
@@ -213,7 +213,7 @@ class NeuralForce(PointLaw):
         least, most = self.law.loaded.stretches
         return [
             f"training range: up to {max(left):.0f} of {self.families.bond_count} bonds (at {when}) were outside the "
-            f"principal stretches {least:g} to {most:g} that the network knows"
+            f"principal stretches {least:g} to {most:g} of the training data"
         ]
 
 
@@ -221,14 +221,14 @@ def _torch_call(law: Neural, owner: str, features: Array, results: Array) -> tup
     """The network as a step in Torch, and a function that gives its fingerprint.
 
     Raises:
-        InputError: where there is no torch, or the network does not fit.
+        InputError: if torch is not installed, or the network does not fit.
     """
     try:
         from ..torch_backend.step import TorchStep, capture
     except ImportError:
         raise InputError(
             "evaluation = 'torch': expected an installed torch (pip install 'warp-pd[neural]'); "
-            "take 'fused' or 'closed_form'"
+            "or use 'fused' or 'closed_form'"
         ) from None
     step = TorchStep(law.loaded, law.network, features, results)
     touched = Touched(gathers=frozenset([features.ptr]), writes=frozenset([results.ptr]))

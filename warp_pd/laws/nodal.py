@@ -1,4 +1,4 @@
-"""Nodal correspondence: the law that has zero-energy modes, to measure the others by."""
+"""Nodal correspondence: a law with zero-energy modes, as a baseline for the others."""
 
 from __future__ import annotations
 
@@ -28,14 +28,15 @@ from .family_law import FamilyLaw, require_one_material
 
 @dataclass(frozen=True)
 class Nodal:
-    """Nodal (conventional) correspondence: one deformation gradient and one stress a point (NN eqs. 2 to 5).
+    """Nodal (conventional) correspondence: one deformation gradient and one stress per point (NN eqs. 2 to 5).
 
-    The energy of a point, h a_i Psi(F_i), does not feel a checkerboard nor the place of a point in the middle of its
-    family. Take it as a baseline, not for results. A family that lost bonds carries the share that still stands.
+    The energy of a point, h a_i Psi(F_i), does not change with a checkerboard displacement, or with the displacement of
+    the point at the centre of its family. Use the law as a baseline, not for results. The stress of a damaged family is
+    scaled by the fraction of its area that is still intact.
 
     Attributes:
         material: Any hyperelastic material.
-        horizon: Horizon over the spacing of the sheet [-].
+        horizon: Horizon in spacings of the sheet [-].
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
     """
 
@@ -53,7 +54,7 @@ class Nodal:
         check_material(self.material, "functions")
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
+        """Everything that decides which kernels are compiled."""
         return (layout, self.material.functions, breakable)
 
     def build(self, context: Context) -> BuiltLaw:
@@ -66,12 +67,12 @@ class Nodal:
 
 
 class PointLaw(FamilyLaw):
-    """What laws with one deformation gradient per point keep on the device.
+    """Base class of laws with one deformation gradient per point.
 
     The families have no intersections, and K_i^-1 and 2 / tr K_i of the undamaged sheet in place of K_ij^-1 and W_ij.
 
     Attributes:
-        pairs: What the family of a point does to each of its pairs [N], (members, N).
+        pairs: Force of the family of a point on each of its pairs [N], (members, N).
     """
 
     weights = "point"

@@ -1,4 +1,4 @@
-"""What the viscous laws share: Prony terms on a device."""
+"""Prony terms of the viscous laws on a device."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..materials import Prony
 
-# Relaxation time [s] on the way to the initial displacement: nothing relaxes.
+# Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.
 AT_ONCE = 1e30
 
 
@@ -33,7 +33,7 @@ def prony_array(prony: tuple[Prony, ...], context: Context, name: str = "prony")
 
 
 def at_once(prony: tuple[Prony, ...], context: Context) -> tuple[Array, Array]:
-    """A step of one second, and the Prony terms without time to relax in it."""
+    """A step of one second, and the Prony terms with relaxation times so long that nothing relaxes in it."""
     slow = tuple(replace(term, time=AT_ONCE, exponent=0.0) for term in prony)
     one_second = context.array("one_second", "Visco", context.types.real, np.ones(1), per="table")
     return one_second, prony_array(slow, context, "prony_at_once")

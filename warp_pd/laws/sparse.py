@@ -13,7 +13,7 @@ def factorised(matrix: Any, free: np.ndarray) -> Solve | None:
     """Solver of K x = b on arrays of shape (N, 3); None if K is singular.
 
     Args:
-        matrix: K of the free components [N/m], symmetric, in columns.
+        matrix: K of the free components [N/m], symmetric, in compressed columns.
         free: Which components are free, shape (3 N,); the others of x are zero.
     """
     from scipy.sparse.linalg import splu

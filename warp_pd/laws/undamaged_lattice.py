@@ -1,4 +1,4 @@
-"""What the fast path of the bond-associated law needs to know of a lattice."""
+"""Data of a lattice for the fast path of the bond-associated law."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ TOLERANCE = 1e-9
 
 
 def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarray) -> tuple[Stencil, int] | None:
-    """Stencil of the undamaged families inside a lattice, and the row that they share; None where there are none.
+    """Stencil of the undamaged families inside a lattice, and the row that they share; None if there are none.
 
-    There are none on clouds, on lattices that are not square, at more than 32 members, and on sheets so small that
-    no family is complete and evenly weighted.
+    There are none on clouds, on lattices that are not square, with more than 32 members, and on sheets so small that
+    no family is complete and has equal weights.
 
     Args:
         families: The families.
         inverse: K^-1 by row, shape (R, n, 3).
-        weights: W over the reference area by row, shape (R, n).
+        weights: W divided by the reference area by row, shape (R, n).
     """
     if families.family_class is None or families.members > WORD:
         return None
@@ -53,5 +53,5 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
 
 
 def _even(value: float) -> float:
-    """The number without its last digits, in which sheets of other sizes differ: they share compiled kernels."""
+    """The number without its last digits, which depend on the size of the sheet, so that sheets share kernels."""
     return float(f"{value:.14g}")

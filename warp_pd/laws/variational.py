@@ -1,4 +1,4 @@
-"""What the tangent and the fast kernels need to know of the bond-associated law on a device."""
+"""Interface of the bond-associated law on a device for its tangent and fast kernels."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..kernels.factories import PairFactory
 from ..kernels.pointwise import Pointwise
 from ..materials import Material
 
-# Layout, precision, functions of the material, what becomes of broken bonds (None: nothing breaks), form.
+# Layout, precision, functions of the material, treatment of broken bonds (None: bonds cannot break), form.
 Key = tuple[str, int, PairFactory, str | None, str]
 
 
@@ -41,20 +41,20 @@ class BondAssociatedLaw(Protocol):
 
     @property
     def fast(self) -> bool:
-        """Whether the fast kernels are wanted."""
+        """Whether to use the fast kernels."""
         ...
 
     @property
     def pairs(self) -> Array:
-        """What the family of a point does to each of its pairs [N], (members, N) vec3."""
+        """Force of the family of a point on each of its pairs [N], (members, N) vec3."""
         ...
 
     def family_arguments(self, displacement: Array) -> dict[str, Any]:
-        """Arguments that all launches of a law share."""
+        """Arguments common to all launches of a law."""
         ...
 
     def add_reference_force(self, stage: Stage, displacement: Array, inner: int = -1) -> None:
-        """Add the launch that fills `pairs`, but for undamaged families of the class `inner`."""
+        """Add the launch that fills `pairs`, except for undamaged families of the class `inner`."""
         ...
 
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:

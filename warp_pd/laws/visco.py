@@ -35,7 +35,7 @@ class Visco(BondAssociated):
 
     Attributes:
         material: What is left after a long time, such as Yeoh; see BondAssociated for all but prony.
-        prony: Terms that relax, by name only; none makes this the elastic law, on plain kernels.
+        prony: Terms that relax, by name only; none makes this the elastic law, on the reference kernels.
     """
 
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
