@@ -70,5 +70,5 @@ def test_the_distance_follows_the_intact_bonds():
 
 def test_points_that_do_not_exist_are_refused():
     built = built_on()
-    with pytest.raises(InputError, match="points holds point 81: expected 0 to 80"):
+    with pytest.raises(InputError, match="points contains point 81: expected 0 to 80"):
         distance(built, np.zeros((81, 3)), [81])

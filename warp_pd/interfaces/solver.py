@@ -85,7 +85,7 @@ class System:
                 part.add(phase, trial)
                 if len(trial):
                     raise InputError(
-                        f"{part.label}: the solver {solver} does not have its phase ({phase.value}); expected Explicit"
+                        f"{part.label}: the solver {solver} has no phase for it ({phase.value}); expected Explicit"
                     )
 
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:

@@ -32,6 +32,6 @@ def test_bonds_outside_the_training_range_are_counted_and_reported():
 def test_newton_asks_for_a_tangent():
     sheet = square(9)
     for law in (Nodal(NEO), Neural(NEO, evaluation="closed_form")):
-        said = f"^force = {type(law).__name__}: .*BondAssociated or BondBased.*the solver Newton; take .*Relaxation$"
+        said = f"^force = {type(law).__name__}: .*BondAssociated or BondBased.*the solver Newton; or use .*Relaxation$"
         with pytest.raises(InputError, match=said):
             Simulation(sheet, force=law, solver=Newton()).build(device="cpu")

@@ -25,7 +25,7 @@ def test_pictures_know_the_ball_and_say_when_nothing_happens(ball, tmp_path, mon
 
 def test_draw_refuses_the_scene_of_another_run(ball):
     done = cli("draw", ball, "--scene", "double_notch")
-    assert done.exit_code == 2 and "this run is of 'ball_penetration'" in done.output
+    assert done.exit_code == 2 and "expected 'ball_penetration', the scene of this run" in done.output
 
 
 def test_a_scene_of_ones_own_is_drawn_from_its_file(tmp_path):
