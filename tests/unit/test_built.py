@@ -157,5 +157,6 @@ def test_static_solvers_refuse_contact(solver):
 def test_a_measure_cannot_take_the_name_of_a_column(name):
     measure = Measure(name, "1", lambda built, frame: 0.0)
     ball = RigidBall(0.03, (0.05, 0.05, 0.02))
-    with pytest.raises(InputError, match=f"measures: '{name}' is already a column of the history: expected another name"):
+    said = f"measures: '{name}' is already a column of the history: expected another name"
+    with pytest.raises(InputError, match=said):
         simulation(Explicit(1.0), damage=CriticalStretch(2.0), contact=ball, measures=[measure]).build("cpu")

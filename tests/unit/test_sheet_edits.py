@@ -24,7 +24,9 @@ def test_stiffness_goes_with_its_points():
     assert square(5).stiffness is None
 
 
-@pytest.mark.parametrize(("points", "factor", "message"), [([0], 0.0, r"factor = 0\.0"), ([81], 2.0, "contains point 81")])
+@pytest.mark.parametrize(
+    ("points", "factor", "message"), [([0], 0.0, r"factor = 0\.0"), ([81], 2.0, "contains point 81")]
+)
 def test_wrong_stiffness_is_named(points, factor, message):
     with pytest.raises(InputError, match=message):
         square(9).stiffened(points, factor)
