@@ -7,7 +7,17 @@ import functools
 
 import warp as wp
 
-from .materials import NEWTON_STEPS, RESTART, SHRINK, TOLERANCE, condensation, invariants, volume, volume_from
+from .materials import (
+    NEWTON_STEPS,
+    RESTART,
+    SHRINK,
+    TOLERANCE,
+    WIDTH_TOLERANCE,
+    condensation,
+    invariants,
+    volume,
+    volume_from,
+)
 from .numeric import numeric
 
 
@@ -179,3 +189,46 @@ def gent_membrane(bits: int) -> tuple[wp.Function, wp.Function]:
         return constants[0] * constants[2] / (room * wp.cbrt(real(1.0) + z))
 
     return gent_volume(bits), shear
+
+
+@functools.cache
+def gent_width(bits: int) -> wp.Function:
+    """Function (g1, constants) -> g2 of the Gent material in uniaxial tension, see kernels/tension_field.py.
+
+    Beyond the lock it gives the width at which the iteration ends; the stress is then NaN.
+    """
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    volume_of = volume(bits)
+    tolerance = WIDTH_TOLERANCE[bits]
+    steps, shrink = NEWTON_STEPS, SHRINK
+
+    @wp.func
+    def width(g1: real, constants: parameters):
+        # Zero of (Jm - I1b + 3) J^(4/3) sigma_33 with C22 = C33 = J / l1, as in `root_change`.
+        lock = constants[2]
+        third = constants[0] * lock / real(3.0)
+        half = real(0.5) * constants[1]
+        s = wp.sqrt(real(1.0) + g1)
+        inverse = real(1.0) / s
+        d = real(0.0)
+        for _step in range(steps):
+            root = real(1.0) + d
+            z = volume_of(d)
+            rise = real(3.0) * root * root
+            J = wp.sqrt(real(1.0) + z)
+            thinning = inverse * (z / (real(1.0) + J) - g1 / (real(1.0) + s))
+            thinning_rise = real(1.5) * inverse * J / root
+            room = wp.max(lock * root - g1 - real(2.0) * thinning + real(3.0) * d, real(1.0e-3) * lock)
+            residual = third * (thinning - g1) + half * z * room
+            floor = third * thinning_rise + half * rise * room
+            tangent = floor + half * z * (lock - real(2.0) * thinning_rise + real(3.0))
+            new = wp.max(d - residual / wp.max(tangent, real(0.25) * floor), real(shrink) * root - real(1.0))
+            change = wp.abs(new - d)
+            d = new
+            if change * lock <= real(tolerance) * room:
+                break
+        z = volume_of(d)
+        return inverse * (z / (real(1.0) + wp.sqrt(real(1.0) + z)) - g1 / (real(1.0) + s))
+
+    return width

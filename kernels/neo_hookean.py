@@ -7,7 +7,17 @@ import functools
 
 import warp as wp
 
-from .materials import NEWTON_STEPS, RESTART, SHRINK, TOLERANCE, condensation, invariants, volume, volume_from
+from .materials import (
+    NEWTON_STEPS,
+    RESTART,
+    SHRINK,
+    TOLERANCE,
+    WIDTH_TOLERANCE,
+    condensation,
+    invariants,
+    volume,
+    volume_from,
+)
 from .numeric import numeric
 
 
@@ -143,3 +153,41 @@ def neo_hookean_membrane(bits: int) -> tuple[wp.Function, wp.Function]:
         return constants[0] / wp.cbrt(real(1.0) + z)
 
     return neo_hookean_volume(bits), shear
+
+
+@functools.cache
+def neo_hookean_width(bits: int) -> wp.Function:
+    """Function (g1, constants) -> g2 of the neo-Hookean material in uniaxial tension, see kernels/tension_field.py."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+    volume_of = volume(bits)
+    tolerance = WIDTH_TOLERANCE[bits]
+    steps, shrink = NEWTON_STEPS, SHRINK
+
+    @wp.func
+    def width(g1: real, constants: parameters):
+        # Zero of J^(2/3) sigma_33 with C22 = C33 = J / l1, an unknown d = J^(2/3) - 1, as in `root_change`.
+        third = constants[0] / real(3.0)
+        quarter = real(0.25) * constants[1]
+        s = wp.sqrt(real(1.0) + g1)
+        inverse = real(1.0) / s
+        d = real(0.0)
+        thinning = real(0.0)
+        for _step in range(steps):
+            root = real(1.0) + d
+            z = volume_of(d)
+            q = root * root * root
+            r = real(1.0) / q
+            J = wp.sqrt(q)
+            thinning = inverse * (z / (real(1.0) + J) - g1 / (real(1.0) + s))
+            residual = third * (thinning - g1) + quarter * root * z * (real(2.0) + z) * r
+            tangent = real(1.5) * third * inverse * J / root + quarter * (real(4.0) * q + real(2.0) * r)
+            new = wp.max(d - residual / tangent, real(shrink) * root - real(1.0))
+            change = wp.abs(new - d)
+            d = new
+            if change <= real(tolerance) * root:
+                break
+        z = volume_of(d)
+        return inverse * (z / (real(1.0) + wp.sqrt(real(1.0) + z)) - g1 / (real(1.0) + s))
+
+    return width

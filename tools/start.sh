@@ -23,7 +23,8 @@ if [ "${1:-}" = test ]; then
   .venv/bin/ruff check .
   .venv/bin/ruff format --check .
   bash tools/check_structure.sh
-  exec .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" "$@"
+  # Tests of a file share kernels: one process compiles them once.
+  exec .venv/bin/python -m pytest -n "${TEST_PROCESSES:-2}" --dist loadfile "$@"
 fi
 if [ "${1:-}" = docs ]; then
   shift

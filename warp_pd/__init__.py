@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         Ogden,
         PairwiseMaterial,
         Prony,
+        TensionField,
         Yeoh,
     )
     from .parts import (
@@ -61,7 +62,7 @@ else:
             "laws.visco": "Visco",
             "laws.visco_bonds": "ViscoBondBased",
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
-            "PairwiseMaterial Prony Yeoh",
+            "PairwiseMaterial Prony TensionField Yeoh",
             "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch Fixed Motion PointForce Pressure "
             "RigidBall",
             "run.runner": "Result",
@@ -116,6 +117,7 @@ __all__ = [
     "Sheet",
     "Simulation",
     "Surface",
+    "TensionField",
     "Visco",
     "ViscoBondBased",
     "Yeoh",

@@ -78,14 +78,13 @@ class FastPath:
         self.force, self.near, self.stencil, self.shared = force, near, stencil, shared
         w: Context = force.context
         vec3 = w.types.vec3
-        compiled_in = repr((stencil, force.families.members)).encode()
-        self.module = f"{w.module}_fast_{hashlib.sha1(compiled_in).hexdigest()[:8]}"
+        self.listed = shared and stencil is not None
+        self.module = self._undamaged_module()
         # The kernel of all others is compiled for its own block size.
         self.shared_module = f"{w.module}_shared_{force.families.members}"
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
             w.use_fast_math(module)
-        self.listed = shared and stencil is not None
         self.others: Array | None = None
         self.other_count: Array | None = None
         if self.listed:
@@ -98,6 +97,14 @@ class FastPath:
             self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, RING), per="bond")
         else:
             self.bond_force = force.pairs
+
+    def _undamaged_module(self) -> str:
+        """Name of the module of the kernel of undamaged families: all sheets that need the same kernel share it."""
+        _, bits, _, broken, _ = self.force.key
+        stencil = None if self.stencil is None else self.stencil[0]
+        near = (self.near.__module__, self.near.__qualname__)
+        key = (bits, near, stencil, broken is not None, self.listed, self.force.context.device.is_cuda)
+        return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
         """Array of (c_k X_k / horizon, 1 / c_k) of each row, shape (n, R); zero where there is no member."""

@@ -5,6 +5,7 @@ from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Ye
 from .pairwise import Bimodular
 from .prony import Prony
 from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
+from .tension_field import TensionField
 
 __all__ = [
     "ArrudaBoyce",
@@ -18,6 +19,7 @@ __all__ = [
     "Ogden",
     "PairwiseMaterial",
     "Prony",
+    "TensionField",
     "Yeoh",
     "capabilities",
     "check_material",

@@ -61,6 +61,13 @@ class NeoHookean:
         return neo_hookean_near
 
     @property
+    def width(self) -> FunctionFactory:
+        """See `kernels.neo_hookean.neo_hookean_width`."""
+        from ..kernels.neo_hookean import neo_hookean_width
+
+        return neo_hookean_width
+
+    @property
     def membrane(self) -> PairFactory:
         """See `kernels.neo_hookean.neo_hookean_membrane`."""
         from ..kernels.neo_hookean import neo_hookean_membrane
@@ -124,6 +131,13 @@ class Gent:
         from ..kernels.gent import gent_near
 
         return gent_near
+
+    @property
+    def width(self) -> FunctionFactory:
+        """See `kernels.gent.gent_width`."""
+        from ..kernels.gent import gent_width
+
+        return gent_width
 
     @property
     def membrane(self) -> PairFactory:

@@ -44,6 +44,13 @@ class Incompressible:
         return self._made.response
 
     @property
+    def width(self) -> FunctionFactory:
+        """See `kernels.tension_field.incompressible_width`."""
+        from ..kernels.tension_field import incompressible_width
+
+        return incompressible_width
+
+    @property
     def _made(self) -> kernels.Incompressible:
         from ..kernels.incompressible import incompressible
 
@@ -208,3 +215,10 @@ class Ogden:
         from ..kernels.ogden import ogden_response
 
         return ogden_response
+
+    @property
+    def width(self) -> FunctionFactory:
+        """See `kernels.tension_field.incompressible_width`."""
+        from ..kernels.tension_field import incompressible_width
+
+        return incompressible_width

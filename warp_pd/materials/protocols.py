@@ -55,7 +55,8 @@ class Capabilities:
         mu: Unit of stress of the neural law [Pa].
         ratios: Numbers that decide the stress over mu, for the neural law.
         lock: Jm of a material that locks [-].
-        goes_slack: Whether compressed bonds carry nothing, of a pairwise material.
+        width: Factory of the width in uniaxial tension, for `TensionField`.
+        goes_slack: Whether it carries nothing in compression.
     """
 
     near: FunctionFactory | None
@@ -65,6 +66,7 @@ class Capabilities:
     mu: float | None
     ratios: Mapping[str, float] | None
     lock: float | None
+    width: FunctionFactory | None
     goes_slack: bool
 
 
@@ -78,6 +80,7 @@ def capabilities(material: Any) -> Capabilities:
         mu=getattr(material, "mu", None),
         ratios=getattr(material, "ratios", None),
         lock=getattr(material, "lock", None),
+        width=getattr(material, "width", None),
         goes_slack=getattr(material, "goes_slack", False),
     )
 

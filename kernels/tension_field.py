@@ -1,0 +1,236 @@
+"""Tension field theory: sheets that wrinkle below the spacing. Sources: Reissner 1938, Pipkin 1986, Steigmann 1990.
+
+With principal stretches l1 >= l2 and the width n(l1) in uniaxial tension, the relaxed energy is
+
+    taut       l2 >= n(l1)              Psi(l1, l2)
+    wrinkled   l2 <  n(l1), l1 > 1      Psi(l1, n(l1))
+    slack      l1 <= 1                  0
+
+It is the least energy that fine wrinkles reach. It is continuously differentiable, no principal stress is negative, and
+the stiffness is never larger than that of the taut sheet. The sheet itself, in contrast, resists compression in its
+plane by growing thicker: Psi ~ 1 / (l1 l2)^2 and stiffness ~ 1 / l2^4, so that no step follows a sheet that collapses.
+
+The relaxed energy is the sheet's own energy at the taut strain, G with l2 raised to n(l1). So is its stress, because
+the stress across the wrinkles vanishes at l2 = n(l1). A material therefore needs only one further function,
+
+    width(g1, constants) -> g2     smaller principal value of G = C - I in uniaxial tension, from the larger
+
+which `incompressible_width` gives for any incompressible isotropic material, and `width_from_stress` for any isotropic
+material from its stress. In uniaxial tension of an isotropic sheet, width and thickness shrink by the same factor.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from .factories import FunctionFactory, PairFactory
+from .incompressible import named, principal_strains, principal_tangent
+from .numeric import numeric
+
+# Steps of the search for the width, and the change of g2 at which it ends, divided by 1 + g1.
+SEARCH = 60
+TOLERANCE = {32: 2e-7, 64: 1e-14}
+TAUT, WRINKLED, SLACK = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class TensionField:
+    """Cached factories, precision in bits -> Warp functions of the relaxed energy; see kernels/materials.py.
+
+    Attributes:
+        functions: (stress, energy).
+        near: stress_near; None if the material has none.
+        response: Stress and moduli; None if the material has none.
+    """
+
+    functions: PairFactory
+    near: FunctionFactory | None
+    response: FunctionFactory | None
+
+
+@functools.cache
+def incompressible_width(bits: int) -> wp.Function:
+    """Function (g1, constants) -> g2 of incompressible isotropic materials: C22 = C33 = C11^(-1/2)."""
+    types = numeric(bits)
+    real, parameters = types.real, types.parameters
+
+    @wp.func
+    def width(g1: real, constants: parameters):
+        # s - 1 = g1 / (1 + s) with s = l1, so that no digits of a small strain are lost.
+        s = wp.sqrt(real(1.0) + g1)
+        return -g1 / (s * (real(1.0) + s))
+
+    return width
+
+
+@functools.cache
+def width_from_stress(functions: PairFactory) -> FunctionFactory:
+    """Factory of (g1, constants) -> g2 of an isotropic material, from a factory of (stress, energy).
+
+    It keeps a bracket of the zero of S22 and takes secants of it (Illinois).
+    """
+
+    def width_of(bits: int) -> wp.Function:
+        types = numeric(bits)
+        real, mat22, parameters = types.real, types.mat22, types.parameters
+        stress, _ = functions(bits)
+        tolerance, search = TOLERANCE[bits], SEARCH
+
+        @wp.func
+        def stress_across(g1: real, g2: real, constants: parameters):
+            S = stress(mat22(g1, real(0.0), real(0.0), g2), constants)
+            return S[1, 1]
+
+        @wp.func
+        def width(g1: real, constants: parameters):
+            # A sheet whose volume does not decrease in tension is at least as wide as an incompressible one.
+            s = wp.sqrt(real(1.0) + g1)
+            low = -g1 / (s * (real(1.0) + s))
+            low_stress = stress_across(g1, low, constants)
+            g2 = low
+            if low_stress < real(0.0):
+                high = real(0.0)
+                high_stress = stress_across(g1, high, constants)
+                if high_stress < real(0.0):
+                    high = g1
+                    high_stress = stress_across(g1, high, constants)
+                last = wp.int32(0)
+                for _step in range(search):
+                    g2 = high - high_stress * (high - low) / (high_stress - low_stress)
+                    found = stress_across(g1, g2, constants)
+                    if found < real(0.0):
+                        low = g2
+                        low_stress = found
+                        if last == -1:
+                            high_stress *= real(0.5)
+                        last = wp.int32(-1)
+                    else:
+                        high = g2
+                        high_stress = found
+                        if last == 1:
+                            low_stress *= real(0.5)
+                        last = wp.int32(1)
+                    if high - low <= real(tolerance) * g1 or found == real(0.0):
+                        break
+            return g2
+
+        return width
+
+    return named(width_of, functions, "width")
+
+
+@functools.cache
+def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Function]:
+    """Functions of a material with that width: `state_of` and `taut`.
+
+    state_of: (G, constants) -> TAUT, WRINKLED or SLACK, principal values g1 and g2 of G, and g2 of the taut strain.
+    taut: (G, constants) -> the taut strain.
+    """
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+    eigenvalues, width_of = principal_strains(bits), width(bits)
+    is_taut, is_wrinkled, is_slack = TAUT, WRINKLED, SLACK
+
+    @wp.func
+    def state_of(G: mat22, constants: parameters):
+        larger, smaller = eigenvalues(G)
+        state = wp.int32(is_taut)
+        across = smaller
+        if larger <= real(0.0):
+            # The undeformed sheet is taut.
+            if smaller < real(0.0):
+                state = wp.int32(is_slack)
+                across = real(0.0)
+        elif smaller < larger:
+            narrow = width_of(larger, constants)
+            if smaller < narrow:
+                state = wp.int32(is_wrinkled)
+                across = narrow
+        return state, larger, smaller, across
+
+    @wp.func
+    def taut(G: mat22, constants: parameters):
+        state, larger, smaller, across = state_of(G, constants)
+        strain = G
+        if state == wp.int32(is_slack):
+            strain = mat22(real(0.0), real(0.0), real(0.0), real(0.0))
+        elif state == wp.int32(is_wrinkled):
+            # G turned into its principal axes, with g2 replaced: (G - g2 I) / (g1 - g2) projects on the larger.
+            scale = (larger - across) / (larger - smaller)
+            strain = mat22(
+                across + scale * (G[0, 0] - smaller), scale * G[0, 1],
+                scale * G[1, 0], across + scale * (G[1, 1] - smaller),
+            )  # fmt: skip
+        return strain
+
+    return state_of, taut
+
+
+@functools.cache
+def tension_field(
+    functions: PairFactory, near: FunctionFactory | None, response: FunctionFactory | None, width: FunctionFactory
+) -> TensionField:
+    """Functions of the relaxed energy from those of the sheet itself, see above."""
+
+    def relaxed_functions(bits):
+        types = numeric(bits)
+        mat22, parameters = types.mat22, types.parameters
+        stress, energy = functions(bits)
+        _, taut = taut_strain(width, bits)
+
+        @wp.func
+        def relaxed_stress(G: mat22, constants: parameters):
+            return stress(taut(G, constants), constants)
+
+        @wp.func
+        def relaxed_energy(G: mat22, constants: parameters):
+            return energy(taut(G, constants), constants)
+
+        return relaxed_stress, relaxed_energy
+
+    def relaxed_near(bits):
+        types = numeric(bits)
+        real, mat22, parameters = types.real, types.mat22, types.parameters
+        stress_near = near(bits)
+        _, taut = taut_strain(width, bits)
+
+        @wp.func
+        def relaxed_stress_near(G: mat22, constants: parameters, guess: real):
+            return stress_near(taut(G, constants), constants, guess)
+
+        return relaxed_stress_near
+
+    def relaxed_response(bits):
+        types = numeric(bits)
+        real, mat22, vec6, parameters = types.real, types.mat22, types.vec6, types.parameters
+        response_of, turned = response(bits), principal_tangent(bits)
+        state_of, taut = taut_strain(width, bits)
+        is_taut, is_wrinkled = TAUT, WRINKLED
+
+        @wp.func
+        def relaxed_stress_and_moduli(G: mat22, constants: parameters):
+            state, larger, smaller, across = state_of(G, constants)
+            S = mat22()
+            T = vec6()
+            if state == wp.int32(is_taut):
+                S, T = response_of(G, constants)
+            elif state == wp.int32(is_wrinkled):
+                # Along the wrinkles, with S22 = 0; the direction of the wrinkles turns with that of G.
+                along, moduli = response_of(mat22(larger, real(0.0), real(0.0), across), constants)
+                slope = moduli[0] - moduli[1] * moduli[1] / moduli[3]
+                turn = along[0, 0] / (larger - smaller)
+                S = mat22(
+                    turn * (G[0, 0] - smaller), turn * G[0, 1], turn * G[1, 0], turn * (G[1, 1] - smaller)
+                )  # fmt: skip
+                T = turned(G, slope, real(0.0), real(0.0), turn)
+            return S, T
+
+        return relaxed_stress_and_moduli
+
+    what = f"relaxed_by_{width.__name__}"
+    return TensionField(
+        named(relaxed_functions, functions, what),
+        named(relaxed_near, near, what) if near is not None else None,
+        named(relaxed_response, response, what) if response is not None else None,
+    )

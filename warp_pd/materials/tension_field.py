@@ -1,0 +1,77 @@
+"""Sheets that wrinkle below the spacing: the relaxed energy of tension field theory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from ..checks import InputError
+from .protocols import Material, capabilities, check_material
+
+if TYPE_CHECKING:
+    from ..kernels import tension_field as kernels
+    from ..kernels.factories import FunctionFactory, PairFactory
+
+
+@dataclass(frozen=True)
+class TensionField:
+    """A material that does not resist compression: the sheet wrinkles instead, below the spacing.
+
+    Its energy is the relaxed energy of the material, see kernels/tension_field.py: no principal stress is negative, and
+    the stiffness is never larger than that of the taut sheet. Wrinkles that the points could resolve are not driven.
+    Sources: Reissner 1938, Pipkin 1986, Steigmann 1990.
+
+    Attributes:
+        material: Any isotropic hyperelastic material of continua, also a user's own. Its `width`, if it has one,
+            gives the width in uniaxial tension; otherwise a search finds it from the stress.
+
+    Raises:
+        InputError: for anything else.
+    """
+
+    material: Material
+
+    isotropic: ClassVar[bool] = True
+    goes_slack: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        check_material(self.material, "functions")
+        known = capabilities(self.material)
+        name = type(self.material).__name__
+        if known.goes_slack:
+            raise InputError(f"TensionField.material = {name}: expected a material that resists compression")
+        if not known.isotropic:
+            raise InputError(f"TensionField.material = {name}: expected an isotropic material, with `isotropic = True`")
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """The constants of the material."""
+        return self.material.constants
+
+    @property
+    def functions(self) -> PairFactory:
+        """See `kernels.tension_field.tension_field`."""
+        return self._relaxed.functions
+
+    @property
+    def near(self) -> FunctionFactory | None:
+        """See `kernels.tension_field.tension_field`; None if the material has none."""
+        return self._relaxed.near
+
+    @property
+    def response(self) -> FunctionFactory | None:
+        """See `kernels.tension_field.tension_field`; None if the material has none."""
+        return self._relaxed.response
+
+    @property
+    def lock(self) -> float | None:
+        """Lock of the material [-], or None."""
+        return capabilities(self.material).lock
+
+    @property
+    def _relaxed(self) -> kernels.TensionField:
+        from ..kernels.tension_field import tension_field, width_from_stress
+
+        known = capabilities(self.material)
+        functions = self.material.functions
+        return tension_field(functions, known.near, known.response, known.width or width_from_stress(functions))
