@@ -205,7 +205,7 @@ def tension_field(
         types = numeric(bits)
         real, mat22, vec6, parameters = types.real, types.mat22, types.vec6, types.parameters
         response_of, turned = response(bits), principal_tangent(bits)
-        state_of, taut = taut_strain(width, bits)
+        state_of, _ = taut_strain(width, bits)
         is_taut, is_wrinkled = TAUT, WRINKLED
 
         @wp.func
