@@ -15,8 +15,13 @@ The force on a point is then gathered from both ends of its bonds, so momentum i
 
 An intersection whose points are (nearly) collinear, det K < DEGENERATE (tr K / 2)^2, determines no
 deformation gradient. It carries no energy of its own; its bond still acts through the other intersections
-it belongs to. On an undamaged lattice the smallest value is 0.42, at its edges. Stiffness grows as 1/det K,
-so a lower threshold needs a smaller step once bonds break.
+it belongs to. On an undamaged lattice the smallest value is 0.42, at its edges.
+
+In a damaged family, what is left of an intersection is used only while it still is a sample of the deformation: while
+det K >= SAMPLE times that of the undamaged intersection. F_ij is a least-squares fit. At a crack tip the motion is far
+from affine, and a fit to the three or four members that are left follows their noise: it can be squeezed to a tenth by
+two members that move towards each other, and its stress, and the stiffness 1/det K, then exceed those of the sheet a
+hundredfold. The bond still acts through the other intersections it belongs to. The published form has no such rule.
 """
 
 import functools
@@ -47,7 +52,8 @@ class FamilyMechanics:
         green: (H1, H2) -> C - I.
         area_weight: (family, i, j, undamaged, size) -> W_ij divided by the reference area.
         family_scale: (family, i, undamaged, total) -> factor on the weights of a damaged family.
-        inverse_shape: K (11, 12, 22) -> its inverse, or zero where degenerate.
+        damaged_inverse: (K (11, 12, 22), undamaged K^-1) -> inverse of K of a damaged family, or zero if it
+            determines no gradient.
         add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
     """
 
@@ -58,7 +64,7 @@ class FamilyMechanics:
     green: wp.Function
     area_weight: wp.Function
     family_scale: wp.Function
-    inverse_shape: wp.Function
+    damaged_inverse: wp.Function
     add_to_members: wp.Function
 
 
@@ -107,6 +113,14 @@ def bond_associated(
     bonds = bond_state(layout, bits, damaged, module)
     intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
     green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
+    remaining_inverse = kinematics(bits).remaining_inverse
+
+    @wp.func(module=module)
+    def damaged_inverse(shape: vec3, undamaged_inverse: vec3):
+        if wp.static(published):
+            return inverse_shape(shape)
+        else:
+            return remaining_inverse(shape, undamaged_inverse)
 
     def declare_intersection(name, earlier):
         @wp.func(module=module, name=name)
@@ -146,11 +160,9 @@ def bond_associated(
                     if not undamaged:
                         shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
                         size += a
-            inverse = vec3(real(0.0), real(0.0), real(0.0))
-            if undamaged:
-                inverse = f.shape(family, i, j)
-            else:
-                inverse = inverse_shape(shape)
+            inverse = f.shape(family, i, j)
+            if not undamaged:
+                inverse = damaged_inverse(shape, inverse)
             return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
 
         return intersection
@@ -243,7 +255,7 @@ def bond_associated(
             green,
             area_weight,
             family_scale,
-            inverse_shape,
+            damaged_inverse,
             add_to_members,
         ),
     )

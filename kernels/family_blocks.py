@@ -76,7 +76,7 @@ def block_force(
     Family = f.struct
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
     intact_members, is_undamaged, is_intact = law.intact_members, law.is_undamaged, law.is_intact
-    green, inverse_shape = law.green, law.inverse_shape
+    green, damaged_inverse = law.green, law.damaged_inverse
     area_weight, family_scale = law.area_weight, law.family_scale
     stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
@@ -139,7 +139,7 @@ def block_force(
             inverse = f.shape(family, i, k)
             if wp.static(damaged):
                 if not undamaged:
-                    inverse = inverse_shape(shape)
+                    inverse = damaged_inverse(shape, inverse)
             if inverse[0] > real(0.0):
                 H1 = G1 * inverse[0] + G2 * inverse[1]
                 H2 = G1 * inverse[1] + G2 * inverse[2]

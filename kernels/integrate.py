@@ -4,6 +4,11 @@ With mass damping c (force -c m v) the two halves
     v(n+1/2) = v(n) (1 - c dt/2) + dt/2 a(n),      v(n+1) = [v(n+1/2) + dt/2 a(n+1)] / (1 + c dt/2)
 are the central difference scheme. Velocities are known at full steps, so the step may change at any time.
 
+Central differences conserve the strain energy together with m v(n-1/2) v(n+1/2) / 2, which for free oscillations is
+exact at any stable step; m v(n)^2 / 2 differs from it by m (dt a)^2 / 8. The energy balance uses the former.
+External work and losses of damping are, to match, forces at both ends of a step times the motion v(n+1/2) dt. The
+difference is summed from the forces at a point, so it is left out where a contact acts too.
+
 `held_mask` is a bit mask per point: bits 0 to 2 hold a component to a prescribed motion, bit 3 marks a point of a
 rigid inclusion. A held component keeps its prescribed velocity and is never accelerated.
 """
@@ -27,16 +32,16 @@ class IntegrationKernels:
     Attributes:
         drift: Pointwise: first half kick and drift.
         kick: Pointwise: second half kick.
-        kinetic_energy: Kinetic energy of each point [J]; held components do not count.
     """
 
     drift: Pointwise
     kick: Pointwise
-    kinetic_energy: Kernel
 
 
 @functools.cache
-def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool, module: str) -> IntegrationKernels:
+def integration(
+    bits: int, held: bool, loaded: bool, damped: bool, tracked: bool, contact: bool, module: str
+) -> IntegrationKernels:
     """Kernels of the explicit integrator.
 
     Args:
@@ -45,6 +50,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         tracked: Whether external work and dissipation are summed up, per point.
+        contact: Whether a contact may change velocities; losses then take the velocities at full steps.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -77,7 +83,7 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
         work: wp.array(dtype=wp.float64)
         dissipated: wp.array(dtype=wp.float64)
 
-    @pointwise(module, Motion, writes=("displacement", "velocity", "work"))
+    @pointwise(module, Motion, writes=("displacement", "velocity", "work", "dissipated"))
     def drift(begin: int, end: int, a: Motion):
         for i in range(begin, end):
             dt = a.step[0]
@@ -100,6 +106,15 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
             else:
                 if wp.static(tracked and loaded):
                     a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
+            if wp.static(tracked and damped and not contact):
+                moving = half
+                if wp.static(held):
+                    for c in range(3):
+                        if (wp.int32(a.held_mask[i]) & (1 << c)) != 0:
+                            moving[c] = real(0.0)
+                a.dissipated[i] = a.dissipated[i] + wp.float64(
+                    real(0.5) * dt * a.damping[0] * a.mass[i] * wp.dot(v, moving)
+                )
             a.displacement[i] = a.displacement[i] + dt * half
             a.velocity[i] = half
 
@@ -114,7 +129,9 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
             v = half + (real(0.5) * dt / a.mass[i]) * total
             if wp.static(damped):
                 v = v / (real(1.0) + real(0.5) * dt * a.damping[0])
-            moving = v
+            moving = half
+            if wp.static(contact):
+                moving = v
             if wp.static(held):
                 bits_here = a.held_mask[i]
                 for c in range(3):
@@ -129,17 +146,43 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
                 if wp.static(tracked and loaded):
                     a.work[i] = a.work[i] + wp.float64(real(0.5) * dt * wp.dot(a.external[i], half))
             if wp.static(tracked and damped):
-                loss = dt * a.damping[0] * a.mass[i] * wp.dot(moving, moving)
+                loss = real(0.5) * dt * a.damping[0] * a.mass[i] * wp.dot(v, moving)
+                if wp.static(contact):
+                    loss *= real(2.0)
                 a.dissipated[i] = a.dissipated[i] + wp.float64(loss)
             a.velocity[i] = v
+
+    return IntegrationKernels(drift, kick)
+
+
+@functools.cache
+def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps: bool, module: str) -> Kernel:
+    """Kernel of the kinetic energy of each point [J]; held components do not count.
+
+    Args:
+        bits: 32 or 64.
+        held: Whether any component is held.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping.
+        half_steps: Whether it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    rigid = RIGID
 
     @kernel(module)
     def kinetic_energy(
         mass: wp.array(dtype=real),
         held_mask: wp.array(dtype=wp.uint8),
         velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        damping: wp.array(dtype=real),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
         first: int,
         out: wp.array(dtype=wp.float64),
+        half_step: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
         v = velocity[i]
@@ -148,5 +191,17 @@ def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool
                 if (wp.int32(held_mask[i]) & (1 << c)) != 0:
                     v[c] = real(0.0)
         out[i] = wp.float64(real(0.5) * mass[i] * wp.dot(v, v))
+        if wp.static(half_steps):
+            change = force[i]
+            if wp.static(loaded):
+                change += external[i]
+            change = (real(0.5) * step[0] / mass[i]) * change
+            if wp.static(damped):
+                change -= real(0.5) * step[0] * damping[0] * v
+            if wp.static(held):
+                for c in range(3):
+                    if (wp.int32(held_mask[i]) & ((1 << c) | rigid)) != 0:
+                        change[c] = real(0.0)
+            half_step[i] = out[i] - wp.float64(real(0.5) * mass[i] * wp.dot(change, change))
 
-    return IntegrationKernels(drift, kick, kinetic_energy)
+    return kinetic_energy

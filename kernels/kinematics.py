@@ -9,6 +9,8 @@ from .numeric import numeric
 
 # Minimum det K / (tr K / 2)^2 of a shape tensor that determines a deformation gradient; see kernels/bond_associated.py.
 DEGENERATE = 0.2
+# Minimum det K of what is left of an intersection, divided by the undamaged one; see kernels/bond_associated.py.
+SAMPLE = 0.5
 
 
 @dataclass(frozen=True)
@@ -19,12 +21,15 @@ class Kinematics:
         green: (H1, H2) -> C - I.
         determines_gradient: K (11, 12, 22) -> whether it can be inverted: the only test of a degenerate shape tensor.
         inverse_shape: K -> its inverse, or zero where degenerate.
+        remaining_inverse: (K, undamaged K^-1) -> inverse of what is left of a shape tensor, or zero where that is no
+            sample of the deformation any more.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
     """
 
     green: wp.Function
     determines_gradient: wp.Function
     inverse_shape: wp.Function
+    remaining_inverse: wp.Function
     stress_on_members: wp.Function
 
 
@@ -33,7 +38,7 @@ def kinematics(bits: int) -> Kinematics:
     """The functions of a precision."""
     types = numeric(bits)
     real, vec3, mat22 = types.real, types.vec3, types.mat22
-    degenerate = DEGENERATE
+    degenerate, sample = DEGENERATE, SAMPLE
 
     @wp.func
     def green(H1: vec3, H2: vec3):
@@ -57,6 +62,15 @@ def kinematics(bits: int) -> Kinematics:
             return vec3(real(0.0), real(0.0), real(0.0))
 
     @wp.func
+    def remaining_inverse(shape: vec3, undamaged: vec3):
+        """Inverse of the symmetric tensor (11, 12, 22), or zero if its determinant has fallen below SAMPLE."""
+        determinant = shape[0] * shape[2] - shape[1] * shape[1]
+        if determinant * (undamaged[0] * undamaged[2] - undamaged[1] * undamaged[1]) >= real(sample):
+            return vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
+        else:
+            return vec3(real(0.0), real(0.0), real(0.0))
+
+    @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
         """Columns of W P K^-1, with P = F S and F = I + (H1, H2); times c_k X_k they give the force on a member k."""
         F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
@@ -65,4 +79,4 @@ def kinematics(bits: int) -> Kinematics:
         P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
         return P1 * inverse[0] + P2 * inverse[1], P1 * inverse[1] + P2 * inverse[2]
 
-    return Kinematics(green, determines_gradient, inverse_shape, stress_on_members)
+    return Kinematics(green, determines_gradient, inverse_shape, remaining_inverse, stress_on_members)

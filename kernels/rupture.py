@@ -1,8 +1,10 @@
 """Rupture: bonds that exceed a criterion break for good.
 
 Both ends of a bond compute the same number from the same data, so their bits agree without being compared.
-The force changes between two steps, so the energy released by breaking is evaluated half a step back. The energy
-balance of central differences then stays second order in the step through rupture.
+
+The force of a bond that breaks does work up to half a step back, as the trapezoidal rule of central differences sums
+it. The energy D that breaking takes from a family is therefore summed as 2 D(half a step back) - D(now) / 2 -
+D(a step back) / 2: for D quadratic in the motion, this is exactly what the discrete energy loses.
 """
 
 import functools
@@ -64,6 +66,43 @@ def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
         return wp.dot(Y, Y) > criterion.squared * wp.dot(X, X)
 
     return Criterion(exceeds_stretch, CriticalStretch)
+
+
+@functools.cache
+def elongation(layout: str, bits: int, module: str) -> Criterion:
+    """Critical stretch whose elongation (s_c - 1) |X| is that of a bond of one spacing for all shorter bonds.
+
+    On a square lattice no bond is shorter, and it is the critical stretch |Y|/|X|. On an irregular cloud the motion has
+    a roughness at the scale of the spacing, which a short bond would turn into a large stretch.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+
+    @functools.partial(wp.struct, module=module)
+    class Elongation:
+        stretch: real
+        spacing: real
+
+    @wp.func(module=module)
+    def exceeds_elongation(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        criterion: Elongation,
+        horizon: real,
+        i: int,
+        k: int,
+        m: int,
+    ):
+        X = horizon * f.bond(family, i, k)
+        U = displacement[m] - displacement[i]
+        Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+        length = wp.length(X)
+        allowed = length + (criterion.stretch - real(1.0)) * wp.max(length, criterion.spacing)
+        return wp.dot(Y, Y) > allowed * allowed
+
+    return Criterion(exceeds_elongation, Elongation)
 
 
 @functools.cache
@@ -144,6 +183,27 @@ def breaking(
             bit = bit << wp.uint32(1)
         return left
 
+    if tracked:
+
+        @wp.func(module=module)
+        def energy_of_step(
+            family: Family,
+            intact: wp.array2d(dtype=wp.uint32),
+            displacement: wp.array(dtype=vec3),
+            velocity: wp.array(dtype=vec3),
+            dt: real,
+            constants: parameters,
+            inverse_horizon: real,
+            i: int,
+        ):
+            """2 E(half a step back) - E(now) / 2 - E(a step back) / 2, see above."""
+            energy = real(0.0)
+            for half_steps in range(3):
+                back = real(0.5) * real(half_steps) * dt
+                part = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+                energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
+            return energy
+
     @kernel(module, gathers=("displacement", "velocity", *(f"criterion.{name}" for name in criterion.gathers)))
     def break_bonds(
         family: Family,
@@ -167,17 +227,15 @@ def breaking(
             if remaining(family, displacement, criterion, horizon, spared_mask, i, word, before_bits) != before_bits:
                 breaks = True
         if breaks:
-            back = real(0.0)
             before = real(0.0)
             if wp.static(tracked):
-                back = real(0.5) * step[0]
-                before = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+                before = energy_of_step(family, intact, displacement, velocity, step[0], constants, inverse_horizon, i)
             for word in range(family.words):
                 intact[word, i] = remaining(
                     family, displacement, criterion, horizon, spared_mask, i, word, intact[word, i]
                 )
             if wp.static(tracked):
-                after = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+                after = energy_of_step(family, intact, displacement, velocity, step[0], constants, inverse_horizon, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))
 
     return break_bonds

@@ -19,7 +19,6 @@ import math
 import numpy as np
 
 from warp_pd import (
-    CriticalStretch,
     Explicit,
     Fixed,
     Measure,
@@ -32,6 +31,7 @@ from warp_pd import (
 from warp_pd.checks import count, positive
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
+from warp_pd.parts import stretch_or_energy
 
 
 def build(
@@ -42,8 +42,10 @@ def build(
     duration: float = 4.0,
     frames: int = 96,
     damping: float = 0.0,
-    safety: float = 0.1,
+    safety: float | None = None,
     critical_stretch: float = 1.3,
+    tearing_energy: float | None = None,
+    wrinkles: str = "auto",
     ball_speed: float = 0.1,
     clamp_can_tear: bool = False,
     turn: float = 0.0,
@@ -62,12 +64,12 @@ def build(
     line = TearLine(sheet)
     return Simulation(
         sheet,
-        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
+        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights, wrinkles),
         loads=[Fixed(clamp)],
         contact=RigidBall(
             diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -positive("ball_speed", ball_speed))
         ),
-        damage=CriticalStretch(critical_stretch, spared=None if clamp_can_tear else clamp),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=None if clamp_can_tear else clamp),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("lowest_point", "m", lambda built, frame: lowest(sheet, frame)),

@@ -19,9 +19,11 @@ import math
 
 import numpy as np
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
+from warp_pd import BondAssociated, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
 from warp_pd.checks import InputError, count, finite, not_negative, positive, resolved
+from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
+from warp_pd.parts import stretch_or_energy
 
 
 def build(
@@ -29,6 +31,8 @@ def build(
     horizon: float = 3.15,
     weights: str = "auto",
     critical_stretch: float = 2.0,
+    tearing_energy: float | None = None,
+    wrinkles: str = "relaxed",
     notch: float = 2.5e-3,
     speed: float = 1.2e-3,
     damping: float = 20.0,
@@ -36,7 +40,7 @@ def build(
     frames: int = 40,
     slow_from: float = 0.98,
     slow_to: float = 1.1,
-    safety: float = 0.3,
+    safety: float | None = None,
     roughness: float = 1e-3,
     turn: float = 0.0,
     jitter: float = 0.0,
@@ -64,6 +68,7 @@ def build(
     top = sheet.where(lambda x, y: y > height - 1e-9)
     bottom = sheet.where(lambda x, y: y < 1e-9)
     travel = speed * duration
+    material = with_wrinkles(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), wrinkles)
     line = TearLine(sheet)
     bumps = np.zeros((sheet.size, 3))
     bumps[:, 2] = (
@@ -75,12 +80,12 @@ def build(
     left, right = line.centres[:, 0] < 0.5 * width, line.centres[:, 0] >= 0.5 * width
     return Simulation(
         sheet,
-        force=BondAssociated(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), horizon=horizon, weights=weights),
+        force=BondAssociated(material, horizon=horizon, weights=weights),
         loads=[
             Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
             Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
         ],
-        damage=CriticalStretch(critical_stretch, spared=np.concatenate([top, bottom])),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=np.concatenate([top, bottom])),
         initial_displacement=bumps,
         solver=Explicit(duration=duration, frames=times, damping=damping, safety=safety),
         measures=[

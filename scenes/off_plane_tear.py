@@ -22,7 +22,6 @@ import numpy as np
 from warp_pd import (
     BondAssociated,
     BoundaryForce,
-    CriticalStretch,
     Explicit,
     Fixed,
     Gent,
@@ -33,7 +32,9 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import InputError, positive, resolved
+from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
+from warp_pd.parts import stretch_or_energy
 
 
 def build(
@@ -41,13 +42,15 @@ def build(
     horizon: float = 3.15,
     weights: str = "corrected",
     critical_stretch: float = 2.0,
+    tearing_energy: float | None = None,
+    wrinkles: str = "relaxed",
     boundary_force: float = 0.0,
     cut: float = 0.03,
     speed: float = 0.4e-3,
     travel: float = 0.1,
     damping: float = 20.0,
     frames: int = 100,
-    safety: float = 0.5,
+    safety: float | None = None,
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
@@ -68,6 +71,7 @@ def build(
     above = sheet.points[right, 1] > middle + 1e-9
     upper, lower = right[above], right[~above]
     duration = positive("travel", travel) / positive("speed", speed)
+    material = with_wrinkles(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), wrinkles)
     line = TearLine(sheet)
     ahead = (0.0, middle)
     loads = [
@@ -79,9 +83,9 @@ def build(
         loads.append(BoundaryForce(boundary_force))
     return Simulation(
         sheet,
-        force=BondAssociated(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), horizon=horizon, weights=weights),
+        force=BondAssociated(material, horizon=horizon, weights=weights),
         loads=loads,
-        damage=CriticalStretch(critical_stretch, spared=np.concatenate([left, right])),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=np.concatenate([left, right])),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("separation", "m", lambda built, frame: 2.0 * speed * frame.time),

@@ -17,7 +17,6 @@ Cracks within 0.2 m of the middle of the pulled edge do not count as part of the
 import numpy as np
 
 from warp_pd import (
-    CriticalStretch,
     Explicit,
     Fixed,
     Measure,
@@ -30,6 +29,7 @@ from warp_pd import (
 from warp_pd.checks import InputError, positive, resolved
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, growth_rate, largest, support_force, time_above, time_below, worst_balance
+from warp_pd.parts import stretch_or_energy
 
 # Within this distance of the pulled points [m] torn faces belong to the grip.
 GRIP = 0.2
@@ -42,6 +42,8 @@ def build(
     weights: str = "auto",
     force: str = "bond_associated",
     critical_stretch: float = 1.3,
+    tearing_energy: float | None = None,
+    wrinkles: str = "auto",
     slit: float = 0.3,
     slit_at: float = 0.5,
     seed_height: float = 1e-4,
@@ -51,7 +53,7 @@ def build(
     damping: float = 0.1,
     duration: float = 10.5,
     frames: int = 210,
-    safety: float = 0.1,
+    safety: float | None = None,
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
@@ -67,18 +69,18 @@ def build(
     line = TearLine(sheet)
     grip = np.hypot(*(line.centres - (1.0, 0.5)).T) < GRIP
     x, y = sheet.points.T
-    wrinkles = np.zeros((sheet.size, 3))
-    wrinkles[:, 2] = seed_height * np.sin(8.0 * np.pi * x) * np.sin(8.0 * np.pi * y)
-    wrinkles[np.concatenate([left, pulled])] = 0.0
+    ripples = np.zeros((sheet.size, 3))
+    ripples[:, 2] = seed_height * np.sin(8.0 * np.pi * x) * np.sin(8.0 * np.pi * y)
+    ripples[np.concatenate([left, pulled])] = 0.0
     return Simulation(
         sheet,
-        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
+        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights, wrinkles),
         loads=[
             Fixed(left),
             Motion(pulled, times=[0.0, duration], x=[0.0, pull * duration], y=0.0, z=[0.0, lift * duration]),
         ],
-        damage=CriticalStretch(critical_stretch, spared=np.concatenate([left, pulled])),
-        initial_displacement=wrinkles,
+        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=np.concatenate([left, pulled])),
+        initial_displacement=ripples,
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("crack_growth", "m", lambda built, frame: line.length(frame.intact_faces | grip)),

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         PointForce,
         Pressure,
         RigidBall,
+        TearingEnergy,
     )
     from .run.runner import Result
     from .scene import Measure, Outcome
@@ -64,7 +65,7 @@ else:
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
             "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch Fixed Motion PointForce Pressure "
-            "RigidBall",
+            "RigidBall TearingEnergy",
             "run.runner": "Result",
             "scene": "Measure Outcome",
             "sheet": "Sheet",
@@ -117,6 +118,7 @@ __all__ = [
     "Sheet",
     "Simulation",
     "Surface",
+    "TearingEnergy",
     "TensionField",
     "Visco",
     "ViscoBondBased",

@@ -139,6 +139,7 @@ def _context(
         damped=solver.mass_damping is not None,
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
+        contact=scene.contact is not None,
     )
     return Context(
         sheet=sheet, device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),

@@ -51,6 +51,7 @@ class Features:
         damped: Whether there is mass damping.
         tracked: Whether external work and losses are summed.
         breakable: Whether bonds can break.
+        contact: Whether a contact may change velocities.
     """
 
     held: bool = False
@@ -58,6 +59,7 @@ class Features:
     damped: bool = False
     tracked: bool = False
     breakable: bool = False
+    contact: bool = False
 
 
 @dataclass(eq=False)

@@ -2,7 +2,7 @@
 
 from .build import build_families, require_diagonals
 from .masks import pack, unpack
-from .tables import INFLUENCE, Families, InfluenceFunction, influence_function, inverse_shape
+from .tables import INFLUENCE, Families, InfluenceFunction, influence_function, inverse_shape, remaining_inverse
 
 __all__ = [
     "INFLUENCE",
@@ -12,6 +12,7 @@ __all__ = [
     "influence_function",
     "inverse_shape",
     "pack",
+    "remaining_inverse",
     "require_diagonals",
     "unpack",
 ]

@@ -117,6 +117,14 @@ class BuiltLaw(BuiltPart, Protocol):
         """
         ...
 
+    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
+        """Energy density in pure shear [J/m^3] at stretches [-], both of one shape.
+
+        Raises:
+            InputError: for a law whose material has none.
+        """
+        ...
+
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill an array (N,) with a fictitious mass from the stiffness; None if there is none."""
         ...

@@ -6,6 +6,8 @@ import functools
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from ..checks import InputError, one_of, positive
 from ..device.context import Context
 from ..device.fields import Array
@@ -15,7 +17,7 @@ from ..interfaces import BuiltLaw, Tangent
 from ..kernels.bond_associated import bond_associated, reference_force
 from ..kernels.effects import Kernel
 from ..kernels.relaxation import row_sums
-from ..materials import Material, capabilities, check_material
+from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
 from .fast_path import FastPath, fast_path
@@ -160,6 +162,10 @@ class BondAssociatedForce(FamilyLaw):
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""
         return self.kernels.strain_energy
+
+    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
+        """Energy density of the material in pure shear [J/m^3]."""
+        return energy_density(self.material, stretch, 1.0, self.context.device)
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill an array with the sums of the rows of the stiffness [N/m].

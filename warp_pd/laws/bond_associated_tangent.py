@@ -11,7 +11,7 @@ from ..checks import InputError
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families import Families, inverse_shape, unpack
+from ..families import Families, remaining_inverse, unpack
 from ..interfaces import Solve
 from ..kernels.bond_associated_tangent import bond_associated_tangent
 from ..kernels.lattice_matrix import lattice_matrix
@@ -262,7 +262,8 @@ def _coefficients(families: Families, intact: np.ndarray) -> tuple[np.ndarray, n
     weighted = np.where(common[None] if shared else common, c[:, None, :], 0.0)
     products = np.stack([bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1)
     shape = np.einsum("njk,nkc->njc", weighted, np.broadcast_to(products, (*c.shape, 3)), optimize=True)
-    components, usable = inverse_shape(shape)
+    undamaged, _ = families.inverse_shapes()
+    components, usable = remaining_inverse(shape, families.rows_of_points(undamaged))
     usable &= intact
     inverse = np.where(usable[..., None], components, 0.0)[..., [0, 1, 1, 2]].reshape(*usable.shape, 2, 2)
     g = weighted[..., None] * np.einsum("njab,nkb->njka", inverse, np.broadcast_to(bonds, (*c.shape, 2)), optimize=True)

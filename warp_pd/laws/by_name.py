@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..checks import InputError, one_of
-from ..materials import Material
+from ..materials import WRINKLES, Material, with_wrinkles
 from .bond_associated import BondAssociated
 from .bond_based import BondBased
 from .hyperelastic_bonds import HyperelasticBonds
@@ -19,7 +19,9 @@ ForceLaw = BondAssociated | BondBased | HyperelasticBonds | Nodal | Neural | Vis
 NAMES = ("bond_associated", "nodal", "closed_form", "neural", "neural_fused")
 
 
-def force_law(name: str, material: Material, horizon: float, weights: str = "auto") -> ForceLaw:
+def force_law(
+    name: str, material: Material, horizon: float, weights: str = "auto", wrinkles: str = "resolved"
+) -> ForceLaw:
     """The law that a scene's `force` names.
 
     Args:
@@ -28,6 +30,7 @@ def force_law(name: str, material: Material, horizon: float, weights: str = "aut
         material: The scene's material.
         horizon: Horizon over the spacing [-].
         weights: Those of the bond-associated law; the others have none.
+        wrinkles: "relaxed" or "resolved", see `with_wrinkles`; "auto" is "relaxed" for laws that take any material.
 
     Raises:
         InputError: for an unknown name, or weights that the law does not have.
@@ -36,6 +39,9 @@ def force_law(name: str, material: Material, horizon: float, weights: str = "aut
     if name.endswith(".npz"):
         name, network = "neural", Path(name)
     one_of("force", name, NAMES)
+    if one_of("wrinkles", wrinkles, ("auto", *WRINKLES)) == "auto":
+        wrinkles = "relaxed" if name in ("bond_associated", "nodal") else "resolved"
+    material = with_wrinkles(material, wrinkles)
     if name == "bond_associated":
         return BondAssociated(material, horizon=horizon, weights=weights)
     if weights != "auto":

@@ -144,6 +144,14 @@ class FamilyLaw(BuiltLaw):
             f"fast = False and weights that conserve energy"
         )
 
+    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
+        """Energy density in pure shear [J/m^3].
+
+        Raises:
+            InputError: if the law has none.
+        """
+        raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
+
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """None: the law has no fictitious mass."""
         return None

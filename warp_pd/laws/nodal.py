@@ -22,7 +22,7 @@ from ..families import (
 from ..interfaces import BuiltLaw, Law
 from ..kernels.effects import Kernel
 from ..kernels.nodal import nodal
-from ..materials import Material, check_material
+from ..materials import Material, check_material, energy_density
 from .family_law import FamilyLaw, require_one_material
 
 
@@ -93,6 +93,7 @@ class NodalForce(PointLaw):
 
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context)
+        self.material = law.material
         breakable = context.features.breakable
         self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy
@@ -105,6 +106,10 @@ class NodalForce(PointLaw):
             unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
         )  # fmt: skip
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
+
+    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
+        """Energy density of the material in pure shear [J/m^3]."""
+        return energy_density(self.material, stretch, 1.0, self.context.device)
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""

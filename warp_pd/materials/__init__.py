@@ -1,13 +1,15 @@
 """Materials: constants, and the device functions that they belong to."""
 
 from .compressible import Gent, NeoHookean
+from .energy import energy_density
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
 from .pairwise import Bimodular
 from .prony import Prony
 from .protocols import Capabilities, Material, PairwiseMaterial, capabilities, check_material, padded_constants
-from .tension_field import TensionField
+from .tension_field import WRINKLES, TensionField, with_wrinkles
 
 __all__ = [
+    "WRINKLES",
     "ArrudaBoyce",
     "Bimodular",
     "Capabilities",
@@ -23,5 +25,7 @@ __all__ = [
     "Yeoh",
     "capabilities",
     "check_material",
+    "energy_density",
     "padded_constants",
+    "with_wrinkles",
 ]

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from ..checks import InputError
+from ..checks import InputError, one_of
 from .protocols import Material, capabilities, check_material
 
 if TYPE_CHECKING:
     from ..kernels import tension_field as kernels
     from ..kernels.factories import FunctionFactory, PairFactory
+
+WRINKLES = ("relaxed", "resolved")
 
 
 @dataclass(frozen=True)
@@ -75,3 +77,17 @@ class TensionField:
         known = capabilities(self.material)
         functions = self.material.functions
         return tension_field(functions, known.near, known.response, known.width or width_from_stress(functions))
+
+
+def with_wrinkles(material: Material, wrinkles: str) -> Material:
+    """The material as a scene asks for it.
+
+    Args:
+        material: Any isotropic hyperelastic material of continua.
+        wrinkles: "relaxed": the sheet wrinkles below the spacing, see TensionField. "resolved": the points carry the
+            wrinkles, and the sheet resists compression in its plane.
+
+    Raises:
+        InputError: for another word.
+    """
+    return TensionField(material) if one_of("wrinkles", wrinkles, WRINKLES) == "relaxed" else material

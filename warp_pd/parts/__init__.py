@@ -5,6 +5,7 @@ from .contact import RigidBall, RigidContact
 from .loads import BodyForce, PointForce, Pressure
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .supports import Fixed, Motion, stretching_edges
+from .tearing_energy import TearingEnergy, stretch_or_energy, tip_width
 
 __all__ = [
     "BodyForce",
@@ -18,5 +19,8 @@ __all__ = [
     "Pressure",
     "RigidBall",
     "RigidContact",
+    "TearingEnergy",
+    "stretch_or_energy",
     "stretching_edges",
+    "tip_width",
 ]

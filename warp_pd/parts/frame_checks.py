@@ -12,7 +12,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart
 from ..kernels.checks import BLOCK, frame_checks
-from ..kernels.integrate import integration
+from ..kernels.integrate import kinetic_energy
 from ..phases import Phase
 
 OWNER = "frames"
@@ -25,12 +25,17 @@ class FrameChecks(BuiltPart):
         not_finite: Per block of points, the lowest index of a point that is not finite, or the number of points.
         fastest: Per block of points, the largest squared speed [m^2/s^2].
         kinetic_energy: Kinetic energy of each point [J], (N,) float64.
+        half_step_kinetic: The same from the velocities half a step earlier and later [J], for the energy balance, or
+            None; without contact.
     """
 
     def __init__(self, context: Context) -> None:
         self.context = context
         self._blocks = -(-context.sheet.size // BLOCK)
         self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
+        self.half_step_kinetic: Array | None = None
+        if context.features.tracked and not context.features.contact:
+            self.half_step_kinetic = context.array("half_step_kinetic", OWNER, wp.float64, shape=context.sheet.size)
         self.not_finite = context.array("not_finite", OWNER, wp.int32, shape=self._blocks, per="block")
         self.fastest = context.array("fastest", OWNER, wp.float64, shape=self._blocks, per="block")
 
@@ -39,10 +44,13 @@ class FrameChecks(BuiltPart):
         if phase is not Phase.FRAME:
             return
         context, state, f = self.context, self.context.state, self.context.features
-        motion = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, context.module)
+        half_steps = self.half_step_kinetic is not None
+        kinetic = kinetic_energy(context.bits, f.held, f.loaded, f.damped, half_steps, context.module)
         stage.launch(
-            OWNER, motion.kinetic_energy, context.sheet.size,
-            mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, out=self.kinetic_energy,
+            OWNER, kinetic, context.sheet.size,
+            mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, step=state.step,
+            damping=state.damping, force=state.force, external=state.external, out=self.kinetic_energy,
+            half_step=self.half_step_kinetic,
         )  # fmt: skip
         stage.launch(
             OWNER, frame_checks(context.bits, context.module).watch_motion, self._blocks,
@@ -51,8 +59,10 @@ class FrameChecks(BuiltPart):
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
-        """The kinetic energy."""
-        return {"kinetic": self.kinetic_energy}
+        """The kinetic energy, and that of the energy balance."""
+        if self.half_step_kinetic is None:
+            return {"kinetic": self.kinetic_energy}
+        return {"kinetic": self.kinetic_energy, "half_step_kinetic": self.half_step_kinetic}
 
     def first_not_finite(self) -> int | None:
         """Index of the first point whose displacement or velocity is NaN or Inf, as of the last frame; or None."""
@@ -89,11 +99,13 @@ class EnergyBalance(BuiltPart):
 
     def column_names(self) -> Sequence[str]:
         """Energies, work and losses, and the error of their balance."""
-        return ("kinetic", "strain", "external", "damping", "rupture", "viscous", "balance_error")
+        return (
+            "kinetic", "half_step_kinetic", "strain", "external", "damping", "rupture", "viscous", "balance_error"
+        )  # fmt: skip
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Energies; work and losses where they are summed up, 0 where there are none."""
-        row = {name: totals[name] for name in ("kinetic", "strain") if name in totals}
+        row = {name: totals[name] for name in ("kinetic", "half_step_kinetic", "strain") if name in totals}
         if not self.context.features.tracked:
             return row
         row |= {name: totals.get(name, 0.0) for name in ("external", "damping")}

@@ -1,4 +1,4 @@
-"""The energy balance of a run, from its history."""
+"""The energy balance of a run, from its history; see kernels/integrate.py for the kinetic energy that it uses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ def balance_error(history: Sequence[Row], row: Row) -> float:
         row: The newest row, with all energies.
     """
     first = history[0] if history else row
-    change = row["kinetic"] + row["strain"] - first["kinetic"] - first["strain"]
+    kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
+    change = row[kinetic] + row["strain"] - first[kinetic] - first["strain"]
     error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
     if "viscous" in row:
         error -= first["viscous"]

@@ -24,6 +24,9 @@ from .stable_step import StableStep
 FIRST_ITERATIONS = 120
 LATER_ITERATIONS = 10
 STEPS_BETWEEN = 400
+# Step over the stable step: unless bonds can break, any stable step is accurate for what moves slowly. A bond that
+# breaks moves within a few steps, and the energy balance of tears needs shorter ones (docs/tearing.md).
+SAFETY, RUPTURE_SAFETY = 0.9, 0.5
 # Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
 SHORTFALL = 0.02
 
@@ -37,7 +40,8 @@ class Explicit:
         frames: Number of frames after the first one, equally spaced; or their times [s], rising, the last one
             the duration: frames close together show what happens fast.
         damping: Mass damping c [1/s]: a force -c m v on every point.
-        safety: dt over the estimated stable step 2 / omega_max. A fast ball makes it shorter: no step lets a ball move
+        safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break. A fast
+            ball makes it shorter: no step lets a ball move
             further than a quarter of a spacing, or of its radius.
         step: A fixed dt [s] instead; refused if it is above either.
     """
@@ -45,7 +49,7 @@ class Explicit:
     duration: float
     frames: int | Sequence[float] = 100
     damping: float = 0.0
-    safety: float = 0.9
+    safety: float | None = None
     step: float | None = None
     precision: int = 32
 
@@ -65,7 +69,7 @@ class Explicit:
         else:
             count("frames", self.frames, 1)
         not_negative("damping", self.damping)
-        if not 0.0 < positive("safety", self.safety) <= 1.2:
+        if self.safety is not None and not 0.0 < positive("safety", self.safety) <= 1.2:
             raise InputError(f"safety = {self.safety!r}: expected a number above 0, up to 1.2")
         if self.step is not None:
             positive("step", self.step)
@@ -110,6 +114,8 @@ class BuiltExplicit(BuiltSolver):
     def __init__(self, solver: Explicit, context: Context) -> None:
         self.solver, self.context = solver, context
         self._since_estimate = 0
+        default = RUPTURE_SAFETY if context.features.breakable else SAFETY
+        self.safety = default if solver.safety is None else solver.safety
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add drift and kick."""
@@ -139,7 +145,7 @@ class BuiltExplicit(BuiltSolver):
                 if since >= STEPS_BETWEEN:
                     sink.stable_dt = self.estimate(LATER_ITERATIONS)
                     since = 0
-                wanted = self.solver.step if self.solver.step is not None else self.solver.safety * sink.stable_dt
+                wanted = self.solver.step if self.solver.step is not None else self.safety * sink.stable_dt
                 left = max(1, math.ceil((end - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
                 # A frame may be long: a sheet that stiffens within it must not outrun the step.
                 steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN

@@ -65,7 +65,7 @@ RELAXED = {
         loads=held(square(9), Pressure(5.0, ramp=RISING)),
     ),
     "rupture": lambda: torn_strip(
-        Relaxation(tolerance=1e-5, load_steps=4, ramp_steps=100, most_steps=20_000), 1.55, 0.05
+        Relaxation(tolerance=1e-5, load_steps=4, ramp_steps=100, most_steps=20_000), 1.6, 0.08
     ),
     "cloud, Gent": lambda: scene(
         jittered(9), Relaxation(load_steps=3), BondAssociated(GENT, horizon=2.015),

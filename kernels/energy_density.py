@@ -1,0 +1,35 @@
+"""Energy density of a material at given principal stretches, for criteria that need it on the host."""
+
+import functools
+
+import warp as wp
+
+from .factories import PairFactory
+from .numeric import numeric
+
+
+@functools.cache
+def energy_density(functions: PairFactory, module: str) -> wp.Kernel:
+    """Kernel that fills `out` [n] with the energy density [J/m^3] of principal stretches [n], in float64.
+
+    Args:
+        functions: Factory of (stress, energy).
+        module: Name of the Warp module.
+    """
+    types = numeric(64)
+    mat22, parameters = types.mat22, types.parameters
+    _, energy = functions(64)
+
+    def energy_at(
+        first: wp.array(dtype=wp.float64),
+        second: wp.array(dtype=wp.float64),
+        constants: parameters,
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        one = wp.float64(1.0)
+        zero = wp.float64(0.0)
+        G = mat22((first[i] - one) * (first[i] + one), zero, zero, (second[i] - one) * (second[i] + one))
+        out[i] = energy(G, constants)
+
+    return wp.kernel(energy_at, module=module, enable_backward=False)

@@ -1,0 +1,163 @@
+"""A strip held along both long edges is pulled across, and a crack runs along it. Rivlin and Thomas (1953).
+
+H = 40 mm high, 3.5 H long, 1 mm thick, mu 1 kPa, rho 1000 kg/m^3, with a cut of 1.25 H along its middle from the left.
+Far ahead of the tip the sheet is in pure shear: when the crack grows by da, a piece da of pure shear is unloaded. The
+energy release rate is therefore exactly G = H W(stretch), whatever the length of the crack. The sheet must tear when G
+reaches the tearing energy Gc: `onset_ratio` is G / Gc when the tip has moved by `advance` spacings.
+
+`tearing_energy` is Gc [J/m^2]; `critical_stretch`, if given, is used in its place, and Gc is then that of the relation
+of `TearingEnergy`. The edges move apart at a constant speed, slow against waves, until G is `overload` times Gc.
+`material` is one of MATERIALS; `wrinkles` = "relaxed" or "resolved" says whether the sheet wrinkles below the spacing.
+"""
+
+import math
+
+import numpy as np
+
+from warp_pd import (
+    ArrudaBoyce,
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Gent,
+    Measure,
+    MooneyRivlin,
+    Motion,
+    NeoHookean,
+    Ogden,
+    Outcome,
+    Sheet,
+    Simulation,
+    TearingEnergy,
+    Yeoh,
+)
+from warp_pd.checks import InputError, count, finite, not_negative, one_of, positive
+from warp_pd.materials import energy_density, with_wrinkles
+from warp_pd.measures import TearLine, support_force, worst_balance
+from warp_pd.parts import tip_width
+
+HEIGHT, THICKNESS, DENSITY, MU = 0.04, 1e-3, 1000.0, 1e3
+LENGTH, CUT = 3.5 * HEIGHT, 1.25 * HEIGHT
+MATERIALS = {
+    "neo_hookean": NeoHookean(MU, 100.0 * MU),
+    "gent_160": Gent(MU, 100.0 * MU, 160.0),
+    "gent_20": Gent(MU, 100.0 * MU, 20.0),
+    "mooney_rivlin": MooneyRivlin(0.4 * MU, 0.1 * MU),
+    "ogden": Ogden((1.2 * MU, 0.088 * MU), (1.3, 5.0)),
+    "yeoh": Yeoh(0.5 * MU, 0.01 * MU),
+    "arruda_boyce": ArrudaBoyce(MU, 5.0),
+}
+
+
+def build(
+    points: int = 40,
+    horizon: float = 3.15,
+    material: str = "neo_hookean",
+    wrinkles: str = "relaxed",
+    tearing_energy: float = 2.0,
+    critical_stretch: float | None = None,
+    overload: float = 1.5,
+    advance: float = 12.0,
+    duration: float = 3.0,
+    damping: float = 5.0,
+    frames: int = 200,
+    roughness: float = 1e-3,
+    turn: float = 0.0,
+    jitter: float = 0.0,
+    seed: int = 0,
+) -> Simulation:
+    """`points` are those along the height: rows."""
+    sheet_material = with_wrinkles(MATERIALS[one_of("material", material, tuple(MATERIALS))], wrinkles)
+    rows = count("points", points, 8)
+    if rows % 2:
+        raise InputError(f"points = {points}: expected an even number, so that the cut lies between two rows")
+    # The grips are as wide as the horizon.
+    sheet = Sheet.filled(
+        LENGTH, HEIGHT, thickness=THICKNESS, density=DENSITY, points=(round(3.5 * rows), rows),
+        layers=(0, math.ceil(positive("horizon", horizon))), turn=turn, jitter=jitter, seed=seed,
+    ).cut((-HEIGHT, 0.5 * HEIGHT), (CUT, 0.5 * HEIGHT))  # fmt: skip
+    spacing = sheet.spacing
+    top, bottom = (sheet.where(lambda x, y, s=s: s * (y - 0.5 * HEIGHT) > 0.5 * HEIGHT - 1e-9) for s in (1.0, -1.0))
+    grips = np.concatenate([top, bottom])
+    energy = positive("tearing_energy", tearing_energy)
+    damage = TearingEnergy(energy, spared=grips)
+    if critical_stretch is not None:
+        damage = CriticalStretch(critical_stretch, spared=grips)
+        energy = tip_width(horizon) * spacing * float(energy_density(sheet_material, critical_stretch, 1.0))
+    last = stretch_at(sheet_material, positive("overload", overload) * energy / HEIGHT)
+    travel = 0.5 * (last - 1.0) * HEIGHT
+    bumps = np.zeros((sheet.size, 3))
+    bumps[:, 2] = (
+        not_negative("roughness", roughness) * spacing * np.random.default_rng(seed).uniform(-1.0, 1.0, sheet.size)
+    )
+    bumps[grips] = 0.0
+    line = TearLine(sheet)
+    tip, ahead = (CUT, 0.5 * HEIGHT), (LENGTH, 0.5 * HEIGHT)
+    positive("advance", advance)
+
+    def stretch(built, frame):
+        return 1.0 + (last - 1.0) * min(frame.time / duration, 1.0)
+
+    def released(built, frame):
+        return float(energy_density(sheet_material, stretch(built, frame), 1.0, built.context.device)) * HEIGHT / energy
+
+    def onset(history):
+        return next((row["release_ratio"] for row in history if row["tip"] > advance * spacing), None)
+
+    def speed(history):
+        moving = [(row["time"], row["tip"]) for row in history if advance * spacing < row["tip"] < 1.5 * HEIGHT]
+        return None if len(moving) < 3 else float(np.polyfit(*np.transpose(moving), 1)[0])
+
+    return Simulation(
+        sheet,
+        force=BondAssociated(sheet_material, horizon=horizon),
+        loads=[
+            Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
+            Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
+        ],
+        damage=damage,
+        initial_displacement=bumps,
+        solver=Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping),
+        measures=[
+            Measure("stretch", "1", stretch),
+            Measure("release_ratio", "1", released),
+            Measure("load", "N", lambda built, frame: support_force(built, top)[1]),
+            Measure("tip", "m", lambda built, frame: line.reach(frame.intact_faces, tip, ahead)),
+            Measure("crack_length", "m", lambda built, frame: line.length(frame.intact_faces)),
+        ],
+        outcomes=[
+            Outcome("onset_ratio", "1", onset, 1.0, "Rivlin and Thomas 1953: G = H W"),
+            Outcome("crack_speed", "m/s", speed),
+            Outcome("worst_energy_balance", "1", worst_balance),
+        ],
+        notes=[f"Gc = {energy:.4g} J/m^2; the strip is stretched to {last:.4g}"],
+        section="Rivlin and Thomas 1953",
+        pictures=pictures,
+    )
+
+
+def stretch_at(material, density):
+    """Stretch of pure shear at which the sheet has an energy density [J/m^3]."""
+    low, high = 1.0, 1.0
+    while float(energy_density(material, high, 1.0)) < density:
+        low, high = high, 1.0 + 2.0 * (high - 1.0) + 0.01
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if float(energy_density(material, middle, 1.0)) < density:
+            low = middle
+        else:
+            high = middle
+    return finite("stretch", high)
+
+
+def pictures(history, folder):
+    from warp_pd.output import plots
+
+    begin = next((row["time"] for row in history if row["tip"] > 0.0), history[-1]["time"])
+    shown = plots.frames_at(folder, [begin, 0.5 * (begin + history[-1]["time"]), history[-1]["time"]])
+    plots.from_above(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.curves(
+        folder / "release.png", history, ["release_ratio"], ylabel="G / Gc", against="stretch", xlabel="stretch"
+    )
+    plots.curves(folder / "tip.png", history, ["tip"], ylabel="advance of the tip (m)")
+    plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

@@ -1,0 +1,102 @@
+"""Pure shear tear strips: does any diverge, and at which energy release rate do they tear?
+
+    python tools/tear_strips.py --device cuda:0 --jobs 12 --out docs/tear-strips.json      # all 225, minutes on an H200
+    python tools/tear_strips.py --rows 20 --stretches 1.5 3 --grids 0 45 --horizons 3.15   # a few, on a CPU
+
+The scene is `pure_shear_tear` with a critical stretch. A row of the result holds the width kappa = G / (dx W(s_c)) of the
+crack tip when it has moved by 1, 3, 6 and 12 spacings, the worst energy balance and the status.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from study import current_commit, device_name
+
+GRIDS: dict[str, dict[str, float]] = {
+    "0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.3}
+}  # fmt: skip
+ADVANCES = (1, 3, 6, 12)
+
+
+def main() -> None:
+    """Run the strips and write their rows."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", type=device_name, default=None)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=None, help="JSON file of the rows")
+    parser.add_argument("--rows", type=int, nargs="+", default=[20, 40, 80])
+    parser.add_argument("--horizons", type=float, nargs="+", default=[2.015, 3.15, 4.15])
+    parser.add_argument("--stretches", type=float, nargs="+", default=[1.5, 2.0, 3.0, 4.0, 6.0])
+    parser.add_argument("--grids", nargs="+", default=list(GRIDS), choices=list(GRIDS))
+    parser.add_argument("--materials", nargs="+", default=["neo_hookean"])
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="further arguments of the scene")
+    parser.add_argument("--commit", default=None)
+    options = parser.parse_args()
+    extra = {name: _value(text) for name, text in (item.split("=", 1) for item in options.set)}
+    # Strips of one module follow each other in one process, so that it compiles once.
+    groups = [
+        [
+            {"points": rows, "horizon": m, "material": material, "critical_stretch": s, **GRIDS[grid], **extra}
+            for grid in grids
+            for rows, s in itertools.product(options.rows, options.stretches)
+        ]
+        for material, m in itertools.product(options.materials, options.horizons)
+        for grids in ([[g] for g in options.grids])
+    ]
+    found: list[dict[str, Any]] = []
+    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
+        for rows_of_group in pool.map(_run_group, [(group, options.device) for group in groups]):
+            found += rows_of_group
+    for row in found:
+        print(json.dumps(row), flush=True)
+    diverged = sum(row["status"] != "finished" for row in found)
+    worst = max((row["balance"] for row in found if row["balance"] is not None), default=float("nan"))
+    print(f"{len(found)} strips, {diverged} not finished, worst energy balance {worst:.2%}")
+    if options.out is not None:
+        page = {"commit": options.commit or current_commit(), "device": options.device, "strips": found}
+        options.out.write_text(json.dumps(page, indent=1) + "\n")
+
+
+def _value(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _run_group(work: tuple[list[dict[str, Any]], str | None]) -> list[dict[str, Any]]:
+    return [_run(settings, work[1]) for settings in work[0]]
+
+
+def _run(settings: dict[str, Any], device: str | None) -> dict[str, Any]:
+    from warp_pd.parts import tip_width
+    from warp_pd.scenes import pure_shear_tear
+
+    scene = pure_shear_tear.build(**{"overload": 1.8, "duration": 6.0, "frames": 150, **settings})
+    result = scene.run(device=device)
+    history, spacing = result.history, scene.sheet.spacing
+    kappa = {
+        f"kappa_{n}": next(
+            (tip_width(settings["horizon"]) * r["release_ratio"] for r in history if r["tip"] > n * spacing), None
+        )
+        for n in ADVANCES
+    }
+    measures = result.summary["measures"]
+    return {
+        **settings, **kappa, "status": result.status, "balance": measures["worst_energy_balance"]["value"],
+        "speed": measures["crack_speed"]["value"], "steps": result.summary["steps"],
+        "wall_s": result.summary["wall_s"], "least_rupture": min(
+            (b["rupture"] - a["rupture"] for a, b in itertools.pairwise(history)), default=0.0
+        ),
+    }  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
