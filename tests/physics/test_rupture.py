@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers import NEO, build, jittered, sever, square
+from helpers import NEO, build, internal_force, jittered, rough, sever, square, strain_energy, uniform
 from small_runs import run
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Motion, Sheet, Simulation
-from warp_pd.families import unpack
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Motion, Relaxation, Sheet, Simulation
+from warp_pd.families import pack, unpack
 
 
 @pytest.mark.parametrize(("broken", "safety"), [("drop", 0.1), ("redistribute", 0.02)])
@@ -84,3 +84,65 @@ def test_a_face_is_torn_where_a_bond_along_its_edge_is_gone(sheet, horizon):
     faces = built.to_host(built.rupture.intact_faces).view(bool)
     np.testing.assert_array_equal(faces, expected)
     assert 0 < (~faces).sum() < len(faces)
+
+
+@pytest.mark.parametrize("layout", ["lattice", "cloud"])
+def test_what_is_left_of_an_intersection_is_used_while_it_is_a_sample(layout):
+    """Bonds are broken one by one; an intersection has energy while det K is half of what it was, and not below."""
+    sheet = square(9) if layout == "lattice" else jittered(9)
+    built = build(sheet, damage=CriticalStretch(1e3))
+    families, centre = built.law.families, sheet.nearest(0.05, 0.05)
+    u = uniform(sheet, [[1.3, 0.1], [0.0, 0.9], [0.0, 0.2]])
+    common = unpack(families.common, families.members)
+    row = centre if families.family_class is None else families.family_class[centre]
+    bonds = families.bonds if families.bonds.ndim == 2 else families.bonds[row]
+    common = common if families.bonds.ndim == 2 else common[row]
+    influence = families.influence if families.influence.ndim == 1 else families.influence[row]
+    share = influence * families.member_areas[row]
+
+    def determinants(intact):
+        c = share * intact
+        K = np.einsum("jk,k,ka,kb->jab", common * 1.0, c, bonds, bonds)
+        return np.linalg.det(K)
+
+    whole = determinants(families.exists[row])
+    order = np.random.default_rng(0).permutation(np.flatnonzero(families.exists[row]))
+    density, used = [], []
+    for broken in range(len(order)):
+        intact = families.exists[row].copy()
+        intact[order[:broken]] = False
+        every = families.rows_of_points(families.exists).copy()
+        every[centre] = intact
+        built.law.intact.assign(np.ascontiguousarray(pack(every).T))
+        strain_energy(built, u)
+        density.append(built.law.strain_energy.numpy()[centre])
+        used.append((determinants(intact) >= 0.5 * whole * (1 - 1e-9))[intact].sum())
+    weight = np.array(density) / density[0]
+    # Uniform stretch: all intersections have one energy density, so the energy counts the weights of those in use.
+    assert used[0] == len(order) and used[-1] == 0
+    assert all((w > 0.0) == (n > 0) for w, n in zip(weight, used, strict=True))
+    assert (np.diff(weight) <= 1e-12).all()
+
+
+def test_the_direct_solver_uses_the_same_intersections():
+    """Host matrix and device product of a torn sheet are one tangent."""
+    sheet = square(9).as_cloud()
+    built = build(sheet, damage=CriticalStretch(1e3), loads=[Fixed(sheet.edges("left"))], solver=Relaxation())
+    sever(built, ((0.02, 0.031), (0.071, 0.08)))
+    tangent = built.law.tangent(built.context, True)
+    context, types = built.context, built.context.types
+    tension = context.array("tension", "test", types.real, shape=1)
+    direction = context.array("direction", "test", types.vec3, shape=sheet.size)
+    change = context.array("change", "test", types.vec3, shape=sheet.size)
+    tangent.add_linearise(context.stage("linearise", "test"), built.state.displacement, tension)
+    tangent.add_product(context.stage("product", "test"), direction, change)
+    internal_force(built, rough(sheet))
+    matrix = tangent.sparse()
+    v = np.random.default_rng(0).normal(size=(sheet.size, 3)) * sheet.spacing
+    v[sheet.edges("left")] = 0.0
+    direction.assign(v)
+    context.run("linearise")
+    context.run("product")
+    expected = -(matrix.matrix() @ v.ravel()[matrix.free])
+    found = change.numpy().ravel()[matrix.free]
+    assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()

@@ -17,13 +17,14 @@ SMALL = {
     "kapton_shear": {"points": 38, "tolerance": 1e-6},
     "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
     "square_wrinkles": {"points": 24},
-    "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0, "safety": 0.3},
-    "double_notch": {"points": 24, "horizon": 2.015, "safety": 0.4, "duration": 2.4, "frames": 60, "slow_to": 0.99},
+    "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
+    "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12, "safety": 0.9},
-    "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40, "safety": 0.5},
+    "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40},
     "out_of_plane": {"points": 21, "horizon": 2.015, "duration": 2.5, "frames": 10},
-    "precut_tear": {"points": 30, "horizon": 2.015, "safety": 0.4, "frames": 60},
+    "precut_tear": {"points": 30, "horizon": 2.015, "frames": 60},
     "pressure": {"points": 11},
+    "pure_shear_tear": {"points": 12, "duration": 0.8, "frames": 40, "tearing_energy": 4.0, "advance": 3.0},
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
     "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
     "pressure_static": {"points": 21, "horizon": 2.015},
@@ -70,7 +71,8 @@ def test_a_scene_runs_to_its_end_says_what_it_rebuilds_and_draws(name):
 @pytest.mark.parametrize("name", BREAKING)
 def test_energy_balances_through_rupture(name):
     result = ran(name)
-    energy = column(result, "kinetic") + column(result, "strain")
+    kinetic = "half_step_kinetic" if "half_step_kinetic" in result.history[0] else "kinetic"
+    energy = column(result, kinetic) + column(result, "strain")
     work, lost = column(result, "external"), column(result, "damping") + column(result, "rupture")
     scale = np.maximum.accumulate(np.maximum(abs(work), abs(energy)))
     errors = abs(energy - energy[0] - work + lost)[1:] / scale[1:]

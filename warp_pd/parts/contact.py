@@ -17,7 +17,8 @@ from ..kernels.contact import ShapeFactory, ball, rigid_contact
 from ..phases import Phase
 from ..schedules import Schedule
 
-# The most that a body moves in a step, over the spacing or its radius: at more it can pass points unnoticed.
+# The most that a body moves in a step, over the spacing or its radius: at more it can pass points unnoticed. If bonds
+# can break, it may move half as far: a bond then opens in several steps.
 MAX_TRAVEL = 0.25
 
 
@@ -142,12 +143,13 @@ class BuiltBall(RigidContact):
         self.body = body
 
     def step_limit(self) -> StepLimit | None:
-        """The ball moves a quarter of a spacing, or of its radius, at most."""
+        """The ball moves a quarter of a spacing, or of its radius, at most; an eighth if bonds can break."""
         speed = math.hypot(*self.body.velocity)
         if speed == 0.0:
             return None
         smaller = min(self.context.sheet.spacing, 0.5 * self.body.diameter)
-        return StepLimit(MAX_TRAVEL * smaller / speed, f"in which the ball moves {MAX_TRAVEL} spacings")
+        travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
+        return StepLimit(travel * smaller / speed, f"in which the ball moves {travel} spacings")
 
     def ball_diameter(self) -> float:
         """Diameter [m]."""

@@ -1,0 +1,247 @@
+"""Sheets of a TensionField material: energy, forces, objectivity, and an exact solution of a wrinkled membrane."""
+
+import numpy as np
+import pytest
+from helpers import GENT, NEO, build, internal_force, jittered, rough, sever, square, strain_energy, uniform
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from warp_pd import (
+    BondAssociated,
+    Explicit,
+    Fixed,
+    InputError,
+    MooneyRivlin,
+    Motion,
+    Neural,
+    Newton,
+    Nodal,
+    Ogden,
+    Relaxation,
+    Sheet,
+    Simulation,
+    TensionField,
+)
+
+CUT = ((0.02, 0.031), (0.071, 0.08))
+MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Ogden((600.0, 12.0), (1.3, 5.0))]
+SHEARED = np.array([[1.0, 0.5], [0.0, 0.9], [0.0, 0.0]])
+
+
+def crumpled(sheet, seed=0):
+    """Taut, wrinkled and slack families side by side."""
+    x = sheet.points / np.ptp(sheet.points)
+    smooth = np.column_stack([0.3 * x[:, 0] ** 2 - 0.25 * x[:, 1] ** 2, -0.3 * x[:, 1], 0.1 * x[:, 0] * x[:, 1]])
+    return np.ptp(sheet.points) * smooth + 0.3 * rough(sheet, 0.1, seed)
+
+
+@pytest.mark.parametrize("material", MATERIALS, ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
+@pytest.mark.parametrize("layout", ["lattice", "cloud"])
+def test_force_is_minus_the_gradient_of_the_energy(material, torn, layout):
+    from warp_pd import CriticalStretch
+
+    sheet = square(11) if layout == "lattice" else jittered(11)
+    parts = {"damage": CriticalStretch(1e3)} if torn else {}
+    built = build(sheet, material=TensionField(material), **parts)
+    if torn:
+        sever(built, CUT)
+    u = crumpled(sheet)
+    direction = np.random.default_rng(1).normal(size=u.shape) * sheet.spacing
+    force = internal_force(built, u)
+    step = 1e-6
+    change = strain_energy(built, u + step * direction) - strain_energy(built, u - step * direction)
+    assert change / (2 * step) == pytest.approx(-(force * direction).sum(), rel=2e-5)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_relaxed_forces_differ_and_have_the_digits_of_the_precision(precision):
+    sheet = square(15)
+    u = crumpled(sheet)
+    relaxed, exact, resolved = (
+        internal_force(build(sheet, material=material, precision=bits), u)
+        for material, bits in ((TensionField(NEO), precision), (TensionField(NEO), 64), (NEO, 64))
+    )
+    assert np.abs(relaxed - exact).max() <= (5e-6 if precision == 32 else 0.0) * np.abs(exact).max()
+    assert np.abs(exact - resolved).max() > 0.2 * np.abs(resolved).max()
+
+
+@pytest.mark.parametrize("horizon", [2.015, 3.15])
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
+def test_fast_kernels_are_the_reference_kernels(horizon, precision, torn):
+    from warp_pd import CriticalStretch
+
+    sheet, forces = square(21), []
+    for fast in (True, False):
+        parts = {"damage": CriticalStretch(1e3)} if torn else {}
+        built = build(
+            sheet, horizon=horizon, material=TensionField(GENT), precision=precision, law={"fast": fast}, **parts
+        )
+        if torn:
+            sever(built, CUT)
+        names = {name for launch in built.context.stages["step"] for name in launch.parts}
+        assert ("undamaged_family_force" in names) == fast
+        forces.append(internal_force(built, crumpled(sheet)))
+    assert np.abs(forces[0] - forces[1]).max() <= (3e-6 if precision == 32 else 1e-12) * np.abs(forces[1]).max()
+
+
+@pytest.mark.parametrize("law", ["bond-associated", "nodal"])
+def test_a_wrinkled_patch_carries_uniaxial_stress(law):
+    """A sheet sheared between rigid edges, at once wrinkled: no force inside, and the energy of uniaxial tension."""
+    sheet, material = square(15), TensionField(NEO)
+    force = (
+        BondAssociated(material, weights="corrected") if law == "bond-associated" else Nodal(material, horizon=2.015)
+    )
+    built = Simulation(sheet, force, Explicit(1.0)).build("cpu", 64)
+    built.context.compile()
+    u = uniform(sheet, SHEARED)
+    found = internal_force(built, u)
+    inside = sheet.where(lambda x, y: np.maximum(abs(x - 0.05), abs(y - 0.05)) < 0.02)
+    assert np.abs(found[inside]).max() < 1e-11 * np.abs(found).max()
+    C = SHEARED.T @ SHEARED
+    stretch = np.sqrt(np.linalg.eigvalsh(C)[1])
+
+    def density(width):
+        """NN paper's energy of uniaxial tension, both widths alike, minimised over the width."""
+        J = stretch * width**2
+        first = J ** (-2 / 3) * (stretch**2 + 2 * width**2) - 3
+        return 0.5 * NEO.mu * first + NEO.bulk / 8 * (J**2 + J**-2 - 2)
+
+    width = brentq(lambda w: density(w + 1e-6) - density(w - 1e-6), 0.5, 1.0, xtol=1e-14)
+    centre = sheet.nearest(0.05, 0.05)
+    built.context.run("frame")
+    energy = built.law.strain_energy.numpy()[centre] / (sheet.areas[centre] * sheet.thickness)
+    assert energy == pytest.approx(density(width), rel=1e-8)
+
+
+def test_forces_turn_with_the_sheet():
+    sheet = square(11)
+    built = build(sheet, material=TensionField(NEO))
+    rotation = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    place = np.column_stack([sheet.points, np.zeros(sheet.size)])
+    u = crumpled(sheet)
+    turned = (place + u) @ rotation.T - place
+    np.testing.assert_allclose(
+        internal_force(built, turned), internal_force(built, u) @ rotation.T, atol=1e-12 * np.abs(u).max() * 1e3
+    )
+
+
+def test_the_tangent_is_the_derivative_of_the_force():
+    """Taut, wrinkled and slack families, torn ones too."""
+    from warp_pd import CriticalStretch
+
+    sheet = jittered(9)
+    built = build(sheet, material=TensionField(NEO), solver=Relaxation(), loads=[Fixed(sheet.edges("left"))],
+                  damage=CriticalStretch(1e3))  # fmt: skip
+    sever(built, CUT)
+    tangent = built.law.tangent(built.context, True)
+    context, types = built.context, built.context.types
+    tension = context.array("tension", "test", types.real, shape=1)
+    direction = context.array("direction", "test", types.vec3, shape=sheet.size)
+    change = context.array("change", "test", types.vec3, shape=sheet.size)
+    linearise, product = context.stage("linearise", "test"), context.stage("product", "test")
+    tangent.add_linearise(linearise, built.state.displacement, tension)
+    tangent.add_product(product, direction, change)
+    u = crumpled(sheet)
+    v = np.random.default_rng(2).normal(size=u.shape) * sheet.spacing
+    step = 1e-7
+    forward, backward = internal_force(built, u + step * v), internal_force(built, u - step * v)
+    internal_force(built, u)
+    direction.assign(v)
+    context.run("linearise")
+    context.run("product")
+    expected = (forward - backward) / (2 * step)
+    assert np.abs(change.numpy() - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def annulus(inner, outer, rings, layers):
+    """Points on circles with equal spacing, and `layers` circles beyond both edges."""
+    spacing = (outer - inner) / rings
+    radii = inner + spacing * np.arange(-layers, rings + layers + 1)
+    points = []
+    for k, radius in enumerate(radii):
+        count = round(2 * np.pi * radius / spacing)
+        angle = 2 * np.pi * (np.arange(count) + 0.5 * (k % 2)) / count
+        points.append(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return Sheet.from_points(np.concatenate(points), thickness=1e-3, density=1000.0, spacing=spacing)
+
+
+def drawn_in(inner, outer, shift, mu):
+    """Exact solution of an annulus whose inner edge moves inwards: d(R P_r)/dR = P_h, by shooting.
+
+    Incompressible neo-Hookean sheet with hoop stretch h = r/R. Wrinkled near the inner edge, where h < l^(-1/2):
+    P_r = mu (l - l^-2), P_h = 0. Taut near the outer edge.
+
+    Returns:
+        Pull of the inner edge over the thickness [N/m], and the solution r(R) as a function.
+    """
+
+    def radial(stretch, hoop):
+        return mu * (stretch - (stretch**-2 if hoop < stretch**-0.5 else stretch**-3 * hoop**-2))
+
+    def slopes(R, state):
+        r, tension = state
+        hoop = r / R
+        stretch = brentq(lambda s: radial(s, hoop) - tension / R, 0.3, 50.0, xtol=1e-14)
+        across = 0.0 if hoop < stretch**-0.5 else mu * (hoop - hoop**-3 * stretch**-2)
+        return [stretch, across]
+
+    def solution(tension):
+        start = [inner - shift, tension]
+        return solve_ivp(slopes, (inner, outer), start, rtol=1e-10, atol=1e-13, dense_output=True, max_step=1e-3)
+
+    pull = brentq(lambda c: solution(c).y[0, -1] - outer, 1e-3 * mu * inner, 2.0 * mu * inner)
+    dense = solution(pull).sol
+    return 2.0 * np.pi * pull, lambda R: dense(R)[0]
+
+
+def pulled_annulus(rings, inner, outer, shift):
+    """Pull of the inner edge [N] and mean displacement of the circle in the middle [m]."""
+    sheet = annulus(inner, outer, rings, layers=3)
+    radius = np.linalg.norm(sheet.points, axis=1)
+    normal = sheet.points / radius[:, None]
+    grip_in, grip_out = np.flatnonzero(radius < inner + 1e-9), np.flatnonzero(radius > outer - 1e-9)
+    inwards = [Motion([i], [0.0, 1.0], x=[0.0, -shift * normal[i, 0]], y=[0.0, -shift * normal[i, 1]]) for i in grip_in]
+    flat = np.setdiff1d(np.arange(sheet.size), grip_out)
+    law = BondAssociated(TensionField(MooneyRivlin(500.0)), horizon=2.015, weights="corrected")
+    loads = [Fixed(grip_out), *inwards, Fixed(flat, "z")]
+    result = Simulation(sheet, law, Newton(tolerance=1e-8, load_steps=2), loads=loads).run(device="cpu", precision=64)
+    assert result.status == "finished"
+    pull = np.einsum("na,na->n", result.built.to_numpy(result.built.state.force)[:, :2], normal)
+    middle = np.abs(radius - 0.5 * (inner + outer)) < 0.3 * sheet.spacing
+    moved = np.einsum("na,na->n", result.frame.displacement[middle, :2], normal[middle])
+    return np.array([pull[grip_in].sum() / sheet.thickness, moved.mean()])
+
+
+def test_an_annulus_drawn_in_is_the_exact_wrinkled_membrane():
+    """Hoops are slack near the inner edge. Grips are sharp to a spacing: first order, 0.5 % when extrapolated."""
+    inner, outer, shift = 0.05, 0.1, 0.005
+    force, place = drawn_in(inner, outer, shift, 1000.0)
+    middle = 0.5 * (inner + outer)
+    exact = np.array([force, place(middle) - middle])
+    coarse, fine = (pulled_annulus(rings, inner, outer, shift) / exact - 1.0 for rings in (8, 16))
+    assert np.abs(coarse).max() < 0.05
+    assert (np.abs(fine) < 0.55 * np.abs(coarse)).all()
+    assert np.abs(2.0 * fine - coarse).max() < 0.005
+
+
+def test_the_neural_law_refuses_it():
+    with pytest.raises(InputError, match=r"^material = .*TensionField"):
+        Neural(TensionField(NEO), evaluation="closed_form")
+
+
+def test_a_strip_pulled_between_grips_finds_equilibrium_by_newton_and_relaxation():
+    """Flat, wide, held at both ends: its middle wrinkles. Both solvers find the same force, below the resolved one."""
+    sheet = square(15)
+    left, right = sheet.edges("left"), sheet.edges("right")
+    flat = np.setdiff1d(np.arange(sheet.size), np.concatenate([left, right]))
+    loads = [Fixed(left), Motion(right, [0.0, 1.0], x=[0.0, 0.03], y=0.0, z=0.0), Fixed(flat, "z")]
+    found = [
+        Simulation(sheet, BondAssociated(TensionField(NEO)), solver, loads=loads).run(device="cpu", precision=64)
+        for solver in (Newton(tolerance=1e-8), Relaxation(tolerance=1e-7))
+    ]
+    assert [r.status for r in found] == ["finished", "finished"]
+    np.testing.assert_allclose(
+        found[0].frame.displacement, found[1].frame.displacement, atol=1e-4 * np.abs(found[0].frame.displacement).max()
+    )
