@@ -20,7 +20,8 @@ it belongs to. On an undamaged lattice the smallest value is 0.42, at its edges.
 In a damaged family, what is left of an intersection is used only while it still is a sample of the deformation: while
 det K >= SAMPLE times that of the undamaged intersection. F_ij is a least-squares fit. At a crack tip no affine motion
 fits, and the few members that are left determine F_ij by their noise: two that move towards each other can squeeze it
-to a tenth, and its stress, and the stiffness 1/det K, then exceed those of the sheet a hundredfold. The bond still acts through the other intersections it belongs to. The published form has no such rule.
+to a tenth, and its stress, and the stiffness 1/det K, then exceed those of the sheet a hundredfold. The bond still acts
+through the other intersections it belongs to. The published form has no such rule.
 """
 
 import functools
