@@ -134,8 +134,8 @@ def test_breaking_takes_energy_and_torn_strips_keep_their_balance():
     rough = np.random.default_rng(0).normal(size=(sheet.size, 3)) * [0.0, 0.0, 1e-5]
     rough[np.concatenate([bottom, top])] = 0.0
     result = Simulation(
-        sheet, BondAssociated(TensionField(NEO), horizon=3.15), Explicit(1.0, frames=200, damping=2.0),
-        loads=[Fixed(bottom), Motion(top, [0.0, 1.0], x=0.0, y=[0.0, 0.12], z=0.0)],
+        sheet, BondAssociated(TensionField(NEO), horizon=3.15), Explicit(3.0, frames=200, damping=2.0),
+        loads=[Fixed(bottom), Motion(top, [0.0, 3.0], x=0.0, y=[0.0, 0.12], z=0.0)],
         damage=CriticalStretch(1.6, spared=np.concatenate([bottom, top])), initial_displacement=rough,
     ).run(device="cpu")  # fmt: skip
     assert result.status == "finished"
