@@ -6,8 +6,8 @@ moment it touches the sheet; there is no friction. Bonds break at a stretch of 1
 
 With the paper's weights the energy grows once the sheet is torn, and the run ends early (try `--weights published`).
 With the plain weights of the variational form the run completes without damping. At horizons of 1.5 and 2.015
-cracks follow the grid; at 3.15 they do not visibly. Torn edges recoil by a few spacings in a few steps and stiffen
-as they crumple: a tenth of the stable step (`safety`) resolves that at 101 points.
+cracks follow the grid; at 3.15 they do not visibly. Torn edges collapse in plane, where a real sheet wrinkles:
+`wrinkles` = "relaxed", the default for laws that take it, gives the sheet the energy of tension field theory.
 
 The paper does not say how the edges are held. Here the clamp continues outside the sheet for one horizon. If only the
 outermost points were held, families at the edge would be cut off and soft, and the sheet would tear there first. Bonds

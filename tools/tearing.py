@@ -213,8 +213,16 @@ def convergence_row(study: Study, runs: Sequence[TearCase]) -> list[str]:
     return [study.scene, study.scalar, *shown, order]
 
 
-def page(studies: Sequence[Study], work: Path, share: float, device: str, commit: str | None, remark: str) -> str:
-    """The whole page as markdown."""
+def page(
+    studies: Sequence[Study],
+    work: Path,
+    share: float,
+    device: str,
+    commit: str | None,
+    remark: str,
+    drawn: Sequence[Study] = (),
+) -> str:
+    """The whole page as markdown; `drawn` are the studies with a picture."""
     summaries = [run.found() for study in studies for run in grid_runs(study, work, share).values()]
     weights = " and ".join(sorted({s["weights"] for s in summaries if s})) or "no"
     header = page_header("tearing.py", devices_of(summaries, device), commit)
@@ -230,15 +238,17 @@ def page(studies: Sequence[Study], work: Path, share: float, device: str, commit
             "strain + damping + broken bonds, over the largest energy."
         ),
         *paragraph(
-            "The pictures show the damage on the reference sheet at the end of each run. Torn faces and those that a "
-            "cut crosses are white. White specks are faces with a single broken bond along an edge. A patch of them "
-            "smaller than four squared spacings does not count as a crack."
+            "Pictures, if the frames of all runs were at hand, show the damage on the reference sheet at the end of "
+            "each run. Torn faces and those that a cut crosses are white. White specks are faces with a single broken "
+            "bond along an edge. A patch of them smaller than four squared spacings does not count as a crack."
         ),
         *(paragraph(remark) if remark else []),
     ]
     for study in studies:
         lines += [f"## {study.scene}", ""]
-        lines += [*(paragraph(study.notes) if study.notes else []), f"![crack paths](tearing-{study.scene}.png)", ""]
+        lines += paragraph(study.notes) if study.notes else []
+        if study in drawn:
+            lines += [f"![crack paths](tearing-{study.scene}.png)", ""]
         lines += [*grid_table(study, grid_runs(study, work, share)), ""]
     lines += [
         "## Spacing",
@@ -256,11 +266,15 @@ def page(studies: Sequence[Study], work: Path, share: float, device: str, commit
     return "\n".join(lines)
 
 
-def draw_paths(runs: Mapping[tuple[float, str], TearCase], path: Path) -> None:
-    """Damage on the reference sheet at the end, a row per horizon, a column per grid; nothing without all frames."""
+def draw_paths(runs: Mapping[tuple[float, str], TearCase], path: Path) -> bool:
+    """Damage on the reference sheet at the end, a row per horizon, a column per grid.
+
+    Returns:
+        Whether it was drawn; not without all frames.
+    """
     files = {key: run.work / run.name / "frames.vtkhdf" for key, run in runs.items()}
     if not all(file.is_file() for file in files.values()):
-        return
+        return False
     import matplotlib.pyplot as plt
     from matplotlib.collections import PolyCollection
 
@@ -283,6 +297,7 @@ def draw_paths(runs: Mapping[tuple[float, str], TearCase], path: Path) -> None:
     figure.colorbar(faces, ax=axes, label="damage", shrink=0.6)
     figure.savefig(path, dpi=70)
     plt.close(figure)
+    return True
 
 
 def main() -> None:
@@ -302,9 +317,8 @@ def main() -> None:
     ]
     execute_all(runs, options)
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    for study in studies:
-        draw_paths(grids[study], options.out.parent / f"tearing-{study.scene}.png")
-    text = page(studies, options.work, options.share, options.device, options.commit, options.remark)
+    drawn = [s for s in studies if draw_paths(grids[s], options.out.parent / f"tearing-{s.scene}.png")]
+    text = page(studies, options.work, options.share, options.device, options.commit, options.remark, drawn)
     write_page(options.out, text)
 
 

@@ -14,7 +14,7 @@ from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..kernels.visco import visco
-from ..materials import Prony
+from ..materials import Prony, capabilities
 from ..phases import Phase
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
@@ -46,6 +46,10 @@ class Visco(BondAssociated):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_prony(self.prony)
+        if self.prony and capabilities(self.material).goes_slack:
+            raise InputError(
+                f"prony = {self.prony!r}: expected none with a TensionField material, as they would resist compression"
+            )
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 

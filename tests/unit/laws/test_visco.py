@@ -14,6 +14,7 @@ from warp_pd import (
     Prony,
     Relaxation,
     Simulation,
+    TensionField,
     Visco,
     ViscoBondBased,
     Yeoh,
@@ -70,6 +71,7 @@ def test_static_solvers_refuse_prony_terms(solver, name, law):
     ("make", "said"),
     [
         (lambda: Visco(POLYUREA, prony=[TERMS]), "^prony = "),
+        (lambda: Visco(TensionField(POLYUREA), prony=TERMS), "^prony = .*: expected none with a TensionField material"),
         (lambda: Visco(POLYUREA, weights="published"), "^weights = 'published': expected 'auto', 'plain' or"),
         (lambda: Visco(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),
         (lambda: ViscoBondBased(POLYUREA, TERMS), r"^horizon = \(Prony\(.*: expected a number"),
