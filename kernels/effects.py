@@ -70,6 +70,10 @@ def kernel(
 
     def declare(function: Callable[..., None]) -> Kernel:
         names = list(inspect.signature(function).parameters)
+        if "first" not in names:
+            raise ValueError(
+                f"kernel {function.__name__}: expected an argument `first` between what it reads and writes"
+            )
         writes = frozenset(names[names.index("first") + 1 :])
         made: Any = wp.kernel(function, module=module, enable_backward=False, launch_bounds=launch_bounds)
         return Kernel(made, Effects(per, writes, frozenset(gathers)))

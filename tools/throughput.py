@@ -1,6 +1,6 @@
 """Time a step: sizes, horizons, precisions, and the cost of each feature.
 
-python tools/throughput.py --device cuda:0 --out docs/throughput.md      everything, a few minutes on a GPU
+python tools/throughput.py --device cuda:0 --out throughput.md           everything, a few minutes on a GPU
 python tools/throughput.py --points 101 --horizon 2.015 3.15             a few cases
 warp-pd bench                                                            the same few cases from the command line
 """

@@ -393,5 +393,16 @@ class Sheet:
         return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
 
     def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Indices of the points for which `condition(x, y)` holds; x and y have shape (N,)."""
-        return np.flatnonzero(condition(self.points[:, 0], self.points[:, 1])).astype(np.int32)
+        """Indices of the points for which `condition(x, y)` holds; x and y have shape (N,).
+
+        Raises:
+            InputError: unless the condition is a function that gives N truth values.
+        """
+        if not callable(condition):
+            raise InputError(f"condition = {condition!r}: expected a function of x and y")
+        holds = np.asarray(condition(self.points[:, 0], self.points[:, 1]))
+        if holds.dtype != bool or holds.shape != (self.size,):
+            raise InputError(
+                f"condition gives {holds.dtype} of shape {holds.shape}: expected bool of shape ({self.size},)"
+            )
+        return np.flatnonzero(holds).astype(np.int32)

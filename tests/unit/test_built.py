@@ -21,6 +21,7 @@ from warp_pd import (
     RigidBall,
     Simulation,
 )
+from warp_pd.interfaces import Load
 
 LAW = BondAssociated(NEO, horizon=2.015, weights="plain")
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -160,3 +161,11 @@ def test_a_measure_cannot_take_the_name_of_a_column(name):
     said = f"measures: '{name}' is already a column of the history: expected another name"
     with pytest.raises(InputError, match=said):
         simulation(Explicit(1.0), damage=CriticalStretch(2.0), contact=ball, measures=[measure]).build("cpu")
+
+
+def test_a_part_without_build_is_named():
+    class Nothing(Load):
+        pass
+
+    with pytest.raises(NotImplementedError, match=r"^Nothing\.build: a part needs it$"):
+        simulation(Explicit(1.0), [Nothing()]).build("cpu")

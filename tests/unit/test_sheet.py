@@ -36,3 +36,14 @@ def test_wrong_sheets_are_named(make, text):
     with pytest.raises(InputError, match=text) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [3, lambda x, y: True, lambda x, y: np.array([True]), lambda x, y: np.arange(3), lambda x, y: 0.0 * x + 5.0],
+    ids=["no function", "one truth value", "one in an array", "indices", "numbers"],
+)
+def test_where_takes_one_truth_value_per_point(condition):
+    """Anything else would hold or pull the wrong points without a word."""
+    with pytest.raises(InputError, match=r"^condition (=|gives) .*: expected "):
+        square(5).where(condition)

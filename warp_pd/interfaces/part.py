@@ -62,7 +62,7 @@ class Part(Protocol):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the part on a device: allocate arrays and register schedules; launches are added later."""
-        ...
+        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")
 
 
 class BuiltLoad(BuiltPart, Protocol):
@@ -140,7 +140,7 @@ class Load(Part, Protocol):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The load on a device."""
-        ...
+        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")
 
 
 class BuiltContact(BuiltPart, Protocol):
@@ -164,7 +164,7 @@ class Contact(Part, Protocol):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The contact on a device."""
-        ...
+        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")
 
 
 class BuiltRupture(BuiltPart, Protocol):
@@ -192,4 +192,4 @@ class Rupture(Part, Protocol):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The criterion on a device."""
-        ...
+        raise NotImplementedError(f"{type(self).__name__}.build: a part needs it")

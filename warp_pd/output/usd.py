@@ -273,7 +273,7 @@ def _copied_layer(source: Path, path: Path) -> Sdf.Layer:
         return Sdf.Layer.FindOrOpen(str(path))
     except Tf.ErrorException as error:
         path.unlink()
-        raise ValueError(f"path is {source}; expected a USD file that can be read") from error
+        raise InputError(f"{source}: expected a USD file that can be read") from error
 
 
 def _describe_stage(

@@ -23,6 +23,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import InputError
 from ..frame import Frame, Surface
 from .point_fields import plain_value, point_fields, same_arrays
 from .shapes import require_writable
@@ -220,7 +221,7 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
             return _read_info(file)
     except (OSError, KeyError, IndexError, RuntimeError, _NotASeries) as error:
         reason = " ".join(str(error).strip("'\"").split())
-        raise ValueError(f"path is {path}; expected a whole file of frames in VTKHDF ({reason})") from error
+        raise InputError(f"{path}: expected a whole file of frames in VTKHDF ({reason})") from error
 
 
 def read_frame(

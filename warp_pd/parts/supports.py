@@ -54,7 +54,7 @@ class Fixed(Support):
         Raises:
             InputError: for other letters, or a point that does not exist.
         """
-        if not self.components or any(c not in AXES for c in self.components):
+        if not isinstance(self.components, str) or not self.components or set(self.components) - set(AXES):
             raise InputError(f"Fixed.components = {self.components!r}: expected letters out of 'xyz'")
         bits = sum(1 << AXES.index(c) for c in set(self.components))
         return [Constraint("Fixed", point_indices("Fixed.points", self.points, sheet.size), bits)]

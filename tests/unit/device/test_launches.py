@@ -212,3 +212,11 @@ def test_effects_know_what_a_thread_works_on():
     made.launch("one", pick, 1, points=wp.array([1], dtype=int, device="cpu"), a=a, b=b)
     assert a.ptr in made.items[0].touched.gathers
     assert made.items[0].touched.writes == {b.ptr}
+
+
+def test_a_kernel_without_first_is_named():
+    with pytest.raises(ValueError, match="kernel add_one: expected an argument `first`"):
+
+        @kernel(MODULE)
+        def add_one(a: wp.array(dtype=float)):
+            a[wp.tid()] = 1.0

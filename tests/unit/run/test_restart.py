@@ -161,3 +161,15 @@ def test_a_run_goes_on_with_the_energy_balance_that_it_began_with(began, goes_on
     assert all(("external" in row) == began for row in result.history)
     complete = simulation(track_energy=began).run(device="cpu")
     assert result.history == complete.history
+
+
+@pytest.mark.parametrize("name", ["frames.vtkhdf", "animation.usd"])
+def test_a_damaged_file_is_refused_in_one_line(name, tmp_path):
+    """Neither a traceback nor a new file in its place."""
+    command = ["run", "ball_penetration", "--points", "11", "--duration", "0.1", "--frames", "3", "--out", tmp_path]
+    assert cli(*command, "--no-pictures").exit_code == 0
+    (tmp_path / name).write_bytes(b"x")
+    done = cli(*command, "--no-pictures", "--resume", "--quiet")
+    assert done.exit_code == 2 and name in done.output and "expected a" in done.output
+    assert len(done.output.strip().splitlines()) == 1
+    assert (tmp_path / name).read_bytes() == b"x"
