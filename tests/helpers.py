@@ -133,3 +133,23 @@ class StopAt:
 
     def close(self):
         pass
+
+
+def force_across(built, horizontal):
+    """Force per length [N/m] across a lattice line, under a uniform deformation.
+
+    Sums all pairs with one point in row (column) r at or before the line and the other point beyond it.
+    """
+    lattice, families = built.simulation.sheet.lattice, built.law.families
+    bond_force = built.to_numpy(array(built, "bond_force"))
+    ox, oy = families.steps[:, 0], families.steps[:, 1]
+    across = oy if horizontal else ox
+    middle_column, middle_row = lattice.columns // 2, lattice.rows // 2
+    total = np.zeros(3)
+    for back in range(int(across.max())):
+        column = middle_column - (0 if horizontal else back)
+        row = middle_row - (back if horizontal else 0)
+        i = column + row * lattice.columns
+        for k in np.flatnonzero(across > back):
+            total += bond_force[k, i] - bond_force[families.reverses[k], i + families.shift[k]]
+    return total / (lattice.dx if horizontal else lattice.dy)

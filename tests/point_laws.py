@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from helpers import GENT, NEO, array, sever
+from helpers import GENT, NEO, sever
 
 from warp_pd import CriticalStretch, Explicit, Neural, Nodal, Simulation
 from warp_pd.networks import Network
@@ -77,23 +77,3 @@ def damaged(sheet, law):
             intact[reverse // 32, j] &= ~np.uint32(1 << (reverse % 32))
     built.law.intact.assign(intact)
     return built
-
-
-def force_across(built, horizontal):
-    """Force per length [N/m] across a lattice line, under a uniform deformation.
-
-    Sums all pairs with one point in row (column) r at or before the line and the other point beyond it.
-    """
-    lattice, families = built.simulation.sheet.lattice, built.law.families
-    bond_force = built.to_numpy(array(built, "bond_force"))
-    ox, oy = families.steps[:, 0], families.steps[:, 1]
-    across = oy if horizontal else ox
-    middle_column, middle_row = lattice.columns // 2, lattice.rows // 2
-    total = np.zeros(3)
-    for back in range(int(across.max())):
-        column = middle_column - (0 if horizontal else back)
-        row = middle_row - (back if horizontal else 0)
-        i = column + row * lattice.columns
-        for k in np.flatnonzero(across > back):
-            total += bond_force[k, i] - bond_force[families.reverses[k], i + families.shift[k]]
-    return total / (lattice.dx if horizontal else lattice.dy)

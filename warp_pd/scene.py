@@ -9,10 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from .checks import InputError, numbers
+from .checks import InputError, finite, numbers
 from .frame import Frame
 from .interfaces import Contact, History, Law, Part, Rupture, Solver
 from .sheet import Sheet
+
+
+def check_reference(kind: str, name: str, unit: str, reference: float | None) -> None:
+    """Check what a measure or an outcome says of itself.
+
+    Raises:
+        InputError: for a unit that is no text, or a reference that is no number.
+    """
+    if not isinstance(unit, str):
+        raise InputError(f"{kind} {name!r}: unit = {unit!r}: expected text")
+    if reference is not None:
+        finite(f"{kind} {name!r}: reference", reference)
 
 
 @dataclass(frozen=True)
@@ -33,6 +45,9 @@ class Measure:
     reference: float | None = None
     source: str = ""
 
+    def __post_init__(self) -> None:
+        check_reference("Measure", self.name, self.unit, self.reference)
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -51,6 +66,9 @@ class Outcome:
     value: Callable[[History], float | None]
     reference: float | None = None
     source: str = ""
+
+    def __post_init__(self) -> None:
+        check_reference("Outcome", self.name, self.unit, self.reference)
 
 
 @dataclass(eq=False)

@@ -5,9 +5,9 @@ import pytest
 from helpers import (
     GENT,
     NEO,
-    array,
     build,
     exact_stress,
+    force_across,
     internal_force,
     jittered,
     random_gradient,
@@ -25,26 +25,6 @@ from warp_pd.families import pack
 from warp_pd.weights import edge_vectors
 
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15)
-
-
-def force_across(built, horizontal):
-    """Force per length [N/m] across a lattice line, under a uniform deformation.
-
-    Sums all pairs with one point in row (column) r at or before the line and the other point beyond it.
-    """
-    lattice, families = built.simulation.sheet.lattice, built.law.families
-    bond_force = built.to_numpy(array(built, "bond_force"))
-    ox, oy = families.steps[:, 0], families.steps[:, 1]
-    across = oy if horizontal else ox
-    middle_column, middle_row = lattice.columns // 2, lattice.rows // 2
-    total = np.zeros(3)
-    for back in range(int(across.max())):
-        column = middle_column - (0 if horizontal else back)
-        row = middle_row - (back if horizontal else 0)
-        i = column + row * lattice.columns
-        for k in np.flatnonzero(across > back):
-            total += bond_force[k, i] - bond_force[families.reverses[k], i + families.shift[k]]
-    return total / (lattice.dx if horizontal else lattice.dy)
 
 
 @pytest.mark.parametrize("weights", ["plain", "corrected"])

@@ -9,6 +9,7 @@ from helpers import (
     NEO,
     array,
     exact_stress,
+    force_across,
     internal_force,
     jittered,
     random_gradient,
@@ -17,7 +18,7 @@ from helpers import (
     square,
     uniform,
 )
-from point_laws import build, exact_module, force_across, tiny
+from point_laws import build, exact_module, tiny
 
 from warp_pd import CriticalStretch, Neural, Nodal
 

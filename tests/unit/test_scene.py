@@ -67,3 +67,13 @@ def test_a_wrong_influence_function_is_named():
     with pytest.raises(InputError, match="influence = 'cubic'") as caught:
         BondAssociated(NEO, influence="cubic")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [Measure, Outcome])
+@pytest.mark.parametrize(("changed", "said"), [
+    ({"unit": 3}, "unit = 3: expected text"), ({"reference": "x"}, "reference = 'x'"),
+    ({"reference": float("nan")}, "reference = nan"),
+])  # fmt: skip
+def test_a_measure_with_a_wrong_unit_or_reference_is_named(kind, changed, said):
+    with pytest.raises(InputError, match=f"^{kind.__name__} 'a': {said}"):
+        kind(**{"name": "a", "unit": "m", "value": lambda *_: 0.0, **changed})
