@@ -164,3 +164,17 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
         bad = int(indices[0]) if indices[0] < 0 else int(indices[-1])
         raise InputError(f"{name} contains point {bad}: expected 0 to {points - 1}")
     return indices.astype(np.int32)
+
+
+def truth_values(name: str, condition: Any, *arguments: np.ndarray) -> np.ndarray:
+    """Values of a condition on arrays of one shape: one truth value per entry.
+
+    Raises:
+        InputError: for something that is no function, or gives anything else.
+    """
+    if not callable(condition):
+        raise InputError(f"{name} = {condition!r}: expected a function")
+    holds, shape = np.asarray(condition(*arguments)), arguments[0].shape
+    if holds.dtype != bool or holds.shape != shape:
+        raise InputError(f"{name} gives {holds.dtype} of shape {holds.shape}: expected bool of shape {shape}")
+    return holds

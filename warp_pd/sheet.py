@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .checks import InputError, count, finite, point_indices, positive, vector
+from .checks import InputError, count, finite, point_indices, positive, truth_values, vector
 from .triangulation import (
     Lattice,
     Segment,
@@ -398,11 +398,4 @@ class Sheet:
         Raises:
             InputError: unless the condition is a function that gives N truth values.
         """
-        if not callable(condition):
-            raise InputError(f"condition = {condition!r}: expected a function of x and y")
-        holds = np.asarray(condition(self.points[:, 0], self.points[:, 1]))
-        if holds.dtype != bool or holds.shape != (self.size,):
-            raise InputError(
-                f"condition gives {holds.dtype} of shape {holds.shape}: expected bool of shape ({self.size},)"
-            )
-        return np.flatnonzero(holds).astype(np.int32)
+        return np.flatnonzero(truth_values("condition", condition, *self.points.T)).astype(np.int32)
