@@ -29,8 +29,7 @@ MAX_POINTS = 2**31 - 1
 class Sheet:
     """A flat reference sheet.
 
-    Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` give changed
-    copies.
+    Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
 
     Attributes:
         points: Reference positions [m], shape (N, 2), float64.
@@ -393,9 +392,9 @@ class Sheet:
         return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
 
     def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Indices of the points for which `condition(x, y)` holds; x and y have shape (N,).
+        """Indices of the points for which `condition(x, y)` holds; all three have shape (N,).
 
         Raises:
-            InputError: unless the condition is a function that gives N truth values.
+            InputError: for a condition that is no function, or gives anything but N truth values.
         """
         return np.flatnonzero(truth_values("condition", condition, *self.points.T)).astype(np.int32)
