@@ -1,4 +1,4 @@
-"""The cores of this machine."""
+"""What this machine runs on: its cores, and Warp."""
 
 from __future__ import annotations
 
@@ -19,3 +19,11 @@ def cores() -> ThreadPoolExecutor:
     if _pool is None:
         _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")
     return _pool
+
+
+def start_warp() -> None:
+    """Start Warp; it then reports nothing but warnings and errors."""
+    import warp as wp
+
+    wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
+    wp.init()

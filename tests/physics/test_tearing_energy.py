@@ -151,6 +151,7 @@ def test_a_pure_shear_strip_tears_near_its_tearing_energy():
     result = scene.run(device="cpu")
     assert result.status == "finished"
     measures = result.summary["measures"]
+    assert sum("stands for a critical stretch of" in note for note in result.summary["notes"]) == 1
     assert 0.7 < measures["onset_ratio"]["value"] < 1.35
     assert measures["worst_energy_balance"]["value"] < 0.01
 

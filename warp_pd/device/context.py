@@ -11,6 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..checks import InputError
+from ..cores import start_warp
 from ..kernels.numeric import Numeric
 from ..sheet import Sheet
 from .clock import Clock
@@ -28,8 +29,7 @@ def find_device(name: str | None) -> wp.Device:
     Raises:
         InputError: if it does not exist; a CPU never replaces a requested GPU.
     """
-    wp.config.log_level = wp.config.log_level if wp.config.log_level > wp.LOG_WARNING else wp.LOG_WARNING
-    wp.init()
+    start_warp()
     present = [d.alias for d in wp.get_devices()]
     known = ", ".join(repr(alias) for alias in present)
     if name is None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..cores import start_warp
 from .protocols import Material, check_material, padded_constants
 
 
@@ -26,6 +27,7 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     from ..kernels.energy_density import energy_density as kernel_of
 
     check_material(material, "functions")
+    start_warp()
     first, second = np.broadcast_arrays(np.asarray(first, float), np.asarray(second, float))
     functions = material.functions
     module = "warp_pd_energy_" + "".join(

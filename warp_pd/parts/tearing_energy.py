@@ -9,9 +9,9 @@ import numpy as np
 
 from ..checks import InputError, positive
 from ..device.context import Context
-from ..interfaces import BuiltLaw
+from ..interfaces import BuiltLaw, BuiltRupture, History
 from ..kernels.rupture import Criterion, elongation
-from .rupture import BondCriterion, CriticalStretch
+from .rupture import BondCriterion, BreakingBonds, CriticalStretch
 
 # Width of a crack tip in spacings, by horizon in spacings; see docs/tearing.md.
 HORIZONS = (2.015, 3.15, 4.15)
@@ -59,6 +59,10 @@ class TearingEnergy(BondCriterion):
         values.stretch, values.spacing = stretch, context.sheet.spacing
         return found, values
 
+    def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
+        """The criterion on a device."""
+        return TearingBonds("TearingEnergy", self, context, law)
+
     def critical_stretch(self, law: BuiltLaw, spacing: float) -> float:
         """Critical stretch s_c that stands for the tearing energy at a spacing [m].
 
@@ -85,6 +89,20 @@ class TearingEnergy(BondCriterion):
             stretch = np.linspace(stretch[at - 1], stretch[at], 30)
             density = law.energy_density(stretch)
         return float(stretch[int(np.argmin(np.abs(density - wanted)))])
+
+
+class TearingBonds(BreakingBonds):
+    """Bonds that break by a tearing energy."""
+
+    criterion: Any
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """The critical stretch that was used."""
+        values = self.criterion
+        return [
+            f"the tearing energy stands for a critical stretch of {values.stretch:.4g} at a spacing of "
+            f"{values.spacing:.4g} m"
+        ]
 
 
 def tip_width(horizon: float) -> float:
