@@ -36,8 +36,7 @@ def crumpled(sheet, seed=0):
 
 
 @pytest.mark.parametrize("material", MATERIALS, ids=lambda m: type(m).__name__)
-@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
-@pytest.mark.parametrize("layout", ["lattice", "cloud"])
+@pytest.mark.parametrize(("layout", "torn"), [("lattice", False), ("cloud", True)])
 def test_force_is_minus_the_gradient_of_the_energy(material, torn, layout):
     from warp_pd import CriticalStretch
 
