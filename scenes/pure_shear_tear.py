@@ -31,10 +31,10 @@ from warp_pd import (
     TearingEnergy,
     Yeoh,
 )
-from warp_pd.checks import InputError, count, finite, not_negative, one_of, positive
-from warp_pd.materials import energy_density, with_wrinkles
+from warp_pd.checks import InputError, count, not_negative, one_of, positive
+from warp_pd.materials import energy_density, stretch_of_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
-from warp_pd.parts import tip_width
+from warp_pd.parts import TIP_WIDTH
 
 HEIGHT, THICKNESS, DENSITY, MU = 0.04, 1e-3, 1000.0, 1e3
 LENGTH, CUT = 3.5 * HEIGHT, 1.25 * HEIGHT
@@ -83,8 +83,14 @@ def build(
     damage = TearingEnergy(energy, spared=grips)
     if critical_stretch is not None:
         damage = CriticalStretch(critical_stretch, spared=grips)
-        energy = tip_width(horizon) * spacing * float(energy_density(sheet_material, critical_stretch, 1.0))
-    last = stretch_at(sheet_material, positive("overload", overload) * energy / HEIGHT)
+        energy = TIP_WIDTH * spacing * float(energy_density(sheet_material, critical_stretch, 1.0))
+    last = stretch_of_density(
+        lambda stretches: energy_density(sheet_material, stretches, 1.0),
+        positive("overload", overload) * energy / HEIGHT,
+        np.geomspace(1.0, 100.0, 400),
+    )
+    if math.isnan(last):
+        raise InputError(f"overload = {overload!r}: expected an energy release rate that the strip can bear")
     travel = 0.5 * (last - 1.0) * HEIGHT
     bumps = np.zeros((sheet.size, 3))
     bumps[:, 2] = (
@@ -134,20 +140,6 @@ def build(
         section="Rivlin and Thomas 1953",
         pictures=pictures,
     )
-
-
-def stretch_at(material, density):
-    """Stretch of pure shear at which the sheet has an energy density [J/m^3]."""
-    low, high = 1.0, 1.0
-    while float(energy_density(material, high, 1.0)) < density:
-        low, high = high, 1.0 + 2.0 * (high - 1.0) + 0.01
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if float(energy_density(material, middle, 1.0)) < density:
-            low = middle
-        else:
-            high = middle
-    return finite("stretch", high)
 
 
 def pictures(history, folder):

@@ -9,16 +9,14 @@ the crack tip when it has moved by 1, 3, 6 and 12 spacings, the worst energy bal
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
 import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
-from study import current_commit, device_name
+from study import current_commit, run_tool, study_parser
 
 GRIDS: dict[str, dict[str, float]] = {
     "0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.3}
@@ -28,19 +26,15 @@ ADVANCES = (1, 3, 6, 12)
 
 def main() -> None:
     """Run the strips and write their rows."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--device", type=device_name, default=None)
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=None, help="JSON file of the rows")
+    parser = study_parser(__doc__, device=None, jobs=1, out=None, commit=None)
     parser.add_argument("--rows", type=int, nargs="+", default=[20, 40, 80])
     parser.add_argument("--horizons", type=float, nargs="+", default=[2.015, 3.15, 4.15])
     parser.add_argument("--stretches", type=float, nargs="+", default=[1.5, 2.0, 3.0, 4.0, 6.0])
     parser.add_argument("--grids", nargs="+", default=list(GRIDS), choices=list(GRIDS))
     parser.add_argument("--materials", nargs="+", default=["neo_hookean"])
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="further arguments of the scene")
-    parser.add_argument("--commit", default=None)
     options = parser.parse_args()
-    extra = {name: _value(text) for name, text in (item.split("=", 1) for item in options.set)}
+    extra = dict(item.split("=", 1) for item in options.set)
     strips = [
         {"points": rows, "horizon": m, "material": material, "critical_stretch": s, **GRIDS[grid], **extra}
         for rows in sorted(options.rows, reverse=True)
@@ -72,31 +66,20 @@ def _take_core(cores: Any) -> None:
     os.sched_setaffinity(0, {available[cores.get() % len(available)]})
 
 
-def _value(text: str) -> float | str:
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
-
-
 def _run(settings: dict[str, Any], device: str | None) -> dict[str, Any]:
-    from warp_pd.parts import tip_width
-    from warp_pd.scenes import pure_shear_tear
+    from warp_pd.cli import build_scene
+    from warp_pd.parts import TIP_WIDTH
 
-    scene = pure_shear_tear.build(**{"overload": 1.8, "duration": 6.0, "frames": 100, **settings})
+    scene = build_scene("pure_shear_tear", {"overload": 1.8, "duration": 6.0, "frames": 100, **settings})
     result = scene.run(device=device)
     history, spacing = result.history, scene.sheet.spacing
     kappa = {
-        f"kappa_{n}": next(
-            (tip_width(settings["horizon"]) * r["release_ratio"] for r in history if r["tip"] > n * spacing), None
-        )
+        f"kappa_{n}": next((TIP_WIDTH * r["release_ratio"] for r in history if r["tip"] > n * spacing), None)
         for n in ADVANCES
     }
     measures = result.summary["measures"]
     return {
-        **settings, **kappa, "status": result.status, "balance": measures["worst_energy_balance"]["value"],
+        **{name: scene.settings[name] for name in settings}, **kappa, "status": result.status, "balance": measures["worst_energy_balance"]["value"],
         "speed": measures["crack_speed"]["value"], "steps": result.summary["steps"],
         "wall_s": result.summary["wall_s"], "least_rupture": min(
             (b["rupture"] - a["rupture"] for a, b in itertools.pairwise(history)), default=0.0
@@ -105,4 +88,4 @@ def _run(settings: dict[str, Any], device: str | None) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    run_tool(main)

@@ -23,7 +23,7 @@ from warp_pd import (
 )
 from warp_pd.families import unpack
 from warp_pd.materials import energy_density
-from warp_pd.parts import tip_width
+from warp_pd.parts import TIP_WIDTH
 from warp_pd.scenes import pure_shear_tear
 
 MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Yeoh(500.0, 10.0), ArrudaBoyce(1e3, 5.0), TensionField(NEO)]
@@ -33,7 +33,7 @@ MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Yeoh(500.0, 10.0), ArrudaBoy
 @pytest.mark.parametrize("stretch", [1.2, 2.0, 4.0])
 def test_the_critical_stretch_is_thomas_relation(material, stretch):
     sheet = square(11)
-    energy = tip_width(3.15) * sheet.spacing * float(energy_density(material, stretch, 1.0))
+    energy = TIP_WIDTH * sheet.spacing * float(energy_density(material, stretch, 1.0))
     law = BondAssociated(material, horizon=3.15)
     built = Simulation(sheet, law, Explicit(1.0), damage=TearingEnergy(energy)).build("cpu")
     assert built.rupture.criterion.stretch == pytest.approx(stretch, rel=1e-5)
@@ -94,7 +94,7 @@ def intact_after_a_step(sheet, damage, gradient):
 @pytest.mark.parametrize("stretch", [1.35, 1.45])
 def test_on_a_lattice_it_is_a_critical_stretch(stretch):
     sheet = square(9)
-    energy = tip_width(2.015) * sheet.spacing * float(energy_density(NEO, 1.4, 1.0))
+    energy = TIP_WIDTH * sheet.spacing * float(energy_density(NEO, 1.4, 1.0))
     gradient = [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]]
     one, other = (
         intact_after_a_step(sheet, damage, gradient) for damage in (TearingEnergy(energy), CriticalStretch(1.4))
@@ -106,7 +106,7 @@ def test_on_a_lattice_it_is_a_critical_stretch(stretch):
 def test_short_bonds_of_a_cloud_are_not_broken_by_a_roughness():
     """A bond of half a spacing may lengthen by as much as one of a whole spacing."""
     sheet = jittered(11, share=0.3)
-    energy = tip_width(2.015) * sheet.spacing * float(energy_density(NEO, 1.4, 1.0))
+    energy = TIP_WIDTH * sheet.spacing * float(energy_density(NEO, 1.4, 1.0))
     gradient = [[1.45, 0.0], [0.0, 1.45], [0.0, 0.0]]
     built = build(sheet, damage=TearingEnergy(energy))
     families = built.law.families

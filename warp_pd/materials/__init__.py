@@ -1,7 +1,7 @@
 """Materials: constants, and the device functions that they belong to."""
 
 from .compressible import Gent, NeoHookean
-from .energy import energy_density
+from .energy import borne, energy_density, stretch_of_density
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
 from .pairwise import Bimodular
 from .prony import Prony
@@ -23,9 +23,11 @@ __all__ = [
     "Prony",
     "TensionField",
     "Yeoh",
+    "borne",
     "capabilities",
     "check_material",
     "energy_density",
     "padded_constants",
+    "stretch_of_density",
     "with_wrinkles",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -38,3 +39,31 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     constants = wp.types.vector(length=4, dtype=wp.float64)(*padded_constants(material))
     wp.launch(kernel_of(functions, module), first.size, inputs=[*given, constants, out], device=device)
     return np.asarray(out.numpy().reshape(first.shape))
+
+
+def stretch_of_density(density: Callable[[np.ndarray], np.ndarray], wanted: float, stretches: np.ndarray) -> float:
+    """Stretch [-] at which an increasing energy density reaches a value [J/m^3], to round-off.
+
+    Args:
+        density: Function of stretches.
+        wanted: The value.
+        stretches: Increasing stretches to search, which end where `density` becomes NaN.
+
+    Returns:
+        The stretch; NaN if the value is outside the range.
+    """
+    values = density(stretches)
+    usable = borne(values)
+    if usable == 0 or not values[0] <= wanted <= values[usable - 1]:
+        return float("nan")
+    stretches, values = stretches[:usable], values[:usable]
+    for _ in range(8):
+        at = min(int(np.searchsorted(values, wanted, side="right")), len(values) - 1)
+        stretches = np.linspace(stretches[at - 1], stretches[at], 30)
+        values = density(stretches)
+    return float(stretches[int(np.argmin(np.abs(values - wanted)))])
+
+
+def borne(values: np.ndarray) -> int:
+    """Number of values before the first NaN or Inf."""
+    return int(np.logical_and.accumulate(np.isfinite(values)).sum())

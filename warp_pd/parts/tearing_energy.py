@@ -11,11 +11,11 @@ from ..checks import InputError, positive
 from ..device.context import Context
 from ..interfaces import BuiltLaw, BuiltRupture, History
 from ..kernels.rupture import Criterion, elongation
+from ..materials import borne, stretch_of_density
 from .rupture import BondCriterion, BreakingBonds, CriticalStretch
 
-# Width of a crack tip in spacings, by horizon in spacings; see docs/tearing.md.
-HORIZONS = (2.015, 3.15, 4.15)
-TIP_WIDTHS = (2.07, 2.07, 2.07)
+# Width kappa of a crack tip in spacings, at horizons from 2 to 4 spacings; see docs/tearing.md.
+TIP_WIDTH = 2.07
 # Range of the critical stretch: below it round-off and roughness break bonds, above it no rubber is known.
 MIN_STRETCH, MAX_STRETCH = 1.05, 30.0
 
@@ -69,26 +69,18 @@ class TearingEnergy(BondCriterion):
         Raises:
             InputError: if there is none in the range that the spacing resolves.
         """
-        width = tip_width(law.horizon) * spacing
-        wanted = self.energy / width
-        stretch = np.concatenate([[MIN_STRETCH], np.geomspace(MIN_STRETCH, MAX_STRETCH, 400)[1:]])
-        density = law.energy_density(stretch)
-        usable = np.isfinite(density)
-        usable &= np.maximum.accumulate(~usable) == 0
-        stretch, density = stretch[usable], density[usable]
-        if len(density) == 0 or not density[0] <= wanted <= density[-1]:
-            low, high = (density[0] * width, density[-1] * width) if len(density) else (float("nan"),) * 2
+        width = TIP_WIDTH * spacing
+        stretches = np.geomspace(MIN_STRETCH, MAX_STRETCH, 400)
+        found = stretch_of_density(law.energy_density, self.energy / width, stretches)
+        if np.isnan(found):
+            density = law.energy_density(stretches)
+            last = borne(density) - 1
+            low, high, largest = density[0] * width, density[last] * width, stretches[last]
             raise InputError(
                 f"TearingEnergy.energy = {self.energy:g}: expected {low:.3g} to {high:.3g} J/m^2 at a spacing of "
-                f"{spacing:.3g} m, which are stretches from {MIN_STRETCH:g} to {stretch.max(initial=MIN_STRETCH):.3g}"
+                f"{spacing:.3g} m, which are stretches from {MIN_STRETCH:g} to {largest:.3g}"
             )
-        for _ in range(8):
-            at = int(np.searchsorted(density, wanted, side="right"))
-            if at == len(density):
-                return float(stretch[-1])
-            stretch = np.linspace(stretch[at - 1], stretch[at], 30)
-            density = law.energy_density(stretch)
-        return float(stretch[int(np.argmin(np.abs(density - wanted)))])
+        return found
 
 
 class TearingBonds(BreakingBonds):
@@ -103,11 +95,6 @@ class TearingBonds(BreakingBonds):
             f"the tearing energy stands for a critical stretch of {values.stretch:.4g} at a spacing of "
             f"{values.spacing:.4g} m"
         ]
-
-
-def tip_width(horizon: float) -> float:
-    """Width kappa of a crack tip in spacings, for a horizon in spacings [-]."""
-    return float(np.interp(horizon, HORIZONS, TIP_WIDTHS))
 
 
 def stretch_or_energy(critical_stretch: float, tearing_energy: float | None, spared: Any = None) -> BondCriterion:

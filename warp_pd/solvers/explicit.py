@@ -41,8 +41,8 @@ class Explicit:
             the duration: frames close together show what happens fast.
         damping: Mass damping c [1/s]: a force -c m v on every point.
         safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break. A fast
-            ball makes it shorter: no step lets a ball move
-            further than a quarter of a spacing, or of its radius; an eighth if bonds can break.
+            ball makes it shorter: no step lets a ball move further than a quarter of a spacing, or of its radius; an
+            eighth if bonds can break.
         step: A fixed dt [s] instead; refused if it is above either.
     """
 
