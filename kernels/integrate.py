@@ -39,6 +39,22 @@ class IntegrationKernels:
 
 
 @functools.cache
+def free_components(bits: int, module: str) -> wp.Function:
+    """Function (held bits, mask, v) -> v without components that are held, or whose point has a bit of `mask`."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.func(module=module)
+    def without_held(held_bits: wp.uint8, mask: int, v: vec3):
+        for c in range(3):
+            if (wp.int32(held_bits) & ((1 << c) | mask)) != 0:
+                v[c] = real(0.0)
+        return v
+
+    return without_held
+
+
+@functools.cache
 def integration(
     bits: int, held: bool, loaded: bool, damped: bool, tracked: bool, contact: bool, module: str
 ) -> IntegrationKernels:
@@ -56,6 +72,7 @@ def integration(
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
+    without_held = free_components(bits, module)
 
     @wp.func(module=module)
     def power(held_bits: wp.uint8, internal: vec3, external: vec3, velocity: vec3):
@@ -109,9 +126,7 @@ def integration(
             if wp.static(tracked and damped and not contact):
                 moving = half
                 if wp.static(held):
-                    for c in range(3):
-                        if (wp.int32(a.held_mask[i]) & (1 << c)) != 0:
-                            moving[c] = real(0.0)
+                    moving = without_held(a.held_mask[i], 0, half)
                 a.dissipated[i] = a.dissipated[i] + wp.float64(
                     real(0.5) * dt * a.damping[0] * a.mass[i] * wp.dot(v, moving)
                 )
@@ -137,8 +152,7 @@ def integration(
                 for c in range(3):
                     if (wp.int32(bits_here) & ((1 << c) | rigid)) != 0:
                         v[c] = half[c]
-                    if (wp.int32(bits_here) & (1 << c)) != 0:
-                        moving[c] = real(0.0)
+                moving = without_held(bits_here, 0, moving)
                 if wp.static(tracked):
                     load = total - a.force[i]
                     a.work[i] = a.work[i] + wp.float64(real(0.5) * dt) * power(bits_here, a.force[i], load, half)
@@ -170,6 +184,7 @@ def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
+    without_held = free_components(bits, module)
 
     @kernel(module)
     def kinetic_energy(
@@ -187,9 +202,7 @@ def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps
         i = wp.tid() + first
         v = velocity[i]
         if wp.static(held):
-            for c in range(3):
-                if (wp.int32(held_mask[i]) & (1 << c)) != 0:
-                    v[c] = real(0.0)
+            v = without_held(held_mask[i], 0, v)
         out[i] = wp.float64(real(0.5) * mass[i] * wp.dot(v, v))
         if wp.static(half_steps):
             change = force[i]
@@ -199,9 +212,7 @@ def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps
             if wp.static(damped):
                 change -= real(0.5) * step[0] * damping[0] * v
             if wp.static(held):
-                for c in range(3):
-                    if (wp.int32(held_mask[i]) & ((1 << c) | rigid)) != 0:
-                        change[c] = real(0.0)
+                change = without_held(held_mask[i], rigid, change)
             half_step[i] = out[i] - wp.float64(real(0.5) * mass[i] * wp.dot(change, change))
 
     return kinetic_energy

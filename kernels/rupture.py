@@ -39,12 +39,29 @@ CriterionFactory = Callable[[str, int, str], Criterion]
 
 
 @functools.cache
-def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
-    """Critical stretch |Y|/|X|."""
+def reference_and_deformed(layout: str, bits: int, module: str) -> wp.Function:
+    """Function (family, displacement, horizon, i, k, m) -> X and Y of bond k of point i, to point m [m]."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
+
+    @wp.func(module=module)
+    def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), horizon: real, i: int, k: int, m: int):
+        X = horizon * f.bond(family, i, k)
+        U = displacement[m] - displacement[i]
+        return X, vec3(X[0] + U[0], X[1] + U[1], U[2])
+
+    return bond_vectors
+
+
+@functools.cache
+def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
+    """Critical stretch |Y|/|X|."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    Family = family_functions(layout, bits, module).struct
+    bond_vectors = reference_and_deformed(layout, bits, module)
 
     @functools.partial(wp.struct, module=module)
     class CriticalStretch:
@@ -60,9 +77,7 @@ def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
         k: int,
         m: int,
     ):
-        X = horizon * f.bond(family, i, k)
-        U = displacement[m] - displacement[i]
-        Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+        X, Y = bond_vectors(family, displacement, horizon, i, k, m)
         return wp.dot(Y, Y) > criterion.squared * wp.dot(X, X)
 
     return Criterion(exceeds_stretch, CriticalStretch)
@@ -77,8 +92,8 @@ def elongation(layout: str, bits: int, module: str) -> Criterion:
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
-    Family = f.struct
+    Family = family_functions(layout, bits, module).struct
+    bond_vectors = reference_and_deformed(layout, bits, module)
 
     @functools.partial(wp.struct, module=module)
     class Elongation:
@@ -95,9 +110,7 @@ def elongation(layout: str, bits: int, module: str) -> Criterion:
         k: int,
         m: int,
     ):
-        X = horizon * f.bond(family, i, k)
-        U = displacement[m] - displacement[i]
-        Y = vec3(X[0] + U[0], X[1] + U[1], U[2])
+        X, Y = bond_vectors(family, displacement, horizon, i, k, m)
         length = wp.length(X)
         allowed = length + (criterion.stretch - real(1.0)) * wp.max(length, criterion.spacing)
         return wp.dot(Y, Y) > allowed * allowed

@@ -78,8 +78,9 @@ def _run(settings: dict[str, Any], device: str | None) -> dict[str, Any]:
         for n in ADVANCES
     }
     measures = result.summary["measures"]
+    used = {name: scene.settings[name] for name in settings}
     return {
-        **{name: scene.settings[name] for name in settings}, **kappa, "status": result.status, "balance": measures["worst_energy_balance"]["value"],
+        **used, **kappa, "status": result.status, "balance": measures["worst_energy_balance"]["value"],
         "speed": measures["crack_speed"]["value"], "steps": result.summary["steps"],
         "wall_s": result.summary["wall_s"], "least_rupture": min(
             (b["rupture"] - a["rupture"] for a, b in itertools.pairwise(history)), default=0.0
