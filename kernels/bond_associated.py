@@ -21,7 +21,8 @@ In a damaged family, what is left of an intersection is used only while it still
 det K >= SAMPLE times that of the undamaged intersection. F_ij is a least-squares fit. At a crack tip no affine motion
 fits, and the few members that are left determine F_ij by their noise: two that move towards each other can squeeze it
 to a tenth, and its stress, and the stiffness 1/det K, then exceed those of the sheet a hundredfold. The bond still acts
-through the other intersections it belongs to. The published form has no such rule.
+through the other intersections it belongs to. The published form has no such rule. Where bonds lose their weight
+gradually (kernels/softening.py), an intersection loses its stress gradually too, between SAMPLE_BEGIN and SAMPLE_END.
 """
 
 import functools
@@ -33,7 +34,7 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state, energy_of_families, gather_pairs
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import WORD, family_functions
+from .families import WORD, family_functions, has_shares
 from .kinematics import kinematics
 from .numeric import numeric
 from .pointwise import Pointwise
@@ -48,12 +49,12 @@ class FamilyMechanics:
         is_undamaged: (family, intact, i) -> whether no bond of i is broken.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
         intersection: (family, intact, field, field, 0, i, j, undamaged) -> gradient of the field over D_ij times
-            horizon (two columns), K^-1, |D_ij|.
+            horizon (two columns), K^-1, `size`: |D_ij|, or with shares the share of its stress that it carries.
         green: (H1, H2) -> C - I.
         area_weight: (family, i, j, undamaged, size) -> W_ij divided by the reference area.
         family_scale: (family, i, undamaged, total) -> factor on the weights of a damaged family.
-        damaged_inverse: (K (11, 12, 22), undamaged K^-1) -> inverse of K of a damaged family, or zero if it
-            determines no gradient.
+        damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
+            determines no gradient; and `size`, as from `intersection`.
         add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
     """
 
@@ -113,14 +114,18 @@ def bond_associated(
     bonds = bond_state(layout, bits, damaged, module)
     intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
     green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
-    remaining_inverse = kinematics(bits).remaining_inverse
+    remaining_inverse, fading_inverse = kinematics(bits).remaining_inverse, kinematics(bits).fading_inverse
+    gradual = has_shares(layout)
 
     @wp.func(module=module)
-    def damaged_inverse(shape: vec3, undamaged_inverse: vec3):
-        if wp.static(published):
-            return inverse_shape(shape)
+    def damaged_inverse(shape: vec3, undamaged_inverse: vec3, size: real):
+        if wp.static(gradual):
+            inverse, share = fading_inverse(shape, undamaged_inverse)
+            return inverse, share
+        elif wp.static(published):
+            return inverse_shape(shape), size
         else:
-            return remaining_inverse(shape, undamaged_inverse)
+            return remaining_inverse(shape, undamaged_inverse), size
 
     def declare_intersection(name, earlier):
         @wp.func(module=module, name=name)
@@ -162,7 +167,7 @@ def bond_associated(
                         size += a
             inverse = f.shape(family, i, j)
             if not undamaged:
-                inverse = damaged_inverse(shape, inverse)
+                inverse, size = damaged_inverse(shape, inverse, size)
             return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
 
         return intersection
@@ -178,6 +183,8 @@ def bond_associated(
                 return f.weight(family, i, j)
             else:
                 return size
+        elif wp.static(gradual):
+            return wp.where(undamaged, real(1.0), size) * f.weight(family, i, j)
         else:
             return f.weight(family, i, j)
 

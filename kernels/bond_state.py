@@ -1,7 +1,8 @@
 """State of the bonds, intact or broken, and the kernels that sum the contributions of families.
 
 `breakable` says whether bonds can break. If they cannot, all bonds of the undamaged sheet are intact, and no kernel
-reads the bits `intact` [words, points].
+reads the bits `intact` [words, points]. Where bonds lose their weight gradually, `intact` has twice as many rows: first
+the bits of the bonds with their full weight, then those of the bonds with any weight left, which are the intact ones.
 """
 
 import functools
@@ -12,7 +13,7 @@ import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, family_functions, has_shares
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
@@ -23,8 +24,8 @@ class BondState:
 
     Attributes:
         intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
-        is_undamaged: (family, intact, i) -> whether no bond of i is broken, so that the tables of the undamaged sheet
-            are valid.
+        is_undamaged: (family, intact, i) -> whether all bonds of i have their full weight, so that the tables of the
+            undamaged sheet are valid.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
     """
 
@@ -39,10 +40,13 @@ def bond_state(layout: str, bits: int, breakable: bool, module: str) -> BondStat
     f = family_functions(layout, bits, module)
     Family = f.struct
     word_size = WORD
+    gradual = has_shares(layout)
 
     @wp.func(module=module)
     def intact_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
-        if wp.static(breakable):
+        if wp.static(gradual):
+            return intact[family.words + word, i]
+        elif wp.static(breakable):
             return intact[word, i]
         else:
             return f.initial(family, i, word)

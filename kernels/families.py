@@ -3,6 +3,9 @@
 Lattice: all points share one stencil. Points with the same neighbourhood form a family class (`family_class`) and share
 one row of a small table: bits, shape tensors, weights, area. Cloud: every point has its own row.
 
+Either layout may come "with shares": bonds then lose their weight gradually, and a table holds the share that each bond
+has left, 1 to 0. It is a factor on the influence and the weight of the bond, so that laws need not know of it.
+
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
 area of a point. Every tabulated number is therefore of order one, in any system of units and in float32.
 """
@@ -16,6 +19,7 @@ import warp as wp
 from .numeric import numeric
 
 WORD = 32
+WITH_SHARES = " with shares"
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,7 @@ class FamilyFunctions:
         weight: (family, i, k) -> W_ik divided by the reference area.
         area: (family, i) -> a_i divided by the reference area.
         family_area: (family, i) -> undamaged |H_i| divided by the reference area.
+        share: (family, i, k) -> what the bond has left of its weight, 1 to 0.
     """
 
     struct: Any
@@ -47,11 +52,12 @@ class FamilyFunctions:
     weight: wp.Function
     area: wp.Function
     family_area: wp.Function
+    share: wp.Function
 
 
 @functools.cache
-def lattice_functions(bits: int, module: str) -> FamilyFunctions:
-    """Functions of the lattice layout."""
+def lattice_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
+    """Functions of the lattice layout; `shares` says whether bonds lose their weight gradually."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
@@ -70,6 +76,7 @@ def lattice_functions(bits: int, module: str) -> FamilyFunctions:
         class_weight: wp.array2d(dtype=real)
         class_area: wp.array(dtype=real)
         class_family_area: wp.array(dtype=real)
+        shares: wp.array2d(dtype=real)
 
     @wp.func(module=module)
     def neighbour(family: LatticeFamily, i: int, k: int):
@@ -84,8 +91,18 @@ def lattice_functions(bits: int, module: str) -> FamilyFunctions:
         return family.stencil_bond[k]
 
     @wp.func(module=module)
+    def share(family: LatticeFamily, i: int, k: int):
+        if wp.static(shares):
+            return family.shares[k, i]
+        else:
+            return real(1.0)
+
+    @wp.func(module=module)
     def influence(family: LatticeFamily, i: int, k: int):
-        return family.stencil_influence[k]
+        if wp.static(shares):
+            return family.stencil_influence[k] * family.shares[k, i]
+        else:
+            return family.stencil_influence[k]
 
     @wp.func(module=module)
     def common(family: LatticeFamily, i: int, k: int, word: int):
@@ -101,7 +118,10 @@ def lattice_functions(bits: int, module: str) -> FamilyFunctions:
 
     @wp.func(module=module)
     def weight(family: LatticeFamily, i: int, k: int):
-        return family.class_weight[family.family_class[i], k]
+        if wp.static(shares):
+            return family.class_weight[family.family_class[i], k] * family.shares[k, i]
+        else:
+            return family.class_weight[family.family_class[i], k]
 
     @wp.func(module=module)
     def area(family: LatticeFamily, i: int):
@@ -112,13 +132,13 @@ def lattice_functions(bits: int, module: str) -> FamilyFunctions:
         return family.class_family_area[family.family_class[i]]
 
     return FamilyFunctions(
-        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area
+        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share
     )
 
 
 @functools.cache
-def cloud_functions(bits: int, module: str) -> FamilyFunctions:
-    """Functions of the cloud layout: tables [member, point]."""
+def cloud_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
+    """Functions of the cloud layout: tables [member, point]; `shares` as for the lattice."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
@@ -136,6 +156,7 @@ def cloud_functions(bits: int, module: str) -> FamilyFunctions:
         weights: wp.array2d(dtype=real)
         areas: wp.array(dtype=real)
         family_areas: wp.array(dtype=real)
+        shares: wp.array2d(dtype=real)
 
     @wp.func(module=module)
     def neighbour(family: CloudFamily, i: int, k: int):
@@ -150,8 +171,18 @@ def cloud_functions(bits: int, module: str) -> FamilyFunctions:
         return family.bonds[k, i]
 
     @wp.func(module=module)
+    def share(family: CloudFamily, i: int, k: int):
+        if wp.static(shares):
+            return family.shares[k, i]
+        else:
+            return real(1.0)
+
+    @wp.func(module=module)
     def influence(family: CloudFamily, i: int, k: int):
-        return family.influences[k, i]
+        if wp.static(shares):
+            return family.influences[k, i] * family.shares[k, i]
+        else:
+            return family.influences[k, i]
 
     @wp.func(module=module)
     def common(family: CloudFamily, i: int, k: int, word: int):
@@ -167,7 +198,10 @@ def cloud_functions(bits: int, module: str) -> FamilyFunctions:
 
     @wp.func(module=module)
     def weight(family: CloudFamily, i: int, k: int):
-        return family.weights[k, i]
+        if wp.static(shares):
+            return family.weights[k, i] * family.shares[k, i]
+        else:
+            return family.weights[k, i]
 
     @wp.func(module=module)
     def area(family: CloudFamily, i: int):
@@ -178,11 +212,22 @@ def cloud_functions(bits: int, module: str) -> FamilyFunctions:
         return family.family_areas[i]
 
     return FamilyFunctions(
-        CloudFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area
+        CloudFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share
     )
 
 
 @functools.cache
 def family_functions(layout: str, bits: int, module: str) -> FamilyFunctions:
-    """Functions of `layout`, "lattice" or "cloud"."""
-    return lattice_functions(bits, module) if layout == "lattice" else cloud_functions(bits, module)
+    """Functions of `layout`, "lattice" or "cloud", either of them perhaps `WITH_SHARES`."""
+    functions = lattice_functions if is_lattice(layout) else cloud_functions
+    return functions(bits, has_shares(layout), module)
+
+
+def is_lattice(layout: str) -> bool:
+    """Whether all points share one stencil."""
+    return layout.removesuffix(WITH_SHARES) == "lattice"
+
+
+def has_shares(layout: str) -> bool:
+    """Whether bonds lose their weight gradually."""
+    return layout.endswith(WITH_SHARES)

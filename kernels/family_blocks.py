@@ -20,7 +20,7 @@ import warp as wp
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions
+from .families import WORD, family_functions, has_shares, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
@@ -80,6 +80,7 @@ def block_force(
     area_weight, family_scale = law.area_weight, law.family_scale
     stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
+    lattice, gradual = is_lattice(layout), has_shares(layout)
     n, half, word_size = members, threads_of_family(members), WORD
     together = families_together(n)
     threads = half * together
@@ -108,9 +109,12 @@ def block_force(
             if is_intact(family, intact, i, k):
                 intact_here = True
                 row = i
-                if wp.static(layout == "lattice"):
+                if wp.static(lattice):
                     row = family.family_class[i]
                 moment = moments[k, row]
+                if wp.static(gradual):
+                    share = f.share(family, i, k)
+                    moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
                 stretch = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 for word in range(wp.static(words)):
                     common[word] = f.common(family, i, k, wp.static(word)) & intact_members(
@@ -139,7 +143,7 @@ def block_force(
             inverse = f.shape(family, i, k)
             if wp.static(damaged):
                 if not undamaged:
-                    inverse = damaged_inverse(shape, inverse)
+                    inverse, size = damaged_inverse(shape, inverse, size)
             if inverse[0] > real(0.0):
                 H1 = G1 * inverse[0] + G2 * inverse[1]
                 H2 = G1 * inverse[1] + G2 * inverse[2]

@@ -11,6 +11,8 @@ from .numeric import numeric
 DEGENERATE = 0.2
 # Minimum det K of what is left of an intersection, divided by the undamaged one; see kernels/bond_associated.py.
 SAMPLE = 0.5
+# The same where bonds lose their weight gradually: the intersection loses its stress between these two.
+SAMPLE_BEGIN, SAMPLE_END = 0.7, 0.3
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class Kinematics:
         inverse_shape: K -> its inverse, or zero where degenerate.
         remaining_inverse: (K, undamaged K^-1) -> inverse of what is left of a shape tensor, or zero where that is no
             sample of the deformation any more.
+        fading_inverse: The same where bonds lose their weight gradually, and the share of its stress, 1 to 0, that the
+            intersection still carries.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
     """
 
@@ -30,6 +34,7 @@ class Kinematics:
     determines_gradient: wp.Function
     inverse_shape: wp.Function
     remaining_inverse: wp.Function
+    fading_inverse: wp.Function
     stress_on_members: wp.Function
 
 
@@ -39,6 +44,7 @@ def kinematics(bits: int) -> Kinematics:
     types = numeric(bits)
     real, vec3, mat22 = types.real, types.vec3, types.mat22
     degenerate, sample = DEGENERATE, SAMPLE
+    sample_end, sample_range = SAMPLE_END, SAMPLE_BEGIN - SAMPLE_END
 
     @wp.func
     def green(H1: vec3, H2: vec3):
@@ -71,6 +77,17 @@ def kinematics(bits: int) -> Kinematics:
             return vec3(real(0.0), real(0.0), real(0.0))
 
     @wp.func
+    def fading_inverse(shape: vec3, undamaged: vec3):
+        """Inverse of the symmetric tensor (11, 12, 22), and the share of its stress that the intersection carries."""
+        determinant = shape[0] * shape[2] - shape[1] * shape[1]
+        left = determinant * (undamaged[0] * undamaged[2] - undamaged[1] * undamaged[1])
+        share = wp.clamp((left - real(sample_end)) / real(sample_range), real(0.0), real(1.0))
+        inverse = vec3(real(0.0), real(0.0), real(0.0))
+        if share > real(0.0):
+            inverse = vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
+        return inverse, share
+
+    @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
         """Columns of W P K^-1, with P = F S and F = I + (H1, H2); times c_k X_k they give the force on a member k."""
         F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
@@ -79,4 +96,4 @@ def kinematics(bits: int) -> Kinematics:
         P2 = weight * (S[0, 1] * F1 + S[1, 1] * F2)
         return P1 * inverse[0] + P2 * inverse[1], P1 * inverse[1] + P2 * inverse[2]
 
-    return Kinematics(green, determines_gradient, inverse_shape, remaining_inverse, stress_on_members)
+    return Kinematics(green, determines_gradient, inverse_shape, remaining_inverse, fading_inverse, stress_on_members)

@@ -34,7 +34,7 @@ from warp_pd import (
 from warp_pd.checks import InputError, count, not_negative, one_of, positive
 from warp_pd.materials import energy_density, stretch_of_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
-from warp_pd.parts import TIP_WIDTH
+from warp_pd.parts import tip_width
 
 HEIGHT, THICKNESS, DENSITY, MU = 0.04, 1e-3, 1000.0, 1e3
 LENGTH, CUT = 3.5 * HEIGHT, 1.25 * HEIGHT
@@ -83,7 +83,9 @@ def build(
     damage = TearingEnergy(energy, spared=grips)
     if critical_stretch is not None:
         damage = CriticalStretch(critical_stretch, spared=grips)
-        energy = TIP_WIDTH * spacing * float(energy_density(sheet_material, critical_stretch, 1.0))
+        energy = (
+            tip_width(horizon, gradual=False) * spacing * float(energy_density(sheet_material, critical_stretch, 1.0))
+        )
     last = stretch_of_density(
         lambda stretches: energy_density(sheet_material, stretches, 1.0),
         positive("overload", overload) * energy / HEIGHT,

@@ -139,6 +139,7 @@ def _context(
         damped=solver.mass_damping is not None,
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
+        gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
         contact=scene.contact is not None,
     )
     return Context(

@@ -41,7 +41,7 @@ def distance_from_local_plane(built: Built, frame: Frame, points: Any) -> np.nda
     members = families.members_of(chosen)
     present = members >= 0
     if built.law.intact is not None:
-        words = built.law.intact.numpy()[:, chosen].T
+        words = built.law.intact.numpy()[-families.words :, chosen].T
         present &= unpack(words, families.members)
     position = np.column_stack([sheet.points, np.zeros(sheet.size)]) + np.asarray(frame.displacement, np.float64)
     # About the point itself, so that a sheet far from the origin keeps its digits.

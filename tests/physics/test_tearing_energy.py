@@ -15,15 +15,15 @@ from warp_pd import (
     InputError,
     MooneyRivlin,
     Motion,
+    Nodal,
     Simulation,
     TearingEnergy,
     TensionField,
-    Visco,
     Yeoh,
 )
 from warp_pd.families import unpack
 from warp_pd.materials import energy_density
-from warp_pd.parts import TIP_WIDTH
+from warp_pd.parts import tip_width
 from warp_pd.scenes import pure_shear_tear
 
 MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Yeoh(500.0, 10.0), ArrudaBoyce(1e3, 5.0), TensionField(NEO)]
@@ -33,10 +33,16 @@ MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Yeoh(500.0, 10.0), ArrudaBoy
 @pytest.mark.parametrize("stretch", [1.2, 2.0, 4.0])
 def test_the_critical_stretch_is_thomas_relation(material, stretch):
     sheet = square(11)
-    energy = TIP_WIDTH * sheet.spacing * float(energy_density(material, stretch, 1.0))
+    energy = tip_width(3.15, gradual=True) * sheet.spacing * float(energy_density(material, stretch, 1.0))
     law = BondAssociated(material, horizon=3.15)
     built = Simulation(sheet, law, Explicit(1.0), damage=TearingEnergy(energy)).build("cpu")
-    assert built.rupture.criterion.stretch == pytest.approx(stretch, rel=1e-5)
+    assert built.rupture.critical == pytest.approx(stretch, rel=1e-5)
+
+
+def test_the_tip_is_as_wide_as_the_horizon_if_that_is_wide():
+    assert tip_width(12.45, gradual=True) == pytest.approx(3.0 * tip_width(4.15, gradual=True))
+    assert tip_width(1.5, gradual=True) == tip_width(2.015, gradual=True) > 0.0
+    assert tip_width(2.015, gradual=False) == tip_width(4.15, gradual=False)
 
 
 @pytest.mark.parametrize("material", MATERIALS[:5], ids=str)
@@ -80,9 +86,10 @@ def test_wrong_energies_are_refused(energy):
 
 
 def intact_after_a_step(sheet, damage, gradient):
+    """Bits of the bonds that are whole; the law's bonds cannot lose their weight gradually."""
     simulation = Simulation(
         sheet,
-        BondAssociated(NEO),
+        BondAssociated(NEO, broken="redistribute"),
         Explicit(1e-6, frames=1),
         damage=damage,
         initial_displacement=uniform(sheet, gradient),
@@ -91,13 +98,18 @@ def intact_after_a_step(sheet, damage, gradient):
     return unpack(array(built, "intact_bonds").numpy().T, built.law.families.members)
 
 
+def at_once(sheet, stretch):
+    """The tearing energy whose critical stretch this is, where bonds break at once."""
+    return tip_width(2.015, gradual=False) * sheet.spacing * float(energy_density(NEO, stretch, 1.0))
+
+
 @pytest.mark.parametrize("stretch", [1.35, 1.45])
-def test_on_a_lattice_it_is_a_critical_stretch(stretch):
+def test_bonds_that_break_at_once_have_a_critical_stretch(stretch):
     sheet = square(9)
-    energy = TIP_WIDTH * sheet.spacing * float(energy_density(NEO, 1.4, 1.0))
     gradient = [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]]
     one, other = (
-        intact_after_a_step(sheet, damage, gradient) for damage in (TearingEnergy(energy), CriticalStretch(1.4))
+        intact_after_a_step(sheet, damage, gradient)
+        for damage in (TearingEnergy(at_once(sheet, 1.4)), CriticalStretch(1.4))
     )
     np.testing.assert_array_equal(one, other)
     assert one.any() and (one.sum() < one.size * 0.6) == (stretch > 1.4)
@@ -106,10 +118,9 @@ def test_on_a_lattice_it_is_a_critical_stretch(stretch):
 def test_short_bonds_of_a_cloud_are_not_broken_by_a_roughness():
     """A bond of half a spacing may lengthen by as much as one of a whole spacing."""
     sheet = jittered(11, share=0.3)
-    energy = TIP_WIDTH * sheet.spacing * float(energy_density(NEO, 1.4, 1.0))
+    energy = at_once(sheet, 1.4)
     gradient = [[1.45, 0.0], [0.0, 1.45], [0.0, 0.0]]
-    built = build(sheet, damage=TearingEnergy(energy))
-    families = built.law.families
+    families = build(sheet, damage=TearingEnergy(energy)).law.families
     length = np.linalg.norm(families.bonds, axis=-1) * families.horizon
     intact = intact_after_a_step(sheet, TearingEnergy(energy), gradient)
     expected = 0.45 * length <= 0.4 * np.maximum(length, sheet.spacing)
@@ -118,13 +129,13 @@ def test_short_bonds_of_a_cloud_are_not_broken_by_a_roughness():
     assert 0.02 < intact[exists].mean() < 0.5
 
 
-def test_visco_takes_it():
+def test_the_summary_states_the_stretches():
     sheet = square(9)
-    law = Visco(Yeoh(500.0))
-    built = Simulation(sheet, law, Explicit(1.0), damage=TearingEnergy(1.0), loads=[Fixed(sheet.edges("left"))]).build(
-        "cpu"
-    )
-    assert built.rupture.criterion.stretch > 1.05
+    loads = [Fixed(sheet.edges("left"))]
+    for law, said in ((BondAssociated(NEO), "lose their weight between"), (Nodal(NEO), "for a critical stretch of")):
+        simulation = Simulation(sheet, law, Explicit(1e-6, frames=1), damage=TearingEnergy(5.0), loads=loads)
+        (note,) = [note for note in simulation.run(device="cpu").summary["notes"] if "tearing energy" in note]
+        assert said in note
 
 
 def test_breaking_takes_energy_and_torn_strips_keep_their_balance():

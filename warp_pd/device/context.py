@@ -12,6 +12,7 @@ import warp as wp
 
 from ..checks import InputError
 from ..cores import start_warp
+from ..kernels.families import WITH_SHARES
 from ..kernels.numeric import Numeric
 from ..sheet import Sheet
 from .clock import Clock
@@ -59,6 +60,7 @@ class Features:
     damped: bool = False
     tracked: bool = False
     breakable: bool = False
+    gradual: bool = False
     contact: bool = False
 
 
@@ -132,8 +134,9 @@ class Context:
 
     @property
     def layout(self) -> str:
-        """Layout of the families: "lattice" or "cloud"."""
-        return "cloud" if self.sheet.lattice is None else "lattice"
+        """Layout of the families: "lattice" or "cloud", either "with shares" if bonds lose their weight gradually."""
+        layout = "cloud" if self.sheet.lattice is None else "lattice"
+        return layout + WITH_SHARES if self.features.gradual else layout
 
     def array(
         self,

@@ -76,7 +76,8 @@ class BuiltLaw(BuiltPart, Protocol):
         horizon: Horizon in spacings of the sheet [-].
         families: The families on the host.
         struct: The families on the device, a Warp struct (kernels/families.py).
-        intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break.
+        intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break. If they lose their weight
+            gradually, it is (2 words, N), and the first rows are bits of the bonds with their full weight.
         constants: Constants of the material.
         inverse_horizon: [1/m].
         unit_volume: Thickness times reference area [m^3].
@@ -175,6 +176,11 @@ class Law(Protocol):
     def horizon(self) -> float:
         """Horizon in spacings of the sheet [-]."""
         ...
+
+    @property
+    def softens(self) -> bool:
+        """Whether its bonds can lose their weight gradually."""
+        return False
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""

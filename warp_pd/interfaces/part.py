@@ -185,9 +185,11 @@ class Rupture(Part, Protocol):
 
     Attributes:
         spared: Points whose bonds never break, such as those in a clamp; None if all bonds may break.
+        gradual: Whether bonds lose their weight gradually in dynamics, with laws that allow it.
     """
 
     argument: ClassVar[str] = "damage"
+    gradual: ClassVar[bool] = False
     spared: Any
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:

@@ -63,6 +63,11 @@ class BondAssociated:
 
     has_tangent: ClassVar[bool] = True
 
+    @property
+    def softens(self) -> bool:
+        """Whether its bonds can lose their weight gradually."""
+        return self.form == "variational" and self.broken == "drop"
+
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         one_of("weights", self.weights, WEIGHTS)
@@ -120,7 +125,7 @@ class BondAssociatedForce(FamilyLaw):
         weights = families.stiffened(weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
-        self.key: Key = (families.layout, context.bits, law.material.functions, broken, law.form)
+        self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
         self.kernels = bond_associated(*self.key, context.module)
         self.earlier_energy = self.kernels.earlier_energy
         self.fast_path: FastPath | None = fast_path(self, inverse, weights)

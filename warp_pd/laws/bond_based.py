@@ -53,6 +53,7 @@ class BondBased:
     weights: ClassVar[str] = "pairwise"
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = True
+    softens: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

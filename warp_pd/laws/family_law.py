@@ -78,6 +78,8 @@ class FamilyLaw(BuiltLaw):
         self.intact: Array | None = None
         if context.features.breakable:
             bits = families.rows_of_points(pack(families.exists)).T
+            if context.features.gradual:
+                bits = np.concatenate([bits, bits])
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True)
         self.thickness = context.sheet.thickness
         self.points = context.sheet.size

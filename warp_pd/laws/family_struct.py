@@ -43,13 +43,17 @@ def family_struct(
         weights: W divided by the reference area by row, shape (R, n).
     """
     types = context.types
-    s: Any = family_functions(families.layout, types.bits, context.module).struct()
+    s: Any = family_functions(context.layout, types.bits, context.module).struct()
     s.members, s.words = families.members, families.words
     family_areas = families.member_areas.sum(axis=1)
     real = wp.dtype_to_numpy(types.real)
 
     def put(name: str, values: np.ndarray, dtype: Any) -> Any:
         return context.array(name, owner, dtype, values, per="table")
+
+    if context.features.gradual:
+        exist = _by_member(families.rows_of_points(families.exists), real)
+        s.shares = context.array("bond_shares", "rupture", types.real, exist, per="bond", restart=True)
 
     if families.shift is not None and families.family_class is not None:
         s.stencil_shift = put("stencil_shift", families.shift, wp.int32)

@@ -55,6 +55,7 @@ class HyperelasticBonds:
     weights: ClassVar[str] = "pairwise"
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
+    softens: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

@@ -65,6 +65,7 @@ class Neural:
     weights: ClassVar[str] = "point"
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
+    softens: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

@@ -47,6 +47,7 @@ class Nodal:
     weights: ClassVar[str] = "point"
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = False
+    softens: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

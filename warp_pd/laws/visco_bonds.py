@@ -46,6 +46,7 @@ class ViscoBondBased:
 
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
+    softens: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

@@ -5,10 +5,9 @@ from .contact import RigidBall, RigidContact
 from .loads import BodyForce, PointForce, Pressure
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .supports import Fixed, Motion, stretching_edges
-from .tearing_energy import TIP_WIDTH, TearingEnergy, stretch_or_energy
+from .tearing_energy import TearingEnergy, stretch_or_energy, tip_width
 
 __all__ = [
-    "TIP_WIDTH",
     "BodyForce",
     "BondCriterion",
     "BoundaryForce",
@@ -23,4 +22,5 @@ __all__ = [
     "TearingEnergy",
     "stretch_or_energy",
     "stretching_edges",
+    "tip_width",
 ]

@@ -127,31 +127,29 @@ def crossing_bonds(horizon: float) -> int:
     )
 
 
-class BreakingBonds(BuiltRupture):
-    """Bonds that break by a criterion, and the damage that this leaves.
+class Damaged(BuiltRupture):
+    """The damage that broken bonds leave.
 
     Attributes:
-        criterion: Struct of the criterion.
+        owner: Name of the criterion.
+        spared: Whether a point is spared, (N,) uint8, or None.
         released: Energy lost with broken bonds [J], (N,) float64; None where it is not summed up.
+        tracked_energy: Warp function of the energy that is lost, or None.
     """
 
     def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
         self.label, self.owner, self.context, self.law = f"damage = {owner}", owner, context, law
         sheet = context.sheet
-        self._spared: Array | None = None
+        self.spared: Array | None = None
         if rupture.spared is not None:
             mask = np.zeros(sheet.size, np.uint8)
             mask[point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
-            self._spared = context.array("spared", owner, wp.uint8, mask)
-        found, self.criterion = rupture.criterion(context, law)
+            self.spared = context.array("spared", owner, wp.uint8, mask)
         tracked = context.features.tracked and law.has_energy
         self.released: Array | None = None
         if tracked:
             self.released = context.array("released", "energy balance", wp.float64, shape=sheet.size, restart=True)
-        self._kernel = breaking(
-            context.layout, context.bits, found, self._spared is not None, law.earlier_energy if tracked else None,
-            context.module,
-        )  # fmt: skip
+        self.tracked_energy = law.earlier_energy if tracked else None
         self.damage = context.array("damage", owner, wp.float32, shape=sheet.size)
         self.intact_faces = context.array("intact_faces", owner, wp.uint8, shape=len(sheet.triangles), per="face")
         self._triangles = context.array("triangles", owner, wp.vec3i, sheet.triangles, per="table")
@@ -159,19 +157,23 @@ class BreakingBonds(BuiltRupture):
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that breaks bonds, or those of the damage at frames."""
         if phase is Phase.RUPTURE:
-            self._add_breaking(stage)
+            self.add_breaking(stage)
         elif phase is Phase.FRAME:
             self._add_damage(stage)
 
-    def _add_breaking(self, stage: Stage) -> None:
+    def add_breaking(self, stage: Stage) -> None:
+        """Add the launch that breaks bonds."""
+        raise NotImplementedError(f"{type(self).__name__}.add_breaking: a criterion needs a kernel")
+
+    def arguments(self) -> dict[str, Any]:
+        """Arguments common to the kernels that break bonds."""
         law, state = self.law, self.context.state
-        stage.launch(
-            self.owner, self._kernel, self.context.sheet.size,
-            family=law.struct, displacement=state.displacement, velocity=state.velocity, step=state.step,
-            criterion=self.criterion, horizon=law.families.horizon, spared_mask=self._spared,
-            constants=law.constants, inverse_horizon=law.inverse_horizon, unit_volume=law.unit_volume,
-            intact=law.intact, released=self.released,
-        )  # fmt: skip
+        return {
+            "family": law.struct, "displacement": state.displacement, "velocity": state.velocity, "step": state.step,
+            "horizon": law.families.horizon, "spared_mask": self.spared, "constants": law.constants,
+            "inverse_horizon": law.inverse_horizon, "unit_volume": law.unit_volume, "intact": law.intact,
+            "released": self.released,
+        }  # fmt: skip
 
     def _add_damage(self, stage: Stage) -> None:
         context = self.context
@@ -195,6 +197,26 @@ class BreakingBonds(BuiltRupture):
         """Largest and mean damage."""
         damage = self.damage.numpy()
         return {"largest_damage": float(damage.max()), "mean_damage": float(damage.mean(dtype=np.float64))}
+
+
+class BreakingBonds(Damaged):
+    """Bonds that break by a criterion.
+
+    Attributes:
+        criterion: Struct of the criterion.
+    """
+
+    def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
+        super().__init__(owner, rupture, context, law)
+        found, self.criterion = rupture.criterion(context, law)
+        self._kernel = breaking(
+            context.layout, context.bits, found, self.spared is not None, self.tracked_energy, context.module
+        )
+
+    def add_breaking(self, stage: Stage) -> None:
+        """Add the launch that breaks bonds."""
+        size = self.context.sheet.size
+        stage.launch(self.owner, self._kernel, size, **self.arguments(), criterion=self.criterion)
 
 
 class BreakingByEnergy(BreakingBonds):

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..checks import InputError, positive
 from ..device.context import Context
+from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltRupture, History
 from ..kernels.rupture import Criterion, elongation
+from ..kernels.softening import softening
 from ..materials import borne, stretch_of_density
-from .rupture import BondCriterion, BreakingBonds, CriticalStretch
+from .rupture import BondCriterion, BreakingBonds, CriticalStretch, Damaged
 
-# Width kappa of a crack tip in spacings, at horizons from 2 to 4 spacings; see docs/tearing.md.
+# Width kappa of a crack tip in spacings, see docs/tearing.md: of bonds that break at once, and of bonds that lose their
+# weight gradually, by the horizon in spacings.
 TIP_WIDTH = 2.07
+GRADUAL_HORIZONS, GRADUAL_WIDTHS = (2.015, 3.15, 4.15), (1.32, 1.20, 1.40)
+# A bond loses its weight while its elongation is between these shares of the critical one.
+BEGIN, END = 0.4, 1.6
 # Range of the critical stretch: below it round-off and roughness break bonds, above it no rubber is known.
 MIN_STRETCH, MAX_STRETCH = 1.05, 30.0
 
@@ -24,14 +30,18 @@ MIN_STRETCH, MAX_STRETCH = 1.05, 30.0
 class TearingEnergy(BondCriterion):
     """A crack advances when the energy release rate reaches the tearing energy of the material, Gc.
 
-    A bond breaks for good at the critical stretch s_c that stands for Gc on the sheet, by Thomas's relation (1955): the
-    tearing energy is the width of the tip times the work per volume to break the material there,
+    By Thomas's relation (1955), the tearing energy is the width of the tip times the work per volume to break the
+    material there,
 
         Gc = kappa dx W(s_c),
 
     with the energy density W of pure shear, the spacing dx, and the width kappa of a tip in spacings, as measured in
-    docs/tearing.md. It costs no more than `CriticalStretch`. The elongation of a bond shorter than the spacing, as
+    docs/tearing.md. A bond loses its weight gradually, and for good, while its elongation grows from 0.4 to 1.6 times
+    that of the critical stretch s_c: see kernels/softening.py. The elongation of a bond shorter than the spacing, as
     irregular clouds have, counts over the spacing: otherwise the roughness of the displacement would break it.
+
+    In static solvers, and with a law whose bonds cannot lose their weight gradually, bonds break at once at s_c, for
+    which kappa is another. The summary states the stretches.
 
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
@@ -44,32 +54,36 @@ class TearingEnergy(BondCriterion):
     energy: float
     spared: Any = None
 
+    gradual: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         positive("TearingEnergy.energy", self.energy)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
-        """The critical stretch.
+        """The critical stretch, for bonds that break at once.
 
         Raises:
             InputError: for a law without an energy density, or a spacing that cannot resolve the tearing energy.
         """
-        stretch = self.critical_stretch(law, context.sheet.spacing)
         found = elongation(context.layout, context.bits, context.module)
         values = found.struct()
-        values.stretch, values.spacing = stretch, context.sheet.spacing
+        values.stretch, values.spacing = self.critical_stretch(context, law), context.sheet.spacing
         return found, values
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The criterion on a device."""
+        if context.features.gradual:
+            return SofteningBonds(self, context, law)
         return TearingBonds("TearingEnergy", self, context, law)
 
-    def critical_stretch(self, law: BuiltLaw, spacing: float) -> float:
-        """Critical stretch s_c that stands for the tearing energy at a spacing [m].
+    def critical_stretch(self, context: Context, law: BuiltLaw) -> float:
+        """Critical stretch s_c that stands for the tearing energy on a sheet.
 
         Raises:
             InputError: if there is none in the range that the spacing resolves.
         """
-        width = TIP_WIDTH * spacing
+        spacing = context.sheet.spacing
+        width = tip_width(law.horizon, context.features.gradual) * spacing
         stretches = np.geomspace(MIN_STRETCH, MAX_STRETCH, 400)
         found = stretch_of_density(law.energy_density, self.energy / width, stretches)
         if np.isnan(found):
@@ -84,7 +98,7 @@ class TearingEnergy(BondCriterion):
 
 
 class TearingBonds(BreakingBonds):
-    """Bonds that break by a tearing energy."""
+    """Bonds that break at once by a tearing energy."""
 
     criterion: Any
 
@@ -95,6 +109,52 @@ class TearingBonds(BreakingBonds):
             f"the tearing energy stands for a critical stretch of {values.stretch:.4g} at a spacing of "
             f"{values.spacing:.4g} m"
         ]
+
+
+class SofteningBonds(Damaged):
+    """Bonds that lose their weight gradually by a tearing energy.
+
+    Attributes:
+        stretches: Stretches at which a bond begins to lose its weight, and has lost it.
+    """
+
+    def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
+        super().__init__("TearingEnergy", rupture, context, law)
+        self.critical = rupture.critical_stretch(context, law)
+        begin, end = (1.0 + share * (self.critical - 1.0) for share in (BEGIN, END))
+        self.stretches = (begin, end)
+        self._kernel = softening(
+            context.layout, context.bits, self.spared is not None, self.tracked_energy, context.module
+        )
+
+    def add_breaking(self, stage: Stage) -> None:
+        """Add the launch that takes weight from bonds."""
+        begin, end = self.stretches
+        stage.launch(
+            self.owner, self._kernel, self.context.sheet.size, **self.arguments(), full_below=begin, none_above=end,
+            spacing=self.context.sheet.spacing, shares=self.law.struct.shares,
+        )  # fmt: skip
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """The stretches that were used."""
+        begin, end = self.stretches
+        return [
+            f"the tearing energy stands for a critical stretch of {self.critical:.4g} at a spacing of "
+            f"{self.context.sheet.spacing:.4g} m: bonds lose their weight between {begin:.4g} and {end:.4g}"
+        ]
+
+
+def tip_width(horizon: float, gradual: bool) -> float:
+    """Width kappa of a crack tip in spacings; in proportion to wider horizons than those it was measured at.
+
+    Args:
+        horizon: In spacings.
+        gradual: Whether bonds lose their weight gradually.
+    """
+    if not gradual:
+        return TIP_WIDTH
+    wider = max(horizon / GRADUAL_HORIZONS[-1], 1.0)
+    return wider * float(np.interp(horizon, GRADUAL_HORIZONS, GRADUAL_WIDTHS))
 
 
 def stretch_or_energy(critical_stretch: float, tearing_energy: float | None, spared: Any = None) -> BondCriterion:

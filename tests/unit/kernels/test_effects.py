@@ -19,12 +19,14 @@ from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    Explicit,
     Fixed,
     Newton,
     PointForce,
     Pressure,
     Relaxation,
     Simulation,
+    TearingEnergy,
 )
 from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
@@ -52,6 +54,7 @@ def further():
     dead = [*in_plane, PointForce(plane.edges("right"), (1e-3, 0.0, 0.0), ramp=((0.0, 0.0), (1.0, 1.0)))]
     law = BondAssociated(NEO, horizon=2.015, weights="plain")
     return {
+        "softening": Simulation(plane, law, Explicit(1.0), damage=TearingEnergy(1.0, spared=plane.edges("left"))),
         "newton multigrid": Simulation(plane, law, Newton(preconditioner="multigrid"), loads=[*dead, Pressure(2.0)]),
         "relaxed bonds": Simulation(plane, bonds, Relaxation(), loads=in_plane),
         "relaxed pressure and dead loads": Simulation(plane, law, Relaxation(), loads=[*dead, *loads(plane)[1:]]),

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import warp as wp
-from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, square
+from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square
 
-from warp_pd import CriticalStretch, Explicit, Gent
+from warp_pd import CriticalStretch, Explicit, Gent, TearingEnergy
 from warp_pd.device import graph
 from warp_pd.laws import fast_path
 
@@ -77,6 +77,32 @@ def test_one_thread_per_bond(blocks, sheet, cut, bits):
     """A GPU takes small sheets so."""
     quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
     assert quick[-3:-1] == ["family_block_force", "gather_from_reverse_bonds"]
+
+
+def compare_softened(sheet, horizon, bits):
+    forces, launches = [], []
+    for fast in (True, False):
+        built = build(sheet, horizon=horizon, precision=bits, law={"fast": fast}, damage=TearingEnergy(10.0))
+        soften(built)
+        forces.append(internal_force(built, rough(sheet)))
+        launches.append(launch_names(built))
+    quick, reference = forces
+    assert np.abs(quick - reference).max() <= TOLERANCE[bits] * np.abs(reference).max()
+    assert launches[0] != launches[1] and "soften_bonds" in launches[0]
+
+
+def test_softened_families():
+    compare_softened(square(15), 2.015, 64)
+
+
+@pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
+def test_softened_families_with_one_thread_per_bond(blocks, sheet, bits):
+    compare_softened(sheet, 3.15 if bits == 64 else 2.015, bits)
+
+
+def test_softened_families_that_share_blocks(large_on_gpu):
+    compare_softened(square(13), 2.015, 64)
 
 
 @pytest.mark.parametrize("broken", ["drop", "redistribute"])
