@@ -20,10 +20,11 @@ import math
 import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
-from warp_pd.checks import InputError, count, finite, not_negative, positive, resolved
+from warp_pd.checks import InputError, count, finite, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
 from warp_pd.parts import stretch_or_energy
+from warp_pd.roughness import rough_surface
 
 
 def build(
@@ -70,13 +71,7 @@ def build(
     travel = speed * duration
     material = with_wrinkles(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), wrinkles)
     line = TearLine(sheet)
-    bumps = np.zeros((sheet.size, 3))
-    bumps[:, 2] = (
-        not_negative("roughness", roughness)
-        * sheet.spacing
-        * np.random.default_rng(seed).uniform(-1.0, 1.0, sheet.size)
-    )
-    bumps[np.concatenate([top, bottom])] = 0.0
+    grips = np.concatenate([top, bottom])
     left, right = line.centres[:, 0] < 0.5 * width, line.centres[:, 0] >= 0.5 * width
     return Simulation(
         sheet,
@@ -85,8 +80,8 @@ def build(
             Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
             Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
         ],
-        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=np.concatenate([top, bottom])),
-        initial_displacement=bumps,
+        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=grips),
+        initial_displacement=rough_surface(sheet, roughness, seed, grips),
         solver=Explicit(duration=duration, frames=times, damping=damping, safety=safety),
         measures=[
             Measure("extension", "m", lambda built, frame: 2.0 * speed * frame.time),

@@ -33,7 +33,7 @@ def build(
     damping: float = 200.0,
     duration: float = 60.0,
     frames: int = 120,
-    safety: float = 0.3,
+    safety: float | None = None,
 ) -> Simulation:
     sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
     left, right = sheet.edges("left"), sheet.edges("right")

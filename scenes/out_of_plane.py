@@ -22,7 +22,7 @@ def build(
     damping: float = 0.1,
     duration: float = 4.5,
     frames: int = 90,
-    safety: float = 0.5,
+    safety: float | None = None,
     patch: float = 0.04,
 ) -> Simulation:
     sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points)

@@ -5,9 +5,10 @@ Far ahead of the tip the sheet is in pure shear: when the crack grows by da, a p
 energy release rate is therefore exactly G = H W(stretch), whatever the length of the crack. The sheet must tear when G
 reaches the tearing energy Gc: `onset_ratio` is G / Gc when the tip has moved by `advance` spacings.
 
-`tearing_energy` is Gc [J/m^2]; `critical_stretch`, if given, is used in its place, and Gc is then that of the relation
-of `TearingEnergy`. The edges move apart at a constant speed, slow against waves, until G is `overload` times Gc.
-`material` is one of MATERIALS; `wrinkles` = "relaxed" or "resolved" says whether the sheet wrinkles below the spacing.
+`tearing_energy` is Gc [J/m^2]; if `critical_stretch` is given, Gc is the tearing energy that stands for it. With
+`gradual` = False bonds break at once, at the critical stretch, instead of losing their weight gradually. The edges move
+apart at a constant speed, slow against waves, until G is `overload` times Gc. `material` is one of MATERIALS;
+`wrinkles` = "relaxed" or "resolved" says whether the sheet wrinkles below the spacing.
 """
 
 import math
@@ -31,10 +32,11 @@ from warp_pd import (
     TearingEnergy,
     Yeoh,
 )
-from warp_pd.checks import InputError, count, not_negative, one_of, positive
+from warp_pd.checks import InputError, count, one_of, positive
 from warp_pd.materials import energy_density, stretch_of_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
 from warp_pd.parts import tip_width
+from warp_pd.roughness import rough_surface
 
 HEIGHT, THICKNESS, DENSITY, MU = 0.04, 1e-3, 1000.0, 1e3
 LENGTH, CUT = 3.5 * HEIGHT, 1.25 * HEIGHT
@@ -56,6 +58,7 @@ def build(
     wrinkles: str = "relaxed",
     tearing_energy: float = 2.0,
     critical_stretch: float | None = None,
+    gradual: bool = True,
     overload: float = 1.5,
     advance: float = 12.0,
     duration: float = 3.0,
@@ -68,37 +71,16 @@ def build(
 ) -> Simulation:
     """`points` are those along the height: rows."""
     sheet_material = with_wrinkles(MATERIALS[one_of("material", material, tuple(MATERIALS))], wrinkles)
-    rows = count("points", points, 8)
-    if rows % 2:
-        raise InputError(f"points = {points}: expected an even number, so that the cut lies between two rows")
-    # The grips are as wide as the horizon.
-    sheet = Sheet.filled(
-        LENGTH, HEIGHT, thickness=THICKNESS, density=DENSITY, points=(round(3.5 * rows), rows),
-        layers=(0, math.ceil(positive("horizon", horizon))), turn=turn, jitter=jitter, seed=seed,
-    ).cut((-HEIGHT, 0.5 * HEIGHT), (CUT, 0.5 * HEIGHT))  # fmt: skip
-    spacing = sheet.spacing
-    top, bottom = (sheet.where(lambda x, y, s=s: s * (y - 0.5 * HEIGHT) > 0.5 * HEIGHT - 1e-9) for s in (1.0, -1.0))
-    grips = np.concatenate([top, bottom])
-    energy = positive("tearing_energy", tearing_energy)
-    damage = TearingEnergy(energy, spared=grips)
+    sheet, top, bottom = strip(points, horizon, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
+    spacing, grips = sheet.spacing, np.concatenate([top, bottom])
+    energy, width = positive("tearing_energy", tearing_energy), tip_width(horizon, gradual) * spacing
     if critical_stretch is not None:
-        damage = CriticalStretch(critical_stretch, spared=grips)
-        energy = (
-            tip_width(horizon, gradual=False) * spacing * float(energy_density(sheet_material, critical_stretch, 1.0))
-        )
-    last = stretch_of_density(
-        lambda stretches: energy_density(sheet_material, stretches, 1.0),
-        positive("overload", overload) * energy / HEIGHT,
-        np.geomspace(1.0, 100.0, 400),
-    )
-    if math.isnan(last):
-        raise InputError(f"overload = {overload!r}: expected an energy release rate that the strip can bear")
+        energy = width * float(energy_density(sheet_material, critical_stretch, 1.0))
+    damage = TearingEnergy(energy, spared=grips)
+    if not gradual:
+        damage = CriticalStretch(stretch_at(sheet_material, energy / width), spared=grips)
+    last = stretch_at(sheet_material, positive("overload", overload) * energy / HEIGHT)
     travel = 0.5 * (last - 1.0) * HEIGHT
-    bumps = np.zeros((sheet.size, 3))
-    bumps[:, 2] = (
-        not_negative("roughness", roughness) * spacing * np.random.default_rng(seed).uniform(-1.0, 1.0, sheet.size)
-    )
-    bumps[grips] = 0.0
     line = TearLine(sheet)
     tip, ahead = (CUT, 0.5 * HEIGHT), (LENGTH, 0.5 * HEIGHT)
     positive("advance", advance)
@@ -112,6 +94,10 @@ def build(
     def onset(history):
         return next((row["release_ratio"] for row in history if row["tip"] > advance * spacing), None)
 
+    def released_ratio(history):
+        torn = max(row["tip"] for row in history)
+        return None if torn < advance * spacing else history[-1]["rupture"] / (energy * THICKNESS * torn)
+
     def speed(history):
         moving = [(row["time"], row["tip"]) for row in history if advance * spacing < row["tip"] < 1.5 * HEIGHT]
         return None if len(moving) < 3 else float(np.polyfit(*np.transpose(moving), 1)[0])
@@ -124,7 +110,7 @@ def build(
             Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
         ],
         damage=damage,
-        initial_displacement=bumps,
+        initial_displacement=rough_surface(sheet, roughness, seed, grips),
         solver=Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping),
         measures=[
             Measure("stretch", "1", stretch),
@@ -135,6 +121,7 @@ def build(
         ],
         outcomes=[
             Outcome("onset_ratio", "1", onset, 1.0, "Rivlin and Thomas 1953: G = H W"),
+            Outcome("released_ratio", "1", released_ratio, 1.0, "energy of broken bonds over Gc times new area"),
             Outcome("crack_speed", "m/s", speed),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
@@ -142,6 +129,32 @@ def build(
         section="Rivlin and Thomas 1953",
         pictures=pictures,
     )
+
+
+def strip(points, horizon, length, cut, **grid):
+    """A strip of HEIGHT with a cut along its middle, and its points in the upper and the lower grip."""
+    rows = count("points", points, 8)
+    if rows % 2:
+        raise InputError(f"points = {points}: expected an even number, so that the cut lies between two rows")
+    # The grips are as wide as the horizon.
+    sheet = Sheet.filled(
+        length, HEIGHT, thickness=THICKNESS, density=DENSITY, points=(round(length / HEIGHT * rows), rows),
+        layers=(0, math.ceil(positive("horizon", horizon))), **grid,
+    ).cut((-HEIGHT, 0.5 * HEIGHT), (cut, 0.5 * HEIGHT))  # fmt: skip
+    top, bottom = (sheet.where(lambda x, y, s=s: s * (y - 0.5 * HEIGHT) > 0.5 * HEIGHT - 1e-9) for s in (1.0, -1.0))
+    return sheet, top, bottom
+
+
+def stretch_at(material, density):
+    """Stretch of pure shear at an energy density [J/m^3]."""
+    found = stretch_of_density(
+        lambda stretches: energy_density(material, stretches, 1.0), density, np.geomspace(1.0, 100.0, 400)
+    )
+    if math.isnan(found):
+        raise InputError(
+            f"tearing_energy and overload: expected an energy density that the sheet bears, got {density:g} J/m^3"
+        )
+    return found
 
 
 def pictures(history, folder):

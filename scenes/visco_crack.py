@@ -40,6 +40,7 @@ from warp_pd import (
 from warp_pd.checks import InputError, not_negative, one_of, positive
 from warp_pd.measures import TearLine, time_above
 from warp_pd.parts import stretching_edges
+from warp_pd.roughness import rough_surface
 from warp_pd.solvers import Solver
 
 SIZE, THICKNESS, CRACK = 0.5, 0.01, 0.1
@@ -108,9 +109,6 @@ def build(
     edge = sheet.where(lambda x, y: np.maximum(np.abs(x), np.abs(y)) > 0.5 * SIZE - 1e-3 * spacing)
     layer = sheet.where(lambda x, y: (x > 0.5 * SIZE - 1e-9) & (np.abs(y) < 0.5 * SIZE + 1e-9))
     line = TearLine(sheet)
-    bumps = np.zeros((sheet.size, 3))
-    bumps[:, 2] = roughness * spacing * np.random.default_rng(0).uniform(-1.0, 1.0, sheet.size)
-    bumps[edge] = 0.0
 
     def opening(built, frame):
         return frame.displacement[faces[1], 0] - frame.displacement[faces[0], 0]
@@ -139,7 +137,7 @@ def build(
         damage=CriticalEnergy(energy, spared=edge) if failure else None,
         solver=solver,
         initial_velocity=np.column_stack([rate * sheet.points, np.zeros(sheet.size)]) if moving else None,
-        initial_displacement=bumps if failure else None,
+        initial_displacement=rough_surface(sheet, roughness, 0, edge) if failure else None,
         measures=measures,
         outcomes=outcomes,
         section="VE 6.3 and 6.7",

@@ -49,7 +49,7 @@ def build(
     density: float = 2e6,
     load_steps: int = 12,
     tolerance: float | None = None,
-    safety: float = 0.5,
+    safety: float | None = None,
 ) -> Simulation:
     if not 1.0 < positive("stretch", stretch) <= 10.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1 and at most 10")

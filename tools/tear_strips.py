@@ -3,8 +3,9 @@
     python tools/tear_strips.py --device cuda:0 --jobs 12 --out docs/tear-strips.json   # all 225, on an H200
     python tools/tear_strips.py --rows 20 --stretches 1.5 3 --grids 0 45 --horizons 3.15   # a few, on a CPU
 
-The scene is `pure_shear_tear` with a critical stretch. A row of the result holds the width kappa = G / (dx W(s_c)) of
-the crack tip when it has moved by 1, 3, 6 and 12 spacings, the worst energy balance and the status.
+The scene is `pure_shear_tear` with the tearing energy Gc that stands for a critical stretch. A row of the result holds
+G / Gc when the tip has moved by 1, 3, 6 and 12 spacings, the worst energy balance and the status. With `--at-once`
+bonds break at once at the critical stretch, instead of losing their weight gradually.
 """
 
 from __future__ import annotations
@@ -32,11 +33,20 @@ def main() -> None:
     parser.add_argument("--stretches", type=float, nargs="+", default=[1.5, 2.0, 3.0, 4.0, 6.0])
     parser.add_argument("--grids", nargs="+", default=list(GRIDS), choices=list(GRIDS))
     parser.add_argument("--materials", nargs="+", default=["neo_hookean"])
+    parser.add_argument("--at-once", action="store_true", help="bonds break at once at the critical stretch")
     parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="further arguments of the scene")
     options = parser.parse_args()
     extra = dict(item.split("=", 1) for item in options.set)
     strips = [
-        {"points": rows, "horizon": m, "material": material, "critical_stretch": s, **GRIDS[grid], **extra}
+        {
+            "points": rows,
+            "horizon": m,
+            "material": material,
+            "critical_stretch": s,
+            "gradual": not options.at_once,
+            **GRIDS[grid],
+            **extra,
+        }
         for rows in sorted(options.rows, reverse=True)
         for material, m, grid, s in itertools.product(
             options.materials, options.horizons, options.grids, options.stretches
@@ -68,19 +78,17 @@ def _take_core(cores: Any) -> None:
 
 def _run(settings: dict[str, Any], device: str | None) -> dict[str, Any]:
     from warp_pd.cli import build_scene
-    from warp_pd.parts import TIP_WIDTH
 
     scene = build_scene("pure_shear_tear", {"overload": 1.8, "duration": 6.0, "frames": 100, **settings})
     result = scene.run(device=device)
     history, spacing = result.history, scene.sheet.spacing
-    kappa = {
-        f"kappa_{n}": next((TIP_WIDTH * r["release_ratio"] for r in history if r["tip"] > n * spacing), None)
-        for n in ADVANCES
+    onset = {
+        f"onset_{n}": next((r["release_ratio"] for r in history if r["tip"] > n * spacing), None) for n in ADVANCES
     }
     measures = result.summary["measures"]
     used = {name: scene.settings[name] for name in settings}
     return {
-        **used, **kappa, "status": result.status, "balance": measures["worst_energy_balance"]["value"],
+        **used, **onset, "status": result.status, "balance": measures["worst_energy_balance"]["value"],
         "speed": measures["crack_speed"]["value"], "steps": result.summary["steps"],
         "wall_s": result.summary["wall_s"], "least_rupture": min(
             (b["rupture"] - a["rupture"] for a, b in itertools.pairwise(history)), default=0.0
