@@ -17,6 +17,7 @@ import functools
 import warp as wp
 
 from .bits import bit_of
+from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, family_functions
 from .numeric import numeric
@@ -47,6 +48,7 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
     Family = f.struct
     bond_vectors = reference_and_deformed(layout, bits, module)
     tracked = earlier_energy is not None
+    is_undamaged = bond_state(layout, bits, True, module).is_undamaged
     word_size, share_step = WORD, STEP
 
     @wp.func(module=module)
@@ -75,16 +77,38 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
         answer = share
         if share > real(0.0):
             m = f.neighbour(family, i, k)
-            may_soften = bool(True)
+            free = bool(True)
             if wp.static(spared):
-                may_soften = spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
-            if may_soften:
+                free = spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
+            if free:
                 X, Y = bond_vectors(family, displacement, horizon, i, k, m)
                 length = wp.length(X)
                 stretch = real(1.0) + (wp.length(Y) - length) / wp.max(length, spacing)
                 left = wp.clamp((none_above - stretch) / (none_above - full_below), real(0.0), real(1.0))
                 if left <= share - real(share_step) or left == real(0.0):
                     answer = left
+        return answer
+
+    @wp.func(module=module)
+    def may_soften(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        full_below: real,
+        spacing: real,
+        horizon: real,
+        i: int,
+    ):
+        """Whether any bond may soften: not if all have their full weight and are short. Most families end here."""
+        answer = not is_undamaged(family, intact, i)
+        if not answer:
+            for k in range(family.members):
+                there = bit_of(intact[k // word_size, i], k % word_size)
+                m = wp.where(there, f.neighbour(family, i, k), i)
+                X, Y = bond_vectors(family, displacement, horizon, i, k, m)
+                length = wp.length(X)
+                limit = length + (full_below - real(1.0)) * wp.max(length, spacing)
+                answer = answer or wp.dot(Y, Y) > limit * limit
         return answer
 
     @kernel(module, gathers=("displacement", "velocity"))
@@ -108,11 +132,14 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
     ):
         i = wp.tid() + first
         softens = bool(False)
-        for k in range(family.members):
-            share = present(shares, intact, i, k)
-            left = softened(family, share, displacement, full_below, none_above, spacing, horizon, spared_mask, i, k)
-            if left < share:
-                softens = True
+        if may_soften(family, intact, displacement, full_below, spacing, horizon, i):
+            for k in range(family.members):
+                share = present(shares, intact, i, k)
+                left = softened(
+                    family, share, displacement, full_below, none_above, spacing, horizon, spared_mask, i, k
+                )
+                if left < share:
+                    softens = True
         if softens:
             before = real(0.0)
             back = real(0.5) * step[0]

@@ -244,3 +244,29 @@ def test_a_strip_pulled_between_grips_finds_equilibrium_by_newton_and_relaxation
     np.testing.assert_allclose(
         found[0].frame.displacement, found[1].frame.displacement, atol=1e-4 * np.abs(found[0].frame.displacement).max()
     )
+
+
+def test_a_sheared_sheet_is_the_exact_tension_field():
+    """A long sheet between two parallel edges, one moved along: its wrinkled middle is in uniform uniaxial tension.
+
+    With the shear g, the larger stretch is (g + sqrt(g^2 + 4)) / 2 and the shear stress dW/dg of the uniaxial energy.
+    """
+    length, height, shear = 0.6, 0.06, 0.4
+    sheet = Sheet.rectangle(length, height, thickness=1e-3, density=1000.0, points=(101, 11))
+    bottom, top = sheet.edges("bottom"), sheet.edges("top")
+    result = Simulation(
+        sheet,
+        BondAssociated(TensionField(NEO), horizon=2.015, weights="corrected"),
+        Newton(tolerance=1e-5, load_steps=4),
+        loads=[Fixed(bottom), Motion(top, [0.0, 1.0], x=[0.0, shear * height], y=0.0, z=0.0)],
+    ).run(device="cpu", precision=64)
+    assert result.status == "finished"
+    x = sheet.points[top, 0]
+    middle = top[(x > 0.35 * length) & (x < 0.65 * length)]
+    force = -result.built.to_numpy(result.built.state.force)[middle, 0].sum()
+    stress = force / (len(middle) * length / 100.0 * sheet.thickness)
+    stretch = 0.5 * (shear + np.sqrt(shear**2 + 4.0))
+    exact = 1e3 * (stretch - stretch**-2) * stretch**2 / (stretch**2 + 1.0)
+    assert stress == pytest.approx(exact, rel=5e-3)
+    # The sheet as it is in plane, unwrinkled, resists more: mu g.
+    assert 1e3 * shear > 1.2 * exact
