@@ -171,13 +171,13 @@ def page(strips: Mapping[str, Any], runs: Mapping[str, Any]) -> str:
         "## What does not work yet",
         "",
         *paragraph(
-            "At a horizon of 2.015 the scatter over grids is twice that at 3.15. Trousers on turned and jittered grids: "
-            "the tear leaves its line and is stopped by the bonds that do not break. The edge notch tears at 0.8 of its "
-            "closed form: in the model, the strip of 60 points with this notch has 1.19 times the energy release rate "
-            "of the closed form (by the difference of the energies of two notches), partly because a crack acts as if "
-            "it were half a spacing to a spacing longer: its opening, with a half length of 12 spacings, is 7.8 % above "
-            "the exact one if it was torn and 5.1 % if it was cut (horizon 3.15; 4.9 and 2.7 % at 2.015). Breaking adds "
-            "energy now and then, by at most 0.4 % of what it takes."
+            "At a horizon of 2.015 the scatter over grids is twice that at 3.15. Trousers on turned and jittered "
+            "grids: the tear leaves its line and is stopped by the bonds that do not break. The edge notch tears "
+            "at 0.8 of its closed form: in the model, the strip of 60 points with this notch has 1.19 times the "
+            "energy release rate of the closed form (by the difference of the energies of two notches), partly "
+            "because a crack acts as if it were half a spacing to a spacing longer: its opening, with a half "
+            "length of 12 spacings, is 7.8 % above the exact one if it was torn and 5.1 % if it was cut (horizon "
+            "3.15; 4.9 and 2.7 % at 2.015). Breaking adds energy now and then, by at most 0.4 % of what it takes."
         ),
     ])  # fmt: skip
 
