@@ -6,7 +6,7 @@ import numpy as np
 from helpers import StopAt
 
 # Seconds of the clock on the wall, which no two runs share.
-TIMES = {"wall_s", "setup_s", "compile_s", "point_steps_per_s", "step_seconds", "seconds"}
+TIMES = {"date", "wall_s", "setup_s", "compile_s", "point_steps_per_s", "step_seconds", "seconds"}
 
 
 def without_times(values):

@@ -177,7 +177,7 @@ def execute(case: Case, work: Path, device: str) -> None:
     if case.summary(work) is not None:
         return
     command = [sys.executable, "-m", "warp_pd.cli", "run", case.scene, "--device", device]
-    command += ["--out", str(work / case.name), "--no-usd", "--quiet"]
+    command += ["--out", str(work / case.name), "--no-usd", "--quiet", "--overwrite"]
     command += [] if case.draws_pictures else ["--no-pictures"]
     for key, value in case.settings.items():
         command += ["--set", f"{key}={value}"]

@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 
+# Entries of an array, and characters of a text, that a message shows.
+MAX_SHOWN, MAX_TEXT = 6, 90
+
 
 class InputError(ValueError):
     """Wrong input: the message names the argument, its value and what is expected."""
@@ -28,6 +31,16 @@ def user_code(said: Callable[[Exception], str]) -> Iterator[None]:
         raise InputError(said(error)) from error
 
 
+def said(value: Any) -> str:
+    """A value in a message: one short line, whatever it is."""
+    if isinstance(value, np.ndarray) and value.size > MAX_SHOWN:
+        return f"{value.dtype} array of shape {value.shape}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= MAX_TEXT else f"{text[: MAX_TEXT - 3]}..."
+
+
 def kind_and_text(error: Exception) -> str:
     """Text like "ValueError: what was wrong"."""
     return f"{type(error).__name__}: {error}"
@@ -45,9 +58,9 @@ def finite(name: str, value: Any) -> float:
         number = None
     # Reject text even if it reads like a number: the first sum with it would end with a traceback.
     if number is None or isinstance(value, str):
-        raise InputError(f"{name} = {value!r}: expected a number")
+        raise InputError(f"{name} = {said(value)}: expected a number")
     if not math.isfinite(number):
-        raise InputError(f"{name} = {value!r}: expected a finite number")
+        raise InputError(f"{name} = {said(value)}: expected a finite number")
     return number
 
 
@@ -59,7 +72,7 @@ def positive(name: str, value: Any) -> float:
     """
     number = finite(name, value)
     if number <= 0.0:
-        raise InputError(f"{name} = {value!r}: expected a positive number")
+        raise InputError(f"{name} = {said(value)}: expected a positive number")
     return number
 
 
@@ -71,7 +84,7 @@ def not_negative(name: str, value: Any) -> float:
     """
     number = finite(name, value)
     if number < 0.0:
-        raise InputError(f"{name} = {value!r}: expected 0 or a positive number")
+        raise InputError(f"{name} = {said(value)}: expected 0 or a positive number")
     return number
 
 
@@ -82,8 +95,57 @@ def count(name: str, value: Any, least: int) -> int:
         InputError: otherwise.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name} = {value!r}: expected a whole number of {least} or more")
+        raise InputError(f"{name} = {said(value)}: expected a whole number of {least} or more")
     return int(value)
+
+
+def below_one(name: str, value: Any) -> float:
+    """`value` as a float above zero and below one.
+
+    Raises:
+        InputError: otherwise.
+    """
+    if positive(name, value) >= 1.0:
+        raise InputError(f"{name} = {said(value)}: expected a number above 0 and below 1")
+    return float(value)
+
+
+def counts(name: str, value: Any, least: int) -> tuple[int, int]:
+    """`value` as two ints of `least` or more.
+
+    Raises:
+        InputError: otherwise.
+    """
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        raise InputError(f"{name} = {said(value)}: expected two whole numbers")
+    return count(f"{name}[0]", value[0], least), count(f"{name}[1]", value[1], least)
+
+
+def positions(name: str, value: Any) -> np.ndarray:
+    """`value` as positions in the plane [m], float64, shape (N, 2), of three points or more.
+
+    Raises:
+        InputError: for another shape, or numbers that are not finite.
+    """
+    found = numbers(name, value)
+    if found.ndim != 2 or found.shape[1] != 2 or len(found) < 3:
+        raise InputError(f"{name} has shape {found.shape}: expected (N, 2) with N of 3 or more")
+    return found.copy()
+
+
+def corners(name: str, value: Any, points: int) -> np.ndarray:
+    """`value` as the corners of triangles, int32, shape (F, 3).
+
+    Raises:
+        InputError: for another shape, or anything but point indices.
+    """
+    found = np.asarray(value)
+    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
+        raise InputError(f"{name} = {said(found)}: expected whole numbers of shape (F, 3)")
+    if found.size and not 0 <= found.min() <= found.max() < points:
+        bad = int(found.min() if found.min() < 0 else found.max())
+        raise InputError(f"{name} contains point {bad}: expected 0 to {points - 1}")
+    return found.astype(np.int32)
 
 
 def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> float:
@@ -111,7 +173,7 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     words = [c for c in choices if isinstance(c, str)]
     nearest = difflib.get_close_matches(str(value), words, n=1, cutoff=0.5)
     hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
-    raise InputError(f"{name} = {value!r}: expected one of {', '.join(repr(c) for c in choices)}{hint}")
+    raise InputError(f"{name} = {said(value)}: expected one of {', '.join(repr(c) for c in choices)}{hint}")
 
 
 def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
@@ -125,7 +187,7 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != length or not all(math.isfinite(n) for n in numbers):
-        raise InputError(f"{name} = {value!r}: expected {length} finite numbers")
+        raise InputError(f"{name} = {said(value)}: expected {length} finite numbers")
     return numbers
 
 
@@ -138,7 +200,7 @@ def numbers(name: str, value: Any) -> np.ndarray:
     try:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r}: expected numbers") from None
+        raise InputError(f"{name} = {said(value)}: expected numbers") from None
     bad = np.argwhere(~np.isfinite(found))
     if len(bad):
         place = "" if found.ndim == 0 else f"[{', '.join(map(str, bad[0]))}]"
@@ -156,10 +218,10 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
     if given.dtype == bool and given.shape == (points,):
         given = np.flatnonzero(given)
     if given.size and given.dtype.kind not in "iu":
-        raise InputError(f"{name} = {value!r}: expected point indices, or a mask of {points} truth values")
+        raise InputError(f"{name} = {said(value)}: expected point indices, or a mask of {points} truth values")
     indices = np.unique(given.astype(np.int64))
     if indices.size == 0:
-        raise InputError(f"{name} = {value!r}: expected at least one point")
+        raise InputError(f"{name} = {said(value)}: expected at least one point")
     if indices[0] < 0 or indices[-1] >= points:
         bad = int(indices[0]) if indices[0] < 0 else int(indices[-1])
         raise InputError(f"{name} contains point {bad}: expected 0 to {points - 1}")

@@ -198,29 +198,34 @@ def list_scenes() -> None:
 
 @main.command()
 @_scene_options
-@click.option("--out", help="Folder for the results; by default runs/SCENE.")
-@click.option("--resume", is_flag=True, help="Continue from the last frame in the folder.")
+@click.option("--out", help="Folder for the results; by default runs/SCENE, or runs/SCENE-2, ... if it holds some.")
+@click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
+@click.option("--overwrite", is_flag=True, help="Replace the results of another run in the folder.")
 @click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
-    precision: int | None, out: str | None, resume: bool, no_usd: bool, no_pictures: bool, quiet: bool,
+    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_pictures: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
+    from .run.folder import free_folder, newest_folder
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
     simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
-    folder = Path("runs") / simulation.scene if out is None else out
+    folder: str | Path = Path("runs") / simulation.scene if out is None else out
+    if out is None and not overwrite:
+        folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))
     try:
         result = simulation.run(
             out=folder,
             device=device,
             precision=precision,
             resume=resume,
+            overwrite=overwrite,
             usd=not no_usd,
             pictures=not no_pictures,
             reporter=Progress(quiet),
@@ -228,6 +233,9 @@ def run(
     except DivergedError as error:
         click.echo(f"warp-pd: {error}", err=True)
         sys.exit(DIVERGED)
+    except KeyboardInterrupt:
+        click.echo("warp-pd: interrupted before the first frame", err=True)
+        sys.exit(130)
     if not quiet:
         _report(result)
     if result.summary["message"]:
@@ -243,7 +251,8 @@ def _report(result: Any) -> None:
         click.echo(note)
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
-            click.echo(f"{name} = none: it did not happen")
+            wrong = next((note for note in result.summary["notes"] if note.startswith(f"Outcome {name!r}")), None)
+            click.echo(f"{name} = none: {'see above' if wrong else 'it did not happen'}")
             continue
         line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
         if m["reference"] is not None:

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import sys
+import tempfile
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+
+# What a Linux machine with an NVIDIA device has, also under Windows; what Warp's native library says without a driver.
+NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
+STDERR = 2
 
 _pool: ThreadPoolExecutor | None = None
 
@@ -26,4 +34,26 @@ def start_warp() -> None:
     import warp as wp
 
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
-    wp.init()
+    with _without_driver_warning():
+        wp.init()
+
+
+@contextlib.contextmanager
+def _without_driver_warning() -> Iterator[None]:
+    """Context in which Warp does not say on machines without an NVIDIA device that there is no driver for one."""
+    if os.name != "posix" or any(os.path.exists(path) for path in NVIDIA_DEVICES):
+        yield
+        return
+    sys.stderr.flush()
+    kept = os.dup(STDERR)
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), STDERR)
+        try:
+            yield
+        finally:
+            os.dup2(kept, STDERR)
+            os.close(kept)
+            said.seek(0)
+            for line in said:
+                if NO_DRIVER not in line:
+                    os.write(STDERR, line)

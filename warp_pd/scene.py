@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from .checks import InputError, finite, numbers
+from .checks import InputError, finite, numbers, said
 from .frame import Frame
-from .interfaces import Contact, History, Law, Part, Rupture, Solver
+from .interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
 from .sheet import Sheet
 
 
@@ -25,6 +25,17 @@ def check_reference(kind: str, name: str, unit: str, reference: float | None) ->
         raise InputError(f"{kind} {name!r}: unit = {unit!r}: expected text")
     if reference is not None:
         finite(f"{kind} {name!r}: reference", reference)
+
+
+def check_writers(writers: Sequence[Any]) -> None:
+    """Check that writers of frames are some.
+
+    Raises:
+        InputError: for the first that is none.
+    """
+    for index, writer in enumerate(writers):
+        if isinstance(writer, type) or not isinstance(writer, Writer):
+            raise InputError(f"writers[{index}] = {said(writer)}: expected a Writer, which has write, save and close")
 
 
 @dataclass(frozen=True)
@@ -146,16 +157,18 @@ class Scene:
         )
         for name, part, kind, words in expected:
             if isinstance(part, type) or not isinstance(part, kind):
-                raise InputError(f"{name} = {part!r}: expected {words}")
+                raise InputError(f"{name} = {said(part)}: expected {words}")
         lists: tuple[tuple[str, Any, Any], ...] = (
             ("loads", self.loads, Part), ("measures", self.measures, Measure), ("outcomes", self.outcomes, Outcome),
         )  # fmt: skip
         for name, parts, kind in lists:
             if not isinstance(parts, Sequence) or isinstance(parts, str):
-                raise InputError(f"{name} = {parts!r}: expected a list of {name}")
+                raise InputError(f"{name} = {said(parts)}: expected a list of {name}")
             for index, part in enumerate(parts):
                 if isinstance(part, type) or not isinstance(part, kind):
-                    raise InputError(f"{name}[{index}] is of type {type(part).__name__}: expected a list of {name}")
+                    raise InputError(f"{name}[{index}] = {said(part)}: expected a list of {name}")
+        if isinstance(self.fields, str) or not all(isinstance(name, str) for name in self.fields):
+            raise InputError(f"fields = {said(self.fields)}: expected a list of names")
         given = [*(("loads", part) for part in self.loads), ("contact", self.contact), ("damage", self.damage)]
         for name, part in given:
             if part is not None and part.argument != name:

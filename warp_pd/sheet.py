@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .checks import InputError, count, finite, point_indices, positive, truth_values, vector
+from .checks import InputError, corners, count, counts, finite, point_indices, positions, positive, truth_values, vector
 from .triangulation import (
     Lattice,
     Segment,
@@ -89,9 +89,7 @@ class Sheet:
         width, height = positive("width", width), positive("height", height)
         x0, y0 = vector("origin", origin, 2)
         if isinstance(points, tuple | list):
-            if len(points) != 2:
-                raise InputError(f"points = {points!r}: expected one whole number or two")
-            columns, rows = count("points[0]", points[0], 3), count("points[1]", points[1], 3)
+            columns, rows = counts("points", points, 3)
         else:
             columns = count("points", points, 3)
             rows = max(3, round(height / width * (columns - 1)) + 1)
@@ -102,7 +100,7 @@ class Sheet:
             x0, y0 = x0 + 0.5 * dx, y0 + 0.5 * dy
         else:
             dx, dy = width / (columns - 1), height / (rows - 1)
-        across, along = count("layers[0]", layers[0], 0), count("layers[1]", layers[1], 0)
+        across, along = counts("layers", layers, 0)
         columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
         if columns * rows > MAX_POINTS:
             raise InputError(
@@ -230,16 +228,11 @@ class Sheet:
         Raises:
             InputError: for coincident points, coordinates that are not finite, or wrong shapes.
         """
-        points = np.array(points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
-            raise InputError(f"points has shape {points.shape}: expected (N, 2) with N of 3 or more")
-        if not np.isfinite(points).all():
-            bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-            raise InputError(f"points[{bad}] = {points[bad].tolist()}: expected finite coordinates")
+        points = positions("points", points)
         refuse_coincident(points)
         if triangles is None:
             triangles = delaunay(points, spacing)
-        triangles = counter_clockwise(points, np.asarray(triangles, dtype=np.int32))
+        triangles = counter_clockwise(points, corners("triangles", triangles, len(points)))
         if areas is None:
             areas = point_areas(points, triangles)
         areas = np.array(areas, dtype=np.float64)

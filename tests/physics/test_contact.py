@@ -46,6 +46,6 @@ def test_the_ball_feels_the_momentum_that_it_gives():
 def test_a_ball_that_never_touches_changes_nothing():
     sheet = square(9)
     velocity = np.tile([0.0, 0.0, 0.1], (sheet.size, 1))
-    with_ball = run(sheet, contact=RigidBall(0.01, (0.0, 0.0, 5.0)), initial_velocity=velocity)
+    with_ball = run(sheet, contact=RigidBall(0.1, (0.0, 0.0, 5.0)), initial_velocity=velocity)
     without = run(sheet, initial_velocity=velocity)
     assert (with_ball.frame.displacement == without.frame.displacement).all()

@@ -32,7 +32,7 @@ def test_the_plan_leaves_out_what_a_scene_does_not_use():
     assert {"displacement", "velocity", "force", "mass", "drift", "kick"} <= bare
     full = names_of(
         Simulation(
-            sheet, law, Explicit(1.0, damping=1.0), damage=CriticalStretch(2.0), contact=RigidBall(0.01, (0, 0, 1)),
+            sheet, law, Explicit(1.0, damping=1.0), damage=CriticalStretch(2.0), contact=RigidBall(0.1, (0, 0, 1)),
             loads=[Fixed(sheet.edges()), Pressure(1.0, ramp=[(0, 0), (1, 1)])],
         ).plan("cpu")
     )  # fmt: skip

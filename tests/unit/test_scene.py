@@ -44,8 +44,8 @@ def nothing(*_):
 WRONG = [
     ({"solver": "explicit"}, "solver = 'explicit'"),
     ({"loads": Fixed([0])}, "loads = "),
-    ({"loads": [[Fixed([0])]]}, r"loads\[0\] is of type list"),
-    ({"outcomes": [5]}, r"outcomes\[0\] is of type int"),
+    ({"loads": [[Fixed([0])]]}, r"loads\[0\] = \[Fixed"),
+    ({"outcomes": [5]}, r"outcomes\[0\] = 5"),
     ({"measures": [Measure("a\nb", "s", nothing)]}, "name of a measure"),
     ({"measures": [Measure("m", "s", nothing)], "outcomes": [Outcome("m", "s", nothing)]}, "two numbers"),
     ({"damage": 1.3}, r"damage = 1\.3"),

@@ -25,7 +25,7 @@ WRONG = [
         r"points\[3\] and points\[25\] coincide",
     ),
     (lambda: Sheet.from_points(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), **CLOUD), "one line"),
-    (lambda: Sheet.from_points(np.full((4, 2), NAN), **CLOUD), r"points\[0\]"),
+    (lambda: Sheet.from_points(np.full((4, 2), NAN), **CLOUD), r"points\[0, 0\] = nan"),
     (lambda: Sheet.from_points(np.zeros((4, 3)), **CLOUD), r"shape \(4, 3\)"),
     (lambda: Sheet.rectangle(1.0, 1.0, thickness=1.0, density=1.0, points=10**6), "points = 1000000 with layers"),
 ]

@@ -62,7 +62,10 @@ def require_diagonals(sheet: Sheet, horizon: float) -> None:
     if sheet.lattice is None:
         return
     if horizon * sheet.spacing < np.hypot(sheet.lattice.dx, sheet.lattice.dy) * (1.0 - TOLERANCE):
+        dx, dy = sheet.lattice.dx, sheet.lattice.dy
+        least = np.hypot(dx, dy) / sheet.spacing
+        uneven = f", or spacings more alike than {dx:.4g} and {dy:.4g} m" if least > 1.42 else ""
         raise InputError(
-            f"horizon = {horizon!r}: expected at least 1.42 on a lattice, "
-            f"so that families contain their diagonal neighbours"
+            f"horizon = {horizon!r}: expected at least {np.ceil(100.0 * least) / 100.0:g} on a lattice, "
+            f"so that families contain their diagonal neighbours{uneven}"
         )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from ..frame import Frame
 
 
+@runtime_checkable
 class Writer(Protocol):
     """Takes frames, for instance to write them to a file; the simulation does not know what a writer does with them."""
 

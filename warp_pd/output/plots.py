@@ -78,11 +78,13 @@ def surfaces(
         limits: Of the colours; by default those of the field.
         view: Elevation and azimuth of the eye [degrees].
     """
-    plt = _pyplot()
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.ticker import MaxNLocator
+
     columns = _columns(len(frames))
     rows = -(-len(frames) // columns)
-    colours, norm = _colours(plt, frames, field, limits)
-    figure = plt.figure(figsize=(5.2 * columns, 4.2 * rows), layout="constrained")
+    colours, norm = _colours(frames, field, limits)
+    figure = _figure(5.2 * columns, 4.2 * rows)
     figure.get_layout_engine().set(wspace=0.1)
     axes_list = []
     bounds = np.array([_bounds(f) for f in frames])
@@ -104,14 +106,14 @@ def surfaces(
         for c, name in enumerate("xyz"):
             getattr(axes, f"set_{name}lim")(low[c], low[c] + extent[c])
             getattr(axes, f"set_{name}label")(f"{name} (m)")
-            getattr(axes, f"{name}axis").set_major_locator(plt.MaxNLocator(4 if grown[c] <= 1.05 else 3))
+            getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4 if grown[c] <= 1.05 else 3))
         axes.zaxis.labelpad = 8
         # The background of a panel would hide the labels of the one before it.
         axes.set_facecolor("none")
         axes.set_box_aspect(shown_extent)
         axes.view_init(elev=view[0], azim=view[1])
         axes_list.append(axes)
-    figure.colorbar(plt.cm.ScalarMappable(norm, colours), ax=axes_list, label=label, shrink=0.7, pad=0.12)
+    figure.colorbar(ScalarMappable(norm, colours), ax=axes_list, label=label, shrink=0.7, pad=0.12)
     _save(figure, path)
 
 
@@ -119,21 +121,20 @@ def from_above(
     path: Path, frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None = None
 ) -> None:
     """The deformed sheet at some times, seen from +z, lower triangles drawn first."""
-    plt = _pyplot()
+    from matplotlib.cm import ScalarMappable
     from matplotlib.collections import PolyCollection
+    from matplotlib.ticker import MaxNLocator
 
     columns = _columns(len(frames))
     rows = -(-len(frames) // columns)
-    colours, norm = _colours(plt, frames, field, limits)
+    colours, norm = _colours(frames, field, limits)
     corners = np.concatenate([f.points[_used(f), :2] for f in frames])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.03 * (high - low).max()
     width = 6.0 if columns == 1 else 4.2
     height = min(max(width * (high - low)[1] / (high - low)[0], 1.0), 1.5 * width)
-    figure, axes_grid = plt.subplots(
-        rows, columns, figsize=(width * columns + 1.4, (height + 0.5) * rows + 0.4),
-        layout="constrained", squeeze=False, sharex=True, sharey=True,
-    )  # fmt: skip
+    figure = _figure(width * columns + 1.4, (height + 0.5) * rows + 0.4)
+    axes_grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes, frame in zip(axes_grid.flat, frames, strict=False):
         order = np.argsort(frame.points[frame.triangles, 2].mean(axis=1))
         triangles = frame.triangles[order]
@@ -141,14 +142,14 @@ def from_above(
         face[:, :3] *= _shade(frame)[order][:, None]
         axes.add_collection(PolyCollection(list(frame.points[triangles][:, :, :2]), facecolors=face, edgecolors=face))
         axes.set(aspect="equal", title=frame.when)
-        axes.xaxis.set_major_locator(plt.MaxNLocator(5))
+        axes.xaxis.set_major_locator(MaxNLocator(5))
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
     for axes in axes_grid.flat[len(frames) :]:
         axes.set_visible(False)
     figure.supxlabel("x (m)")
     figure.supylabel("y (m)")
-    figure.colorbar(plt.cm.ScalarMappable(norm, colours), ax=axes_grid, label=label)
+    figure.colorbar(ScalarMappable(norm, colours), ax=axes_grid, label=label)
     _save(figure, path)
 
 
@@ -181,8 +182,8 @@ def curves(
         marks: Reference values (x, y).
         marks_label: What they are.
     """
-    plt = _pyplot()
-    figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+    figure = _figure(6.4, 4.0)
+    axes = figure.subplots()
     across = [row[against] for row in history]
     known = [name for name in names if all(name in row for row in history)]
     for k, name in enumerate(known):
@@ -200,8 +201,8 @@ def curves(
 
 def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]], xlabel: str, ylabel: str) -> None:
     """Curves (label, x, y, style of matplotlib), each with points of its own."""
-    plt = _pyplot()
-    figure, axes = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+    figure = _figure(6.4, 4.0)
+    axes = figure.subplots()
     for label, x, y, style in lines:
         axes.plot(x, y, style, label=label, markersize=4, markevery=max(1, len(x) // 40))
     axes.set(xlabel=xlabel, ylabel=ylabel)
@@ -221,7 +222,6 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
         label: Of the colours.
         across: Strokes along the longer side.
     """
-    plt = _pyplot()
     size = np.ptp(frame.reference[:, :2], axis=0)
     step = max(1, round(float(np.sqrt(len(frame.reference) * size.max() / size.min())) / across))
     cell = np.sqrt(size[0] * size[1] / len(frame.reference))
@@ -230,7 +230,8 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     largest, angle = frame.fields["principal_stress"][chosen][:, [0, 2]].T
     x, y = frame.reference[chosen, :2].T
     width = 8.0
-    figure, axes = plt.subplots(figsize=(width + 1.5, max(2.5, width * size[1] / size[0]) + 0.6), layout="constrained")
+    figure = _figure(width + 1.5, max(2.5, width * size[1] / size[0]) + 0.6)
+    axes = figure.subplots()
     length = np.sqrt(np.maximum(largest, 0.0) / (largest.max() if largest.max() > 0.0 else 1.0))
     drawn = axes.quiver(
         x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=COLOURS, pivot="mid", headwidth=0,
@@ -246,17 +247,18 @@ def _columns(panels: int) -> int:
     return 1 if panels == 1 else 2 if panels <= 4 else 3
 
 
-def _colours(plt: Any, frames: Sequence[Shown], field: str, limits: tuple[float, float] | None) -> tuple[Any, Any]:
-    return plt.get_cmap(COLOURS), plt.Normalize(*(limits or _range(frames, field)))
+def _colours(frames: Sequence[Shown], field: str, limits: tuple[float, float] | None) -> tuple[Any, Any]:
+    from matplotlib import colormaps
+    from matplotlib.colors import Normalize
+
+    return colormaps[COLOURS], Normalize(*(limits or _range(frames, field)))
 
 
-def _pyplot() -> Any:
-    import matplotlib
+def _figure(width: float, height: float) -> Any:
+    """A figure that is drawn into files alone: pyplot, and the backend that a user chose for it, have no part in it."""
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def _polygons(frame: Shown, face: np.ndarray) -> Any:
@@ -304,7 +306,6 @@ def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:
 
 
 def _save(figure: Any, path: Path) -> None:
-    aside = path.with_name(path.name + ".part")
+    aside = path.with_name(f".{path.name}.unfinished")
     figure.savefig(aside, dpi=130, format="png")
     os.replace(aside, path)
-    _pyplot().close(figure)

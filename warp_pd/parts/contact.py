@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import positive, vector
+from ..checks import InputError, positive, resolved, said, vector
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
@@ -20,6 +20,8 @@ from ..schedules import Schedule
 # The most that a body moves in a step, over the spacing or its radius: at more it can pass points unnoticed. If bonds
 # can break, it may move half as far: a bond then opens in several steps.
 MAX_TRAVEL = 0.25
+# Smallest diameter in spacings, and the depth over the radius at which a point counts as inside at the start.
+MIN_DIAMETER, TOUCHING = 1.42, 1e-6
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,25 @@ class BuiltBall(RigidContact):
             "RigidBall", context, ball, (0.5 * body.diameter,), body.centre(0.0), np.array(body.velocity, float)
         )
         self.body = body
+        # A smaller ball passes between points.
+        resolved("RigidBall.diameter", body.diameter, context.sheet.spacing, MIN_DIAMETER)
+        self._check_apart()
+
+    def _check_apart(self) -> None:
+        """Refuse a ball that begins in the sheet.
+
+        Raises:
+            InputError: for the first point inside it.
+        """
+        sheet, radius = self.context.sheet, 0.5 * self.body.diameter
+        place = np.column_stack([sheet.points, np.zeros(sheet.size)]) + self.context.initial_displacement
+        depth = radius - np.linalg.norm(place - self.body.centre(0.0), axis=1)
+        deepest = int(depth.argmax())
+        if depth[deepest] > TOUCHING * radius:
+            raise InputError(
+                f"RigidBall.start = {said(tuple(self.body.start))}: expected a ball outside the sheet; point {deepest} "
+                f"is {depth[deepest]:.3g} m inside it"
+            )
 
     def step_limit(self) -> StepLimit | None:
         """The ball moves a quarter of a spacing, or of its radius, at most; an eighth if bonds can break."""

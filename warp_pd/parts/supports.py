@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, numbers, point_indices
+from ..checks import InputError, numbers, point_indices, said
 from ..device.context import Context
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
@@ -48,14 +48,18 @@ class Fixed(Support):
     points: Any
     components: str = AXES
 
+    def __post_init__(self) -> None:
+        """Check the components."""
+        names = self.components
+        if not isinstance(names, str) or not names or set(names) - set(AXES) or len(set(names)) < len(names):
+            raise InputError(f"Fixed.components = {said(names)}: expected letters out of 'xyz', each once")
+
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """The held components.
 
         Raises:
-            InputError: for other letters, or a point that does not exist.
+            InputError: for a point that does not exist.
         """
-        if not isinstance(self.components, str) or not self.components or set(self.components) - set(AXES):
-            raise InputError(f"Fixed.components = {self.components!r}: expected letters out of 'xyz'")
         bits = sum(1 << AXES.index(c) for c in set(self.components))
         return [Constraint("Fixed", point_indices("Fixed.points", self.points, sheet.size), bits)]
 

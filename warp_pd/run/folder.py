@@ -6,19 +6,39 @@ import contextlib
 import csv
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from ..checks import InputError
+from ..checks import InputError, said
 from ..interfaces import History
 from . import restart
 
+try:
+    import fcntl
+except ImportError:  # Windows has no such lock: there two runs at once are not noticed.
+    fcntl = None  # type: ignore[assignment]
 
-def writable_folder(out: str | Path | None, resume: bool) -> Path | None:
+
+RESULTS = ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd")
+
+
+def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
     """The folder of the results; None writes nothing.
 
+    Args:
+        out: The folder.
+        resume: Whether a run in it goes on.
+        overwrite: Whether the results of another run in it may be replaced.
+
     Raises:
-        InputError: for a folder that cannot be written, or a run to resume that is not there.
+        InputError: for a folder that cannot be written, a run to resume that is not there, or a folder that holds
+            results that nobody asked to replace.
     """
+    if resume and overwrite:
+        raise InputError("resume = True, overwrite = True: expected one of them")
+    if out is not None and not isinstance(out, str | Path):
+        raise InputError(f"out = {said(out)}: expected a folder or None")
     if out is None:
         if resume:
             raise InputError("resume = True: expected a folder that holds a restart file")
@@ -35,22 +55,80 @@ def writable_folder(out: str | Path | None, resume: bool) -> Path | None:
         probe.unlink()
     except OSError as error:
         raise InputError(f"out = {str(folder)!r}: expected a folder that can be written ({error.strerror})") from None
+    if not resume:
+        _require_free(folder, overwrite)
     return folder
+
+
+def _require_free(folder: Path, overwrite: bool) -> None:
+    held = [name for name in RESULTS if (folder / name).exists()]
+    if held and not overwrite:
+        raise InputError(
+            f"out = {str(folder)!r}: it holds {held[0]}; expected a folder without results, or overwrite (--overwrite) "
+            "or resume (--resume)"
+        )
+    if "summary.json" in held and _run_summary(folder) is None:
+        raise InputError(f"out = {str(folder)!r}: its summary.json is not of a run; expected another folder")
+
+
+def _run_summary(folder: Path) -> dict[str, Any] | None:
+    """The summary of a run in a folder, or None."""
+    try:
+        found = json.loads((folder / "summary.json").read_text())
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) and {"scene", "settings", "status"} <= set(found) else None
+
+
+def free_folder(wanted: Path) -> Path:
+    """The folder itself, or the first of wanted-2, wanted-3, ... that holds no results."""
+    number, folder = 1, wanted
+    while any((folder / name).exists() for name in RESULTS):
+        number += 1
+        folder = wanted.with_name(f"{wanted.name}-{number}")
+    return folder
+
+
+def newest_folder(wanted: Path) -> Path:
+    """The last of wanted, wanted-2, wanted-3, ... that holds results; `wanted` if none does."""
+    free = free_folder(wanted)
+    number = int(free.name.removeprefix(f"{wanted.name}-")) if free != wanted else 1
+    return wanted.with_name(f"{wanted.name}-{number - 1}") if number > 2 else wanted
+
+
+@contextlib.contextmanager
+def sole_use(folder: Path | None) -> Iterator[None]:
+    """Context in which no other run writes into the folder. The system takes the lock from a run that died.
+
+    Raises:
+        InputError: if another run writes there.
+    """
+    if folder is None or fcntl is None:
+        yield
+        return
+    path = folder / ".lock"
+    with path.open("w") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(f"out = {str(folder)!r}: another run writes there; expected a folder of its own") from None
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
 
 
 def clear(folder: Path) -> None:
     """Remove what an earlier run left: it must not pass for this one's."""
-    drawn: list[str] = []
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        drawn = json.loads((folder / "summary.json").read_text()).get("pictures", [])
-    for name in ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd", *drawn):
+    drawn = (_run_summary(folder) or {}).get("pictures", [])
+    for name in (*RESULTS, *drawn):
         (folder / Path(name).name).unlink(missing_ok=True)
 
 
 def clear_unfinished(folder: Path) -> None:
     """Remove what a killed run was about to write; no resumed one reads it."""
     for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
-                    f"{restart.NAME}.part", "*.png.part"):  # fmt: skip
+                    f"{restart.NAME}.part", ".*.png.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,22 +17,22 @@ from typing import Any
 import numpy as np
 
 from ..built import Built, compose
-from ..checks import kind_and_text, user_code
+from ..checks import InputError, kind_and_text, user_code
 from ..frame import Frame, Surface
 from ..interfaces import History, Reporter, Writer
 from ..output.background import Background
 from ..output.formats import file_writers
-from ..scene import Scene
+from ..scene import Scene, check_writers
 from . import restart
 from .divergence import DivergedError
-from .folder import clear, clear_unfinished, writable_folder, write_atomically, write_history
+from .folder import clear, clear_unfinished, sole_use, writable_folder, write_atomically, write_history
 from .recorder import Recorder, snapshot
 from .summary import Seconds, summary_of
 
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
 
 
-@dataclass
+@dataclass(repr=False)
 class Result:
     """What a run leaves.
 
@@ -49,6 +51,11 @@ class Result:
     frame: Frame
     folder: Path | None = None
 
+    def __repr__(self) -> str:
+        """One line: all arrays of a simulation would fill a notebook."""
+        numbers = ", ".join(f"{name} = {found['value']}" for name, found in self.summary["measures"].items())
+        return f"Result({self.summary['scene']}: {self.status}, {len(self.history)} frames; {numbers or 'no measures'})"
+
     @property
     def status(self) -> str:
         """How the run ended: "finished", "diverged", "not converged" or "interrupted"."""
@@ -62,6 +69,7 @@ def run(
     device: str | None = None,
     precision: int | None = None,
     resume: bool = False,
+    overwrite: bool = False,
     usd: bool = True,
     reporter: Reporter | None = None,
     writers: list[Writer] | None = None,
@@ -76,6 +84,7 @@ def run(
         device: "cpu", "cuda:0", ...; CUDA by default where there is one.
         precision: 32 or 64; by default the solver's.
         resume: Go on from the restart file in `out`.
+        overwrite: Replace the results of another run in `out`; without it they are refused.
         usd: Whether to write animation.usd.
         reporter: Shows progress; see `output.progress`.
         writers: More writers of frames.
@@ -88,26 +97,43 @@ def run(
     Returns:
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
+    folder = writable_folder(out, resume, overwrite)
+    check_writers(writers or [])
+    with sole_use(folder):
+        return _run(scene, folder, device, precision, resume, usd, reporter, list(writers or []), pictures)
+
+
+def _run(
+    scene: Scene, folder: Path | None, device: str | None, precision: int | None, resume: bool, usd: bool,
+    reporter: Reporter | None, writers: list[Writer], pictures: bool,
+) -> Result:  # fmt: skip
+    """Run a scene in a folder that no other run uses."""
     begin = perf_counter()
     built = compose(scene, device, precision)
-    folder = writable_folder(out, resume)
     known = None if folder is None else restart.identity(scene, built)
     saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
     if folder is not None:
+        if saved is not None:
+            _require_same_files(folder, usd)
         clear_unfinished(folder)
         if saved is None:
             clear(folder)
+        # It tells of a run that is over, which this one is not.
+        (folder / "summary.json").unlink(missing_ok=True)
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = built.context.compile()
     if reporter is not None:
         reporter.compiled(compile_seconds)
-    recorder = Recorder(built, list(writers or []), reporter)
+    recorder = Recorder(built, writers, reporter)
     _begin(recorder, saved)
     if folder is not None and known is not None:
         _add_files(recorder, folder, known, usd, None if saved is None else recorder.frame_index + 1)
     setup_seconds = perf_counter() - begin - compile_seconds
+    before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
+    if saved is not None and status == FINISHED and len(recorder.history) == before:
+        message = "the run had finished already: nothing was left to do"
     if recorder.last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
@@ -116,6 +142,18 @@ def run(
     if folder is not None:
         _finish(result, folder, pictures)
     return result
+
+
+def _require_same_files(folder: Path, usd: bool) -> None:
+    """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.
+
+    Raises:
+        InputError: for an animation that is there and should not be, or the other way.
+    """
+    begun = (folder / "animation.usd").is_file()
+    if usd != begun:
+        there, wanted = ("holds", "usd = True, without --no-usd") if begun else ("lacks", "usd = False, --no-usd")
+        raise InputError(f"resume in {str(folder)!r}: it {there} animation.usd; expected {wanted}, as it began")
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
@@ -241,6 +279,8 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
         if recorder.stop_asked:
             raise KeyboardInterrupt
         recorder.stop_asked = True
+        if recorder.reporter is not None:
+            os.write(sys.stderr.fileno(), b"\nstopping at the next frame; once more stops at once\n")
 
     def undo() -> None:
         for number, handler in earlier.items():

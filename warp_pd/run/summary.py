@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import importlib.metadata
+import itertools
+import platform
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 
-from ..checks import InputError
+from ..checks import InputError, said
 from ..scene import Measure, Outcome
 from .recorder import Recorder, number_of
+
+# Error of the energy balance, and energy that breaking bonds adds over the largest energy, from which a note says so.
+WORST_BALANCE, WORST_GAIN = 0.01, 0.01
 
 
 @dataclass(frozen=True)
@@ -35,6 +42,21 @@ def notes_of(recorder: Recorder) -> list[str]:
         notes.append("energy: the law has no potential, so there is no strain energy and no balance to report")
     for part in built.parts:
         notes += part.notes(recorder.history, built.simulation.load_duration)
+    return notes + _energy_notes(recorder)
+
+
+def _energy_notes(recorder: Recorder) -> list[str]:
+    """What the energies of a run say against it."""
+    history, notes = recorder.history, []
+    errors = [row["balance_error"] for row in history if "balance_error" in row]
+    worst = max(errors, key=abs, default=0.0)
+    if abs(worst) > WORST_BALANCE:
+        notes.append(f"energy: the balance is off by {100.0 * worst:+.2g} %; try a smaller safety or step")
+    lost = [row["rupture"] for row in history if "rupture" in row]
+    gained = max((before - after for before, after in itertools.pairwise(lost)), default=0.0)
+    scale = max((abs(row["kinetic"] + row.get("strain", 0.0)) for row in history), default=0.0)
+    if gained > WORST_GAIN * scale:
+        notes.append(f"energy: breaking bonds added {gained:.3g} J between two frames, which it must not")
     return notes
 
 
@@ -87,9 +109,16 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "status": status,
         "message": message,
         "settings": scene.settings,
+        "version": importlib.metadata.version("warp-pd"),
+        "date": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "machine": platform.node(),
         "device": str(context.device.name),
         "precision": context.bits,
         "force": type(scene.force).__name__,
+        "material": said(scene.force.material),
+        "thickness": context.sheet.thickness,
+        "density": context.sheet.density,
+        "spacing": context.sheet.spacing,
         "weights": built.law.weights,
         "horizon": scene.force.horizon,
         "points": context.sheet.size,

@@ -27,6 +27,8 @@ STEPS_BETWEEN = 400
 # Step over the stable step: unless bonds can break, any stable step is accurate for what moves slowly. A bond that
 # breaks moves within a few steps, and the energy balance of tears needs shorter ones (docs/tearing.md).
 SAFETY, RUPTURE_SAFETY = 0.9, 0.5
+# Share of the velocity that mass damping takes in a step, at most.
+MAX_DAMPED = 0.2
 # Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
 SHORTFALL = 0.02
 
@@ -129,6 +131,8 @@ class BuiltExplicit(BuiltSolver):
         step.fuse_wraparound()
         self.stable_step = StableStep(system, self.context.state.mass)
         limits = [limit for part in system.parts if (limit := part.step_limit()) is not None]
+        if self.solver.damping > 0.0:
+            limits.append(StepLimit(MAX_DAMPED / self.solver.damping, "in which damping takes a fifth of the velocity"))
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
     def run(self, sink: FrameSink) -> str:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, count, one_of, positive
+from ..checks import InputError, below_one, count, one_of, positive
 from ..device.context import Context
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
 from ..phases import Phase
@@ -69,7 +69,7 @@ class Newton:
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:
-            positive("tolerance", self.tolerance)
+            below_one("tolerance", self.tolerance)
         positive("duration", self.duration)
         count("load_steps", self.load_steps, 1)
         count("most_iterations", self.most_iterations, 1)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import count, positive
+from ..checks import below_one, count, positive
 from ..device.context import Context
 from ..device.fields import Array, assign
 from ..device.graph import LaunchSequence
@@ -78,7 +78,7 @@ class Relaxation:
 
     def __post_init__(self) -> None:
         if self.tolerance is not None:
-            positive("tolerance", self.tolerance)
+            below_one("tolerance", self.tolerance)
         positive("duration", self.duration)
         positive("safety", self.safety)
         for name in ("load_steps", "ramp_steps", "most_steps"):

@@ -13,7 +13,19 @@ def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_pa
     folder = tmp_path / "earlier"
     shutil.copytree(ball, folder)
     (folder / "mine.png").write_bytes(b"mine")
-    done = cli("run", "pressure", "--points", "9", "--device", "cpu", "--quiet", "--no-pictures", "--out", folder)
+    done = cli(
+        "run",
+        "pressure",
+        "--points",
+        "9",
+        "--device",
+        "cpu",
+        "--quiet",
+        "--no-pictures",
+        "--overwrite",
+        "--out",
+        folder,
+    )
     assert done.exit_code == 0, done.output
     assert {p.name for p in folder.glob("*.png")} == {"mine.png"}
 
@@ -21,7 +33,7 @@ def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_pa
 @pytest.mark.parametrize("usd", [True, False])
 def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
     left = [".animation.unfinished.usdc", ".animation.copy.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
-            "history.csv.part", "summary.json.part", "damage.png.part"]  # fmt: skip
+            "history.csv.part", "summary.json.part", ".damage.png.unfinished"]  # fmt: skip
     sheet = square(7)
     simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=2), [Fixed(sheet.edges())])
     (tmp_path / ".mine.usdc").write_bytes(b"mine")

@@ -50,7 +50,7 @@ WRONG = [
     (lambda: simulate(square(9), Newton(preconditioner="multigrid")).build("cpu"), "preconditioner = 'multigrid'"),
     (lambda: simulate(square(9), Newton(), damage=CriticalStretch(2.0)).build("cpu"), "damage: expected None"),
     (
-        lambda: simulate(square(9), Newton(), contact=RigidBall(0.01, (0.05, 0.05, 0.1), (0, 0, -1))).build("cpu"),
+        lambda: simulate(square(9), Newton(), contact=RigidBall(0.05, (0.05, 0.05, 0.1), (0, 0, -1))).build("cpu"),
         "contact = RigidBall",
     ),
     (lambda: simulate(square(21).inclusion((0.05, 0.05), 0.02), Newton()).build("cpu"), "sheet.inclusions"),
