@@ -16,6 +16,10 @@ class InputError(ValueError):
     """Wrong input: the message names the argument, its value and what is expected."""
 
 
+class OutputError(InputError):
+    """A result file that could not be written: the message says which and why."""
+
+
 @contextlib.contextmanager
 def user_code(said: Callable[[Exception], str]) -> Iterator[None]:
     """Context in which user code runs; `said` turns the errors that it raises into one line.

@@ -9,6 +9,7 @@ import importlib
 import importlib.util
 import inspect
 import json
+import os
 import pkgutil
 import sys
 import traceback
@@ -17,7 +18,7 @@ from typing import Any
 
 import click
 
-from .checks import InputError, kind_and_text, one_of, user_code
+from .checks import InputError, OutputError, kind_and_text, one_of, user_code
 from .simulation import Simulation
 
 WRONG_INPUT, DIVERGED = 2, 3
@@ -36,6 +37,11 @@ class OneLineGroup(click.Group):
             ctx.exit(WRONG_INPUT)
         except (InputError, MemoryError) as error:
             click.echo(f"warp-pd: {error}", err=True)
+            if isinstance(error, OutputError):
+                # HDF5 crashes at the exit of a process in which a file could not be written.
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os._exit(WRONG_INPUT)
             ctx.exit(WRONG_INPUT)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
+from ..checks import OutputError
 from ..frame import Frame
 
 
@@ -17,16 +19,19 @@ class Background:
 
     Args:
         writers: Take every frame, in turn; see `warp_pd.runner.Writer`.
+        require_room: Called before anything is written; raises OutputError where there is no room for it. A file whose
+            writing failed half-way may be beyond repair, and HDF5 with it.
     """
 
-    def __init__(self, writers: Sequence[Any]) -> None:
-        self.writers = list(writers)
+    def __init__(self, writers: Sequence[Any], require_room: Callable[[], None] = lambda: None) -> None:
+        self.writers, self.require_room = list(writers), require_room
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="warp_pd_writer")
         self._waiting: Future[None] | None = None
 
     def write(self, frame: Frame) -> None:
         """Take one frame, once the one before has been written."""
         self._settle()
+        self.require_room()
         self._waiting = self._thread.submit(self._write, frame)
 
     def save(self) -> None:
@@ -54,8 +59,9 @@ class Background:
             self._settle()
         finally:
             self._thread.shutdown()
-            for writer in self.writers:
-                writer.close()
+            with _as_output_error():
+                for writer in self.writers:
+                    writer.close()
 
     def _write(self, frame: Frame) -> None:
         for writer in self.writers:
@@ -64,4 +70,19 @@ class Background:
     def _settle(self) -> None:
         waiting, self._waiting = self._waiting, None
         if waiting is not None:
-            waiting.result()
+            with _as_output_error():
+                waiting.result()
+
+
+@contextlib.contextmanager
+def _as_output_error() -> Iterator[None]:
+    """Context that turns errors of the files into one line.
+
+    Raises:
+        OutputError: for an error of the operating system, or of a library that could not write.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        text = " ".join(str(error).split())
+        raise OutputError(f"a result file could not be written: {text[:200]}") from error

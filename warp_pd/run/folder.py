@@ -6,11 +6,12 @@ import contextlib
 import csv
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..checks import InputError, said
+from ..checks import InputError, OutputError, said
 from ..interfaces import History
 from . import restart
 
@@ -94,6 +95,24 @@ def newest_folder(wanted: Path) -> Path:
     free = free_folder(wanted)
     number = int(free.name.removeprefix(f"{wanted.name}-")) if free != wanted else 1
     return wanted.with_name(f"{wanted.name}-{number - 1}") if number > 2 else wanted
+
+
+def require_room(folder: Path, needed: int) -> None:
+    """Check that the disk has room for what is written next.
+
+    Args:
+        folder: The folder of the run.
+        needed: [bytes].
+
+    Raises:
+        OutputError: otherwise.
+    """
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise OutputError(
+            f"out = {str(folder)!r}: {free / 1e6:.3g} MB are free, expected {needed / 1e6:.3g} MB for what is written "
+            "next; make room, then go on with --resume, or begin anew if no frame was written"
+        )
 
 
 @contextlib.contextmanager

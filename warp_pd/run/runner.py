@@ -25,9 +25,12 @@ from ..output.formats import file_writers
 from ..scene import Scene, check_writers
 from . import restart
 from .divergence import DivergedError
-from .folder import clear, clear_unfinished, sole_use, writable_folder, write_atomically, write_history
+from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
 from .recorder import Recorder, snapshot
 from .summary import Seconds, summary_of
+
+# Bytes that a frame takes per point, in both formats, and those of history, summary and what is about them.
+BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
 
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
 
@@ -173,7 +176,9 @@ def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: b
     scene = recorder.built.simulation
     equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
     surface = surface_of(recorder.built)
-    files = Background(file_writers(folder, surface, usd=usd, seconds_per_frame=equal, append_from=append_from))
+    room = partial(_require_room, recorder, folder)
+    room()
+    files = Background(file_writers(folder, surface, usd=usd, seconds_per_frame=equal, append_from=append_from), room)
     others = list(recorder.writers)
     recorder.writers.append(files)
     recorder.kept = partial(write_history, folder / "history.csv")
@@ -184,6 +189,19 @@ def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: b
         files.save_then(partial(restart.save, folder / restart.NAME, restart.collect(recorder, known)))
 
     recorder.saved = save
+
+
+def _require_room(recorder: Recorder, folder: Path) -> None:
+    """Check that the disk has room for two frames, a restart file, a copy of the animation, and the small files.
+
+    Raises:
+        OutputError: otherwise.
+    """
+    context = recorder.built.context
+    frame = BYTES_OF_POINT * context.sheet.size + 12 * len(context.sheet.triangles)
+    restarts = sum(array.capacity for array in context.fields.kept().values())
+    copied = sum(path.stat().st_size for path in folder.glob(".animation.*.usdc"))
+    require_room(folder, 2 * frame + 2 * restarts + copied + SMALL_FILES)
 
 
 def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
