@@ -8,12 +8,20 @@ from typing import Any
 
 import numpy as np
 
-# Entries of an array, and characters of a text, that a message shows.
-MAX_SHOWN, MAX_TEXT = 6, 90
+# Entries of an array, characters of a text that a message shows, and characters of a message.
+MAX_SHOWN, MAX_TEXT, MAX_MESSAGE = 6, 90, 700
 
 
 class InputError(ValueError):
-    """Wrong input: the message names the argument, its value and what is expected."""
+    """Wrong input: the message names the argument, its value and what is expected.
+
+    It is one line, whatever the text of a value is; the middle of a long one is left out.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        text = " ".join(str(message).split())
+        half = MAX_MESSAGE // 2
+        super().__init__(text if len(text) <= MAX_MESSAGE else f"{text[:half]} ... {text[-half:]}")
 
 
 class OutputError(InputError):
@@ -137,6 +145,21 @@ def positions(name: str, value: Any) -> np.ndarray:
     return found.copy()
 
 
+def one_each(name: str, value: Any, points: int) -> np.ndarray:
+    """`value` as one number above zero for each point, float64, shape (N,).
+
+    Raises:
+        InputError: otherwise; the message names the first that is not.
+    """
+    found = numbers(name, value)
+    if found.shape != (points,):
+        raise InputError(f"{name} has shape {found.shape}: expected one above 0 for each of the {points} points")
+    if not (found > 0.0).all():
+        bad = int(np.flatnonzero(found <= 0.0)[0])
+        raise InputError(f"{name}[{bad}] = {found[bad]}: expected one above 0 for each of the {points} points")
+    return found.copy()
+
+
 def corners(name: str, value: Any, points: int) -> np.ndarray:
     """`value` as the corners of triangles, int32, shape (F, 3).
 
@@ -172,7 +195,8 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
         InputError: if it is not allowed; the message names the nearest one.
     """
     choices = list(allowed)
-    if value in choices:
+    # An array is equal to nothing here: it would ask which of its entries is meant.
+    if not isinstance(value, np.ndarray) and value in choices:
         return value
     words = [c for c in choices if isinstance(c, str)]
     nearest = difflib.get_close_matches(str(value), words, n=1, cutoff=0.5)

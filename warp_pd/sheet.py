@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .checks import InputError, corners, count, counts, finite, point_indices, positions, positive, truth_values, vector
+from . import checks
+from .checks import InputError, corners, count, counts, finite, one_of, point_indices, positions, positive, vector
 from .triangulation import (
     Lattice,
     Segment,
@@ -87,15 +88,16 @@ class Sheet:
                 below zero.
         """
         width, height = positive("width", width), positive("height", height)
+        one_of("centred", centred, (True, False))
         x0, y0 = vector("origin", origin, 2)
         if isinstance(points, tuple | list):
             columns, rows = counts("points", points, 3)
         else:
             columns = count("points", points, 3)
-            rows = max(3, round(height / width * (columns - 1)) + 1)
+            rows = max(3, round(min(height / width * (columns - 1), MAX_POINTS)) + 1)
         if centred:
             dx = width / columns
-            rows = rows if isinstance(points, tuple | list) else max(3, round(height / dx))
+            rows = rows if isinstance(points, tuple | list) else max(3, round(min(height / dx, MAX_POINTS)))
             dy = height / rows
             x0, y0 = x0 + 0.5 * dx, y0 + 0.5 * dy
         else:
@@ -135,6 +137,8 @@ class Sheet:
             InputError: for a number that is not above zero, or fewer than 3 points.
         """
         spacing = positive("length", length) / count("points", points, 3)
+        if points > MAX_POINTS:
+            raise InputError(f"points = {points!r}: expected at most {MAX_POINTS}")
         return Sheet(
             points=np.column_stack([spacing * (np.arange(points) + 0.5), np.zeros(points)]),
             areas=np.full(points, spacing),
@@ -229,24 +233,19 @@ class Sheet:
             InputError: for coincident points, coordinates that are not finite, or wrong shapes.
         """
         points = positions("points", points)
+        spacing = None if spacing is None else positive("spacing", spacing)
         refuse_coincident(points)
         if triangles is None:
             triangles = delaunay(points, spacing)
         triangles = counter_clockwise(points, corners("triangles", triangles, len(points)))
-        if areas is None:
-            areas = point_areas(points, triangles)
-        areas = np.array(areas, dtype=np.float64)
-        if areas.shape != (len(points),) or not (areas > 0.0).all():
-            bad = int(np.flatnonzero(~(areas > 0.0))[0]) if areas.shape == (len(points),) else -1
-            where = f"areas[{bad}] = {areas[bad]}" if bad >= 0 else f"areas has shape {areas.shape}"
-            raise InputError(f"{where}: expected one area above 0 for each of the {len(points)} points")
+        areas = checks.one_each("areas", point_areas(points, triangles) if areas is None else areas, len(points))
         return Sheet(
             points=points,
             areas=areas,
             triangles=triangles,
             thickness=positive("thickness", thickness),
             density=positive("density", density),
-            spacing=positive("spacing", spacing) if spacing is not None else float(np.sqrt(areas.mean())),
+            spacing=spacing if spacing is not None else float(np.sqrt(areas.mean())),
         )
 
     @property
@@ -390,4 +389,4 @@ class Sheet:
         Raises:
             InputError: for a condition that is no function, or gives anything but N truth values.
         """
-        return np.flatnonzero(truth_values("condition", condition, *self.points.T)).astype(np.int32)
+        return np.flatnonzero(checks.truth_values("condition", condition, *self.points.T)).astype(np.int32)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import one_of
+from ..checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..cores import cores
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE, SAMPLE
@@ -35,9 +35,14 @@ def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
     """The influence function of r = |X| / horizon, by name or passed through.
 
     Raises:
-        InputError: for an unknown name.
+        InputError: for an unknown name, or a function that does not give one number for each.
     """
     if callable(influence):
+        ratios = np.array([0.25, 0.5, 1.0])
+        with user_code(lambda error: f"influence: {kind_and_text(error)}; expected a function of an array"):
+            values = numbers("influence(array)", influence(ratios))
+        if values.shape != ratios.shape:
+            raise InputError(f"influence(array) has shape {values.shape}: expected {ratios.shape}, that of the array")
         return influence
     return INFLUENCE[one_of("influence", influence, INFLUENCE)]
 

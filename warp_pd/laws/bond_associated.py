@@ -72,6 +72,7 @@ class BondAssociated:
         positive("horizon", self.horizon)
         one_of("weights", self.weights, WEIGHTS)
         one_of("broken", self.broken, BROKEN)
+        one_of("fast", self.fast, (True, False))
         influence_function(self.influence)
         check_material(self.material, "functions")
 

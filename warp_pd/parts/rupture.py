@@ -22,6 +22,9 @@ from ..kernels.energy_release import energy_release
 from ..kernels.rupture import Criterion, breaking, critical_energy, critical_stretch
 from ..phases import Phase
 
+# Beyond it the squares of stretches overflow in float32.
+MAX_STRETCH = 1e12
+
 
 class BondCriterion(Rupture):
     """A criterion that looks at one bond at a time."""
@@ -58,8 +61,10 @@ class CriticalStretch(BondCriterion):
     spared: Any = None
 
     def __post_init__(self) -> None:
-        if finite("CriticalStretch.stretch", self.stretch) <= 1.0:
-            raise InputError(f"CriticalStretch.stretch = {self.stretch!r}: expected a stretch greater than 1")
+        if not 1.0 < finite("CriticalStretch.stretch", self.stretch) < MAX_STRETCH:
+            raise InputError(
+                f"CriticalStretch.stretch = {self.stretch!r}: expected a stretch above 1 and below {MAX_STRETCH:g}"
+            )
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The squared critical stretch."""
