@@ -172,7 +172,7 @@ def parts() -> dict[str, Callable[[], Any]]:
     }  # fmt: skip
     prony = (w.Prony(0.2e3, time=0.01), w.Prony(0.1e3, 5.0, time=0.05, exponent=0.3))
     tear, energy = w.CriticalStretch(1.21), w.CriticalEnergy(2e-3)
-    ball = w.RigidBall(0.05, (0.06, 0.05, 0.0255), (0.0, 0.0, -0.5))
+    ball = w.RigidBall(0.05, (0.06, 0.05, 0.0275), (0.0, 0.0, -0.5))
     right = lambda s: [w.Motion(s.edges("right"), [0.0, 1.0], x=[0.02, 0.2], y=0.0, z=[0.0, 0.05])]  # noqa: E731
     pulled = lambda s: [w.Motion(s.edges("right"), [0.0, 1.0], x=[0.0, 0.3], y=0.0, z=0.0)]  # noqa: E731
     slowly = lambda s: [w.Motion(s.edges("right"), [0.0, 1.0], x=[0.0, 0.012], y=0.0, z=0.0)]  # noqa: E731

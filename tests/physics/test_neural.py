@@ -93,7 +93,7 @@ def test_a_law_without_an_energy_invents_none(tmp_path):
             damage=CriticalStretch(1.2),
             initial_displacement=uniform(sheet, [[1.1, 0.0], [0.0, 1.0], [0.0, 0.0]]) + rough(sheet, 0.1) * 0.3,
         )
-        result = simulation.run(device="cpu", out=tmp_path, usd=False)
+        result = simulation.run(device="cpu", out=tmp_path / type(law).__name__, usd=False)
         row, energy = result.history[-1], result.summary["energy"]
         assert result.status == "finished"
         assert row["largest_damage"] > 0.0

@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from warp_pd.checks import OutputError
 from warp_pd.output.background import Background
 
 
@@ -73,7 +74,7 @@ def test_nothing_is_saved_after_a_frame_that_was_not_written():
     writer = Background([notes])
     writer.write(0)
     writer.save_then(lambda: work.append(0))
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OutputError, match="disk full"):
         writer.close()
     assert work == [] and notes.saved_after is None and notes.closed
 
@@ -83,7 +84,7 @@ def test_an_error_is_raised_at_the_next_call_and_files_are_closed():
     writer = Background([bad, good])
     writer.write(0)
     writer.write(1)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OutputError, match="disk full"):
         writer.write(2)
     writer.close()
     assert bad.closed and good.closed
@@ -94,6 +95,6 @@ def test_an_error_in_the_last_frame_is_raised_at_closing():
     notes = Notes(fails_at=0)
     writer = Background([notes])
     writer.write(0)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OutputError, match="disk full"):
         writer.close()
     assert notes.closed
