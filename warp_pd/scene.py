@@ -12,6 +12,7 @@ import numpy as np
 from .checks import InputError, finite, numbers, said
 from .frame import Frame
 from .interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
+from .regions import Region
 from .sheet import Sheet
 
 
@@ -173,7 +174,18 @@ class Scene:
         for name, part in given:
             if part is not None and part.argument != name:
                 raise InputError(f"{name}: {type(part).__name__} is given here, expected as {part.argument}")
+        self._check_regions()
         self._check_names()
+
+    def _check_regions(self) -> None:
+        """Refuse points that were taken from another sheet, such as this one before a hole was cut into it."""
+        for part in [*self.loads, *(part for part in (self.contact, self.damage) if part is not None)]:
+            for name, value in getattr(part, "__dict__", {}).items():
+                if isinstance(value, Region) and not value.fits(self.sheet.points):
+                    raise InputError(
+                        f"{type(part).__name__}.{name}: expected points of this sheet; they were taken from another, "
+                        "such as this one before a hole; take them again from the sheet that is simulated"
+                    )
 
     def _check_names(self) -> None:
         names = [m.name for m in self.measures] + [o.name for o in self.outcomes]

@@ -9,6 +9,7 @@ import numpy as np
 
 from . import checks
 from .checks import InputError, corners, count, counts, finite, one_of, point_indices, positions, positive, vector
+from .regions import region_of
 from .triangulation import (
     Lattice,
     Segment,
@@ -283,7 +284,7 @@ class Sheet:
                 chosen |= near[name]
             else:
                 raise InputError(f"edge = {name!r}: expected 'left', 'right', 'bottom', 'top', 'all'")
-        return np.flatnonzero(chosen).astype(np.int32)
+        return region_of(np.flatnonzero(chosen), self.points)
 
     def nearest(self, x: float, y: float) -> int:
         """Index of the point nearest to (x, y)."""
@@ -294,7 +295,7 @@ class Sheet:
         """Indices of the points no further than `radius` [m] from `centre`."""
         offset = self.points - vector("centre", centre, 2)
         reach = positive("radius", radius) * (1.0 + 1e-9)
-        return np.flatnonzero(np.hypot(offset[:, 0], offset[:, 1]) <= reach).astype(np.int32)
+        return region_of(np.flatnonzero(np.hypot(offset[:, 0], offset[:, 1]) <= reach), self.points)
 
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].
@@ -391,4 +392,5 @@ class Sheet:
         Raises:
             InputError: for a condition that is no function, or gives anything but N truth values.
         """
-        return np.flatnonzero(checks.truth_values("condition", condition, *self.points.T)).astype(np.int32)
+        holds = checks.truth_values("condition", condition, *self.points.T)
+        return region_of(np.flatnonzero(holds), self.points)

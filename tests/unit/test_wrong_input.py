@@ -105,3 +105,23 @@ def test_a_balance_that_is_off_is_a_note():
         "energy: breaking bonds added 0.1 J between two frames, which it must not",
     ]
     assert not _energy_notes(type("Recorder", (), {"history": [row, row]}))
+
+
+@pytest.mark.parametrize("join", [lambda a, b: a, lambda a, b: np.concatenate([a, b]), lambda a, b: np.unique(b)[:3]])
+def test_points_of_another_sheet_are_refused(join):
+    """They would silently name other points: a hole leaves the numbers of its points to others."""
+    before = square(21)
+    region = join(before.edges("left"), before.edges("right"))
+    after = before.hole((0.05, 0.05), 0.02)
+    with pytest.raises(InputError, match=r"^Fixed\.points: expected points of this sheet; they were taken"):
+        simulated(sheet=after, loads=[Fixed(region)]).build("cpu")
+    for sheet in (before, square(21), before.cut((-0.01, 0.0524), (0.03, 0.0524))):
+        assert simulated(sheet=sheet, loads=[Fixed(region)]).build("cpu") is not None
+    assert simulated(sheet=after, loads=[Fixed(np.array([0, 1]))]).build("cpu") is not None
+
+
+def test_a_region_is_an_array_of_indices():
+    sheet = square(9)
+    left = sheet.edges("left")
+    assert left.dtype == np.int32 and (left == np.flatnonzero(sheet.points[:, 0] < 1e-9)).all()
+    assert type(sheet.points[left]) is np.ndarray and type(np.isin(np.arange(81), left)) is np.ndarray

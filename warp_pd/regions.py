@@ -1,0 +1,62 @@
+"""Point indices that know which points they were taken from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+# Functions of NumPy that give indices if they are given indices.
+JOINING = frozenset(
+    {np.concatenate, np.hstack, np.append, np.unique, np.union1d, np.intersect1d, np.setdiff1d, np.sort, np.ravel}
+)
+
+
+class Region(np.ndarray):
+    """Point indices, int32, and the points that they were taken from: of another sheet they would name other points.
+
+    It survives slicing and joining with other regions of the same points. A plain array of the same numbers, such as
+    `np.array(region)`, is never checked.
+
+    Attributes:
+        of: Positions of those points [m], shape (N, 2), or None.
+    """
+
+    of: np.ndarray | None
+
+    def __array_finalize__(self, obj: Any) -> None:
+        """A view or a copy is of the same points."""
+        self.of = getattr(obj, "of", None)
+
+    def __array_function__(
+        self, func: Callable[..., Any], types: Iterable[type], args: Iterable[Any], kwargs: Any
+    ) -> Any:
+        """A function of NumPy gives a plain array, but where it joins regions of the same points."""
+        result = super().__array_function__(func, types, args, kwargs)
+        if func not in JOINING or type(result) not in (np.ndarray, Region):
+            return result
+        given = _regions(args)
+        same = all(region.of is given[0].of for region in given)
+        return region_of(result, given[0].of) if given and same and given[0].of is not None else np.asarray(result)
+
+    def fits(self, points: np.ndarray) -> bool:
+        """Whether it was taken from these points, shape (N, 2), or from the same ones."""
+        return self.of is None or self.of is points or bool(np.array_equal(self.of, points))
+
+
+def region_of(indices: np.ndarray, points: np.ndarray) -> Region:
+    """Indices as a region of points, shape (N, 2)."""
+    region = np.asarray(indices, np.int32).view(Region)
+    region.of = points
+    return region
+
+
+def _regions(arguments: Iterable[Any]) -> list[Region]:
+    found: list[Region] = []
+    for argument in arguments:
+        if isinstance(argument, Region):
+            found.append(argument)
+        elif isinstance(argument, list | tuple):
+            found += _regions(argument)
+    return found
