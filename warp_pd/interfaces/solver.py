@@ -46,6 +46,10 @@ class FrameSink(Protocol):
         """Report the progress of a static solver between frames."""
         ...
 
+    def keep_going(self) -> None:
+        """Called within a frame: ends it by KeyboardInterrupt if the user has waited for its end for long."""
+        ...
+
 
 @dataclass(eq=False)
 class System:

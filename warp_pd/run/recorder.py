@@ -18,6 +18,8 @@ from .energy_balance import balance_error
 
 # Restart files of a run, about: each makes the writers bring their files to the disk.
 RESTARTS = 40
+# Seconds that a frame may take to end after the user asked to stop.
+PATIENCE = 5.0
 
 
 @dataclass(eq=False)
@@ -57,7 +59,7 @@ class Recorder:
     def __post_init__(self) -> None:
         """Begin to look at the state."""
         self.soundness = Soundness(self.built)
-        self._clock = perf_counter()
+        self._clock = self._asked_at = perf_counter()
 
     def start_clock(self) -> None:
         """Count the seconds of the steps from now on."""
@@ -69,6 +71,15 @@ class Recorder:
             raise KeyboardInterrupt
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance)
+
+    def ask_to_stop(self) -> None:
+        """Let the run end at the next frame, or in the middle of a long one."""
+        self.stop_asked, self._asked_at = True, perf_counter()
+
+    def keep_going(self) -> None:
+        """End a frame that takes long after the user asked to stop; what it computed is repeated when resumed."""
+        if self.stop_asked and perf_counter() - self._asked_at > PATIENCE:
+            raise KeyboardInterrupt
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
         """Check the state, hand it to the writers, and save it for a restart.

@@ -296,9 +296,9 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
     def ask(number: int, stack: Any) -> None:
         if recorder.stop_asked:
             raise KeyboardInterrupt
-        recorder.stop_asked = True
+        recorder.ask_to_stop()
         if recorder.reporter is not None:
-            os.write(sys.stderr.fileno(), b"\nstopping at the next frame; once more stops at once\n")
+            os.write(sys.stderr.fileno(), b"\nstopping at the next frame, or soon; once more stops at once\n")
 
     def undo() -> None:
         for number, handler in earlier.items():

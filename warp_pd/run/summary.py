@@ -7,6 +7,7 @@ import itertools
 import platform
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,23 @@ def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
     return reported
 
 
+def _commit() -> str | None:
+    """The commit of the checkout that this package is run from; None for an installed one."""
+    git = Path(__file__).parents[2] / ".git"
+    try:
+        head = (git / "HEAD").read_text().strip()
+        name = head.removeprefix("ref: ")
+        if name == head:
+            return head
+        loose = git / name
+        if loose.is_file():
+            return loose.read_text().strip()
+        packed = (git / "packed-refs").read_text().splitlines()
+        return next((line.split()[0] for line in packed if line.endswith(f" {name}")), None)
+    except OSError:
+        return None
+
+
 def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) -> dict[str, Any]:
     """The summary of a run that is over."""
     built, scene, context = recorder.built, recorder.built.simulation, recorder.built.context
@@ -110,6 +128,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "message": message,
         "settings": scene.settings,
         "version": importlib.metadata.version("warp-pd"),
+        "commit": _commit(),
         "date": datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": platform.node(),
         "device": str(context.device.name),

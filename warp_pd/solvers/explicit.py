@@ -146,6 +146,7 @@ class BuiltExplicit(BuiltSolver):
             now, end = self.solver.frame_time(index - 1), self.solver.frame_time(index)
             taken, dt = 0, 0.0
             while now < end:
+                sink.keep_going()
                 if since >= STEPS_BETWEEN:
                     sink.stable_dt = self.estimate(LATER_ITERATIONS)
                     since = 0

@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 from helpers import NEO, square
@@ -98,7 +100,22 @@ def test_the_summary_says_what_was_run(tmp_path):
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["material"] == "NeoHookean(mu=1000.0, bulk=100000.0)"
     assert summary["thickness"] == 1e-3 and summary["density"] == 1000.0
-    assert {"version", "date", "machine", "spacing"} <= set(summary)
+    assert {"version", "commit", "date", "machine", "spacing"} <= set(summary)
+    assert summary["commit"] is None or len(summary["commit"]) == 40
+
+
+def test_a_long_frame_ends_soon_after_it_was_asked_to(monkeypatch):
+    from warp_pd.run import recorder
+
+    monkeypatch.setattr(recorder, "PATIENCE", 0.0)
+
+    sheet = square(7)
+    # One frame of some ten million steps.
+    scene = Simulation(sheet, BondAssociated(NEO), Explicit(5000.0, frames=1), [Fixed(sheet.edges())])
+    scene.build("cpu").context.compile()
+    threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    result = scene.run(device="cpu")
+    assert result.status == "interrupted" and len(result.history) == 1
 
 
 def test_a_result_is_one_line():
