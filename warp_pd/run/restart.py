@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import zipfile
 from collections.abc import Iterator
@@ -84,6 +85,21 @@ def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
     return "; ".join(shown) + (f"; and {len(outer) - MAX_NAMED} more" if len(outer) > MAX_NAMED else "")
 
 
+def extends(began: Identity, here: Identity) -> bool:
+    """Whether a run differs from an earlier one by more frames alone, at the same interval."""
+    of_solver = [name for name in {**began.parts, **here.parts} if began.parts.get(name) != here.parts.get(name)]
+    of_scene = [n for n in {**began.settings, **here.settings} if began.settings.get(n) != here.settings.get(n)]
+    if set(of_solver) != {"solver.duration", "solver.frames"} or not set(of_scene) <= {"duration", "frames"}:
+        return False
+    try:
+        (long, many), (longer, more) = (
+            (float(run.parts["solver.duration"]), int(run.parts["solver.frames"])) for run in (began, here)
+        )
+    except ValueError:
+        return False
+    return more > many and math.isclose(long / many, longer / more, rel_tol=1e-12)
+
+
 def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
     """Copies of all that a restart file holds."""
     built = recorder.built
@@ -124,7 +140,8 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
         raise InputError(f"{where}: the file is damaged ({type(error).__name__})") from None
     if numbers.get("version") != VERSION:
         raise InputError(f"{where}: it is of version {numbers.get('version')}, expected {VERSION}")
-    if (numbers["parts"], numbers["settings"]) != (known.parts, known.settings):
+    began = Identity(numbers["parts"], numbers["settings"])
+    if began != known and not extends(began, known):
         sides = (numbers["settings"], numbers["parts"]), (known.settings, known.parts)
         # Settings of a scene are what its user knows; where they are the same, the scene itself differs.
         same = numbers["settings"] == known.settings

@@ -13,7 +13,17 @@ from helpers import NEO, StopAt, square
 from resumed_runs import restart_file
 from small_runs import BALL, cli
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, InputError, Newton, Pressure, Simulation
+from warp_pd import (
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    InputError,
+    Newton,
+    Pressure,
+    Simulation,
+    TearingEnergy,
+)
 
 
 def datasets(path):
@@ -173,3 +183,26 @@ def test_a_damaged_file_is_refused_in_one_line(name, tmp_path):
     assert done.exit_code == 2 and name in done.output and "expected a" in done.output
     assert len(done.output.strip().splitlines()) == 1
     assert (tmp_path / name).read_bytes() == b"x"
+
+
+def test_a_finished_run_goes_on_for_longer(tmp_path):
+    """With more frames at the same interval it is the longer run, bit for bit; anything else is refused."""
+
+    def scene(duration, frames):
+        sheet = square(9)
+        loads = [Fixed(sheet.edges("left")), Pressure(5.0)]
+        solver = Explicit(duration, frames=frames, damping=1.0)
+        return Simulation(sheet, BondAssociated(NEO), solver, loads, damage=TearingEnergy(5.0))
+
+    options = {"device": "cpu", "out": tmp_path / "run"}
+    assert scene(0.02, 4).run(**options).status == "finished"
+    for duration, frames in ((0.03, 4), (0.03, 5), (0.01, 2)):
+        with pytest.raises(InputError, match=r"other settings \(solver\.(duration|frames) = "):
+            scene(duration, frames).run(**options, resume=True)
+    longer = scene(0.03, 6).run(**options, resume=True)
+    whole = scene(0.03, 6).run(device="cpu", out=tmp_path / "whole")
+    assert longer.history == whole.history and len(whole.history) == 7
+    np.testing.assert_array_equal(longer.frame.displacement, whole.frame.displacement)
+    frames, others = datasets(tmp_path / "run" / "frames.vtkhdf"), datasets(tmp_path / "whole" / "frames.vtkhdf")
+    for name, values in others.items():
+        np.testing.assert_array_equal(frames[name], values, err_msg=name)
