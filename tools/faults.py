@@ -138,7 +138,9 @@ def full_disks(scene: str, whole: Path, sizes: int, work: Path) -> Iterator[Tria
     full = 4 * sum((whole / name).stat().st_size for name in FILES) + 2_000_000
     for index in range(sizes):
         size = max(100_000, full * (index + 1) // (sizes + 1))
-        run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)])
+        if run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)]).returncode != 0:
+            print("full disk: not tried, as this machine mounts none")
+            break
         try:
             out = disk / "run"
             done = run(command(scene, out))
