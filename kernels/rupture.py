@@ -146,26 +146,21 @@ def critical_energy(layout: str, bits: int, module: str) -> Criterion:
 
 
 @functools.cache
-def breaking(
-    layout: str, bits: int, criterion: Criterion, spared: bool, earlier_energy: wp.Function | None, module: str
-) -> Kernel:
-    """Kernel `break_bonds`.
+def remaining_bonds(layout: str, bits: int, criterion: Criterion, spared: bool, module: str) -> wp.Function:
+    """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> bits of the bonds that stay.
 
     Args:
         layout: "lattice" or "cloud".
         bits: 32 or 64.
-        criterion: The criterion by which a bond breaks.
-        spared: Whether the bonds of some points never break.
-        earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
-            breaking, per point; None if it is not tracked.
+        criterion: The criterion that they do not exceed.
+        spared: Whether the bonds of some points stay whatever they do.
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
-    tracked = earlier_energy is not None
     word_size = WORD
 
     @wp.func(module=module)
@@ -195,6 +190,31 @@ def breaking(
             left = left & ~wp.where(over, bit, wp.uint32(0))
             bit = bit << wp.uint32(1)
         return left
+
+    return remaining
+
+
+@functools.cache
+def breaking(
+    layout: str, bits: int, criterion: Criterion, spared: bool, earlier_energy: wp.Function | None, module: str
+) -> Kernel:
+    """Kernel `break_bonds`.
+
+    Args:
+        layout: "lattice" or "cloud".
+        bits: 32 or 64.
+        criterion: The criterion by which a bond breaks.
+        spared: Whether the bonds of some points never break.
+        earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
+            breaking, per point; None if it is not tracked.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    Family = family_functions(layout, bits, module).struct
+    Constants = criterion.struct
+    remaining = remaining_bonds(layout, bits, criterion, spared, module)
+    tracked = earlier_energy is not None
 
     if tracked:
 

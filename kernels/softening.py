@@ -16,12 +16,11 @@ import functools
 
 import warp as wp
 
-from .bits import bit_of
 from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, family_functions
 from .numeric import numeric
-from .rupture import reference_and_deformed
+from .rupture import elongation, reference_and_deformed, remaining_bonds
 
 # The share falls in steps of at least this size, so that a bond does not change in every time step.
 STEP = 1.0 / 64.0
@@ -31,8 +30,8 @@ STEP = 1.0 / 64.0
 def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function | None, module: str) -> Kernel:
     """Kernel `soften_bonds`.
 
-    The share of a bond falls linearly from 1 at the stretch `full_below` to 0 at the stretch `none_above`. The
-    elongation of a bond shorter than the spacing, as irregular clouds have, counts over the spacing.
+    The share of a bond falls linearly from 1 at the stretch of the criterion `elongation`, which is `begin_at`, to 0
+    at the stretch `none_above`. The elongation of a bond shorter than the spacing counts over the spacing in both.
 
     Args:
         layout: "lattice with shares" or "cloud with shares".
@@ -47,34 +46,46 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
     f = family_functions(layout, bits, module)
     Family = f.struct
     bond_vectors = reference_and_deformed(layout, bits, module)
-    tracked = earlier_energy is not None
+    begins = elongation(layout, bits, module)
+    Begin = begins.struct
+    remaining = remaining_bonds(layout, bits, begins, spared, module)
     is_undamaged = bond_state(layout, bits, True, module).is_undamaged
+    tracked = earlier_energy is not None
     word_size, share_step = WORD, STEP
 
     @wp.func(module=module)
-    def present(shares: wp.array2d(dtype=real), intact: wp.array2d(dtype=wp.uint32), i: int, k: int):
-        """The share of bond k; most bonds have their full weight, and their bit says so."""
-        word = k // word_size
-        share = real(1.0)
-        if not bit_of(intact[word, i], k - word * word_size):
-            share = shares[k, i]
-        return share
+    def may_soften(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        begin_at: Begin,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        i: int,
+    ):
+        """Whether any bond may soften: not if all have their full weight and are short. Most families end here."""
+        answer = not is_undamaged(family, intact, i)
+        if not answer:
+            for word in range(family.words):
+                whole = intact[word, i]
+                if remaining(family, displacement, begin_at, horizon, spared_mask, i, word, whole) != whole:
+                    answer = True
+        return answer
 
     @wp.func(module=module)
     def softened(
         family: Family,
-        share: real,
+        shares: wp.array2d(dtype=real),
         displacement: wp.array(dtype=vec3),
-        full_below: real,
+        begin_at: Begin,
         none_above: real,
-        spacing: real,
         horizon: real,
         spared_mask: wp.array(dtype=wp.uint8),
         i: int,
         k: int,
     ):
-        """The share of bond k after this step, of its present one."""
-        answer = share
+        """The share of bond k after this step."""
+        share = shares[k, i]
         if share > real(0.0):
             m = f.neighbour(family, i, k)
             free = bool(True)
@@ -83,33 +94,11 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
             if free:
                 X, Y = bond_vectors(family, displacement, horizon, i, k, m)
                 length = wp.length(X)
-                stretch = real(1.0) + (wp.length(Y) - length) / wp.max(length, spacing)
-                left = wp.clamp((none_above - stretch) / (none_above - full_below), real(0.0), real(1.0))
+                stretch = real(1.0) + (wp.length(Y) - length) / wp.max(length, begin_at.spacing)
+                left = wp.clamp((none_above - stretch) / (none_above - begin_at.stretch), real(0.0), real(1.0))
                 if left <= share - real(share_step) or left == real(0.0):
-                    answer = left
-        return answer
-
-    @wp.func(module=module)
-    def may_soften(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        full_below: real,
-        spacing: real,
-        horizon: real,
-        i: int,
-    ):
-        """Whether any bond may soften: not if all have their full weight and are short. Most families end here."""
-        answer = not is_undamaged(family, intact, i)
-        if not answer:
-            for k in range(family.members):
-                there = bit_of(intact[k // word_size, i], k % word_size)
-                m = wp.where(there, f.neighbour(family, i, k), i)
-                X, Y = bond_vectors(family, displacement, horizon, i, k, m)
-                length = wp.length(X)
-                limit = length + (full_below - real(1.0)) * wp.max(length, spacing)
-                answer = answer or wp.dot(Y, Y) > limit * limit
-        return answer
+                    share = left
+        return share
 
     @kernel(module, gathers=("displacement", "velocity"))
     def soften_bonds(
@@ -117,9 +106,8 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
-        full_below: real,
+        begin_at: Begin,
         none_above: real,
-        spacing: real,
         horizon: real,
         spared_mask: wp.array(dtype=wp.uint8),
         constants: parameters,
@@ -132,13 +120,10 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
     ):
         i = wp.tid() + first
         softens = bool(False)
-        if may_soften(family, intact, displacement, full_below, spacing, horizon, i):
+        if may_soften(family, intact, displacement, begin_at, horizon, spared_mask, i):
             for k in range(family.members):
-                share = present(shares, intact, i, k)
-                left = softened(
-                    family, share, displacement, full_below, none_above, spacing, horizon, spared_mask, i, k
-                )
-                if left < share:
+                left = softened(family, shares, displacement, begin_at, none_above, horizon, spared_mask, i, k)
+                if left < shares[k, i]:
                     softens = True
         if softens:
             before = real(0.0)
@@ -146,11 +131,8 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
             if wp.static(tracked):
                 before = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
             for k in range(family.members):
-                share = present(shares, intact, i, k)
-                left = softened(
-                    family, share, displacement, full_below, none_above, spacing, horizon, spared_mask, i, k
-                )
-                if left < share:
+                left = softened(family, shares, displacement, begin_at, none_above, horizon, spared_mask, i, k)
+                if left < shares[k, i]:
                     shares[k, i] = left
                     word = k // word_size
                     others = ~(wp.uint32(1) << wp.uint32(k - word * word_size))

@@ -16,7 +16,7 @@ import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation, TearingEnergy
 from warp_pd.checks import InputError, count, positive, resolved
-from warp_pd.materials import energy_density, with_wrinkles
+from warp_pd.materials import tension_energy_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
 from warp_pd.roughness import rough_surface
 
@@ -100,8 +100,8 @@ def build(
 
 
 def release_rate(material, stretch, notch):
-    """G of a short notch [J/m^2]. A sheet so narrow that it wrinkles has the energy of uniaxial tension."""
-    return 6.0 / np.sqrt(stretch) * notch * energy_density(material, stretch, 0.5 / np.sqrt(stretch))
+    """G of a short notch [J/m^2]."""
+    return 6.0 / np.sqrt(stretch) * notch * tension_energy_density(material, stretch)
 
 
 def width_factor(share):

@@ -131,11 +131,16 @@ def build(
     )
 
 
+def even_rows(points):
+    """Number of rows of points across a cut along the middle."""
+    if count("points", points, 8) % 2:
+        raise InputError(f"points = {points}: expected an even number, so that the cut lies between two rows")
+    return points
+
+
 def strip(points, horizon, length, cut, **grid):
     """A strip of HEIGHT with a cut along its middle, and its points in the upper and the lower grip."""
-    rows = count("points", points, 8)
-    if rows % 2:
-        raise InputError(f"points = {points}: expected an even number, so that the cut lies between two rows")
+    rows = even_rows(points)
     # The grips are as wide as the horizon.
     sheet = Sheet.filled(
         length, HEIGHT, thickness=THICKNESS, density=DENSITY, points=(round(length / HEIGHT * rows), rows),

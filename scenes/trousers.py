@@ -27,9 +27,10 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.checks import InputError, count, positive
-from warp_pd.materials import energy_density, with_wrinkles
+from warp_pd.checks import count, positive
+from warp_pd.materials import tension_energy_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
+from warp_pd.scenes.pure_shear_tear import even_rows
 
 WIDTH, LENGTH, CUT, THICKNESS, DENSITY, MU = 0.02, 0.06, 0.02, 1e-3, 1000.0, 1e3
 LEG = 0.5 * WIDTH
@@ -48,9 +49,7 @@ def build(
     seed: int = 0,
 ) -> Simulation:
     """`points` are those along the width of both legs; `speed` [m/s] is that of each end."""
-    columns, energy = count("points", points, 8), positive("tearing_energy", tearing_energy)
-    if columns % 2:
-        raise InputError(f"points = {points}: expected an even number, so that the cut lies between two rows")
+    columns, energy = even_rows(points), positive("tearing_energy", tearing_energy)
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), "relaxed")
     sheet = Sheet.filled(
         LENGTH, WIDTH, thickness=THICKNESS, density=DENSITY, points=(3 * columns, columns), turn=turn, jitter=jitter,
@@ -71,7 +70,7 @@ def build(
     line = TearLine(sheet)
     tip, ahead = (CUT, LEG), (LENGTH, LEG)
     stretches = np.linspace(1.0, 6.0, 4000)
-    density = energy_density(material, stretches, 0.5 / np.sqrt(stretches))
+    density = tension_energy_density(material, stretches)
     pulls = LEG * THICKNESS * np.gradient(density, stretches)
 
     def pull(built, frame):

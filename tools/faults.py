@@ -23,6 +23,8 @@ from pathlib import Path
 import numpy as np
 from study import page_header, paragraph, run_tool, study_parser, table, write_page
 
+from warp_pd.run.folder import RESULTS
+
 SCENES: dict[str, list[str]] = {
     "explicit: ball_penetration": [
         "ball_penetration", "--points", "15", "--horizon", "2.015", "--duration", "2.4", "--frames", "24",
@@ -35,7 +37,6 @@ SCENES: dict[str, list[str]] = {
     ],
     "Newton: tension": ["tension", "--points", "21", "--solver", "newton"],
 }  # fmt: skip
-FILES = ("frames.vtkhdf", "animation.usd", "restart.npz", "history.csv", "summary.json")
 PATIENCE = 300.0
 
 
@@ -111,7 +112,7 @@ def kills(scene: str, whole: Path, seconds: float, number: int, work: Path) -> I
 
 def truncations(scene: str, whole: Path, places: int, work: Path) -> Iterator[Trial]:
     """Cut each file short at some places, then ask for the contents and resume."""
-    for name in FILES:
+    for name in RESULTS:
         size = (whole / name).stat().st_size
         for place in range(places):
             out = work / f"cut-{name}-{place}"
@@ -135,7 +136,7 @@ def full_disks(scene: str, whole: Path, sizes: int, work: Path) -> Iterator[Tria
         return
     disk = work / "disk"
     disk.mkdir()
-    full = 4 * sum((whole / name).stat().st_size for name in FILES) + 2_000_000
+    full = 4 * sum((whole / name).stat().st_size for name in RESULTS) + 2_000_000
     for index in range(sizes):
         size = max(100_000, full * (index + 1) // (sizes + 1))
         if run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)]).returncode != 0:

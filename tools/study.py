@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import os
 import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +193,39 @@ def execute_all(cases: Iterable[Case], options: argparse.Namespace) -> None:
         return
     with ThreadPoolExecutor(options.jobs) as pool:
         list(pool.map(lambda case: execute(case, options.work, options.device), cases))
+
+
+def in_processes(
+    work: Callable[..., dict[str, Any]], cases: Iterable[Sequence[Any]], jobs: int
+) -> list[dict[str, Any]]:
+    """Results of a function of the module for all cases, each printed as a line of JSON as it comes.
+
+    Args:
+        work: The function; it gets a case as its arguments, in a process of its own.
+        cases: Arguments.
+        jobs: Number of processes. Each has a core: many processes with many threads each slow each other down.
+    """
+    context = get_context("spawn")
+    cores = context.Queue()
+    for core in range(jobs):
+        cores.put(core)
+    found = []
+    with ProcessPoolExecutor(jobs, context, initializer=_take_core, initargs=(cores,)) as pool:
+        for run in as_completed([pool.submit(work, *case) for case in cases]):
+            found.append(run.result())
+            print(json.dumps(found[-1]), flush=True)
+    return found
+
+
+def _take_core(cores: Any) -> None:
+    available = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {available[cores.get() % len(available)]})
+
+
+def write_runs(path: Path, key: str, runs: Sequence[Mapping[str, Any]], options: argparse.Namespace) -> None:
+    """Write runs as JSON under a key, with the commit and the device of the options."""
+    kept = {"commit": options.commit or current_commit(), "device": options.device, key: runs}
+    write_atomically(path, json.dumps(kept, indent=1) + "\n")
 
 
 def devices_of(summaries: Iterable[Mapping[str, Any] | None], otherwise: str = "") -> str:

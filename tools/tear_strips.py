@@ -11,13 +11,9 @@ bonds break at once at the critical stretch, instead of losing their weight grad
 from __future__ import annotations
 
 import itertools
-import json
-import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from typing import Any
 
-from study import current_commit, run_tool, study_parser
+from study import in_processes, run_tool, study_parser, write_runs
 
 GRIDS: dict[str, dict[str, float]] = {
     "0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.3}
@@ -52,28 +48,12 @@ def main() -> None:
             options.materials, options.horizons, options.grids, options.stretches
         )
     ]
-    found: list[dict[str, Any]] = []
-    context = get_context("spawn")
-    cores = context.Queue()
-    for core in range(options.jobs):
-        cores.put(core)
-    with ProcessPoolExecutor(options.jobs, context, initializer=_take_core, initargs=(cores,)) as pool:
-        runs = [pool.submit(_run, strip, options.device) for strip in strips]
-        for run in as_completed(runs):
-            found.append(run.result())
-            print(json.dumps(found[-1]), flush=True)
+    found = in_processes(_run, [(strip, options.device) for strip in strips], options.jobs)
     diverged = sum(row["status"] != "finished" for row in found)
     worst = max((row["balance"] for row in found if row["balance"] is not None), default=float("nan"))
     print(f"{len(found)} strips, {diverged} not finished, worst energy balance {worst:.2%}")
     if options.out is not None:
-        page = {"commit": options.commit or current_commit(), "device": options.device, "strips": found}
-        options.out.write_text(json.dumps(page, indent=1) + "\n")
-
-
-def _take_core(cores: Any) -> None:
-    """Give each process a core of its own: many processes with many threads each slow each other down."""
-    available = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {available[cores.get() % len(available)]})
+        write_runs(options.out, "strips", found, options)
 
 
 def _run(settings: dict[str, Any], device: str | None) -> dict[str, Any]:

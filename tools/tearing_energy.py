@@ -10,15 +10,23 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from typing import Any
 
-from study import DOCS, current_commit, page_header, paragraph, run_tool, study_parser, table, write_page
+from study import (
+    DOCS,
+    in_processes,
+    page_header,
+    paragraph,
+    run_tool,
+    study_parser,
+    table,
+    write_page,
+    write_runs,
+)
+from tearing import GRIDS, spread
 
-GRIDS: dict[str, dict[str, float]] = {
-    "0°": {}, "15°": {"turn": 15.0}, "30°": {"turn": 30.0}, "45°": {"turn": 45.0}, "jittered": {"jitter": 0.25}
-}  # fmt: skip
+from warp_pd.parts.tearing_energy import BEGIN, END, GRADUAL_HORIZONS, GRADUAL_WIDTHS
+
 OVERLOADS = (1.3, 1.6, 2.0, 3.0, 4.0)
 # Scene, what is read, settings, points at which the grids are compared, all points.
 TEARS: tuple[tuple[str, str, dict[str, Any], int, tuple[int, ...]], ...] = (
@@ -73,6 +81,12 @@ def shown(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
+def listed(numbers: Sequence[float], form: str) -> str:
+    """Text like "1, 2 and 3"."""
+    *first, last = (format(number, form) for number in numbers)
+    return f"{', '.join(first)} and {last}"
+
+
 def strips_table(strips: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lowest, mean and largest G / Gc at onset over grids and critical stretches."""
     rows = []
@@ -95,14 +109,13 @@ def tears_table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     for scene, name, settings, middle, points in TEARS:
         by_points = [found(rows, scene, {"points": n, **settings}).get(name) for n in points]
         by_grid = [found(rows, scene, {"points": middle, **settings, **change}).get(name) for change in GRIDS.values()]
-        known = [value for value in by_grid if value is not None]
-        spread = (max(known) - min(known)) / (sum(known) / len(known)) if known else math.nan
         last = math.nan
         if by_points[-1] and by_points[-2]:
             last = abs(by_points[-1] / by_points[-2] - 1.0)
+        across = spread([math.nan if value is None else value for value in by_grid])
         lines.append([
             scene, name, ", ".join(f"{n}: {shown(v)}" for n, v in zip(points, by_points, strict=True)),
-            f"{100 * last:.1f} %", ", ".join(shown(value) for value in by_grid), f"{100 * spread:.0f} %",
+            f"{100 * last:.1f} %", ", ".join(shown(value) for value in by_grid), f"{100 * across:.0f} %",
         ])  # fmt: skip
     head = ["scene", "number", "points: value", "last change", f"on grids of {', '.join(GRIDS)}", "spread"]
     return table(head, lines)
@@ -131,11 +144,11 @@ def page(strips: Mapping[str, Any], runs: Mapping[str, Any]) -> str:
         "",
         *paragraph(page_header("tearing_energy.py", runs["device"], runs["commit"])),
         *paragraph(
-            "`TearingEnergy` takes the weight of bonds gradually, between 0.4 and 1.6 times the elongation of the "
-            "critical stretch s_c that stands for the tearing energy Gc: Gc = kappa dx W(s_c), with the spacing dx and "
-            "the energy density W of pure shear. kappa is 1.32, 1.20 and 1.40 at horizons of 2.015, 3.15 and 4.15 "
-            "spacings, linear in between. It was chosen so that the strips below tear at Gc on average; all other "
-            "scenes are predictions."
+            f"`TearingEnergy` takes the weight of bonds gradually, between {BEGIN} and {END} times the elongation of "
+            "the critical stretch s_c that stands for the tearing energy Gc: Gc = kappa dx W(s_c), with the spacing dx "
+            f"and the energy density W of pure shear. kappa is {listed(GRADUAL_WIDTHS, '.2f')} at horizons of "
+            f"{listed(GRADUAL_HORIZONS, 'g')} spacings, linear in between. It was chosen so that the strips below "
+            "tear at Gc on average; all other scenes are predictions."
         ),
         "## Pure shear strips",
         "",
@@ -187,13 +200,8 @@ def main() -> None:
     parser = study_parser(__doc__, device="cpu", jobs=1, only_page=False, commit=None)
     options = parser.parse_args()
     if not options.only_page:
-        rows = []
-        with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
-            for done in as_completed([pool.submit(run, *case, options.device) for case in cases()]):
-                rows.append(done.result())
-                print(json.dumps(rows[-1]), flush=True)
-        kept = {"commit": options.commit or current_commit(), "device": options.device, "runs": rows}
-        RUNS.write_text(json.dumps(kept, indent=1) + "\n")
+        rows = in_processes(run, [(*case, options.device) for case in cases()], options.jobs)
+        write_runs(RUNS, "runs", rows, options)
     write_page(DOCS / "tearing-energy.md", page(json.loads(STRIPS.read_text()), json.loads(RUNS.read_text())))
 
 

@@ -29,8 +29,8 @@ class OutputError(InputError):
 
 
 @contextlib.contextmanager
-def user_code(said: Callable[[Exception], str]) -> Iterator[None]:
-    """Context in which user code runs; `said` turns the errors that it raises into one line.
+def user_code(text_of: Callable[[Exception], str]) -> Iterator[None]:
+    """Context in which user code runs; `text_of` turns the errors that it raises into one line.
 
     Raises:
         InputError: in place of any other error.
@@ -40,7 +40,7 @@ def user_code(said: Callable[[Exception], str]) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(said(error)) from error
+        raise InputError(text_of(error)) from error
 
 
 def said(value: Any) -> str:
@@ -169,9 +169,7 @@ def corners(name: str, value: Any, points: int) -> np.ndarray:
     found = np.asarray(value)
     if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
         raise InputError(f"{name} = {said(found)}: expected whole numbers of shape (F, 3)")
-    if found.size and not 0 <= found.min() <= found.max() < points:
-        bad = int(found.min() if found.min() < 0 else found.max())
-        raise InputError(f"{name} contains point {bad}: expected 0 to {points - 1}")
+    _require_points(name, found, points)
     return found.astype(np.int32)
 
 
@@ -250,10 +248,14 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
     indices = np.unique(given.astype(np.int64))
     if indices.size == 0:
         raise InputError(f"{name} = {said(value)}: expected at least one point")
-    if indices[0] < 0 or indices[-1] >= points:
-        bad = int(indices[0]) if indices[0] < 0 else int(indices[-1])
-        raise InputError(f"{name} contains point {bad}: expected 0 to {points - 1}")
+    _require_points(name, indices, points)
     return indices.astype(np.int32)
+
+
+def _require_points(name: str, indices: np.ndarray, points: int) -> None:
+    if indices.size and not 0 <= indices.min() <= indices.max() < points:
+        bad = int(indices.min() if indices.min() < 0 else indices.max())
+        raise InputError(f"{name} contains point {bad}: expected 0 to {points - 1}")
 
 
 def truth_values(name: str, condition: Any, *arguments: np.ndarray) -> np.ndarray:

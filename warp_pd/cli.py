@@ -8,7 +8,6 @@ import functools
 import importlib
 import importlib.util
 import inspect
-import json
 import os
 import pkgutil
 import sys
@@ -287,10 +286,12 @@ def plan(
 @click.option("--scene", help="The scene's file, if it has moved.")
 def draw_again(folder: Path, scene: str | None) -> None:
     """Draw the pictures of a run from its FOLDER, for runs made with --no-pictures or changed pictures."""
-    from .run.folder import read_history
+    from .run.folder import read_history, run_summary
     from .run.runner import draw
 
-    summary = _read_summary(folder / "summary.json")
+    summary = run_summary(folder)
+    if summary is None:
+        raise InputError(f"folder = {str(folder)!r}: expected one with the summary.json of a run")
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
@@ -299,16 +300,6 @@ def draw_again(folder: Path, scene: str | None) -> None:
     draw(simulation, read_history(folder / "history.csv"), folder)
     for path in sorted(folder.glob("*.png")):
         click.echo(f"  {path.name}")
-
-
-def _read_summary(path: Path) -> dict[str, Any]:
-    try:
-        summary = json.loads(path.read_text())
-    except (OSError, ValueError):
-        summary = None
-    if not isinstance(summary, dict) or not {"scene", "settings"} <= set(summary):
-        raise InputError(f"folder = {str(path.parent)!r}: expected one with the summary.json of a run")
-    return summary
 
 
 @main.command()

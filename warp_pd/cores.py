@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 import tempfile
@@ -34,6 +35,14 @@ def start_warp() -> None:
     import warp as wp
 
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
+    _init_warp()
+
+
+@functools.cache
+def _init_warp() -> None:
+    """Once per process: the detour of its messages costs a file."""
+    import warp as wp
+
     with _without_driver_warning():
         wp.init()
 

@@ -97,10 +97,10 @@ class Sheet:
             columns, rows = counts("points", points, 3)
         else:
             columns = count("points", points, 3)
-            rows = max(3, round(min(height / width * (columns - 1), MAX_POINTS)) + 1)
+            rows = max(3, round(height / width * (columns - 1)) + 1)
         if centred:
             dx = width / columns
-            rows = rows if isinstance(points, tuple | list) else max(3, round(min(height / dx, MAX_POINTS)))
+            rows = rows if isinstance(points, tuple | list) else max(3, round(height / dx))
             dy = height / rows
             x0, y0 = x0 + 0.5 * dx, y0 + 0.5 * dy
         else:

@@ -134,6 +134,11 @@ def to_host(array: Array) -> np.ndarray:
     return np.asarray(array.numpy().copy() if on_cpu(array) else array.numpy())
 
 
+def host_shape(array: Array) -> tuple[int, ...]:
+    """Shape of a copy on the host: entries of vectors and matrices are its last axes."""
+    return (*array.shape, *getattr(array.dtype, "_shape_", ()))
+
+
 def to_float64(array: Array) -> np.ndarray:
     """A copy on the host, as float64 if it holds real numbers."""
     values = to_host(array)

@@ -1,7 +1,7 @@
 """Materials: constants, and the device functions that they belong to."""
 
 from .compressible import Gent, NeoHookean
-from .energy import borne, energy_density, stretch_of_density
+from .energy import borne, energy_density, stretch_of_density, tension_energy_density
 from .incompressible import ArrudaBoyce, Incompressible, MooneyRivlin, Ogden, Yeoh
 from .pairwise import Bimodular
 from .prony import Prony
@@ -29,5 +29,6 @@ __all__ = [
     "energy_density",
     "padded_constants",
     "stretch_of_density",
+    "tension_energy_density",
     "with_wrinkles",
 ]

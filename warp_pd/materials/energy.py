@@ -41,6 +41,19 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     return np.asarray(out.numpy().reshape(first.shape))
 
 
+def tension_energy_density(material: Material, stretch: Any, device: Any = None) -> np.ndarray:
+    """Energy per reference volume of a TensionField sheet in uniaxial tension [J/m^3].
+
+    A sheet narrower than tension makes it is wrinkled, and has the energy of tension.
+
+    Args:
+        material: A TensionField material.
+        stretch: Stretch along the tension [-], any shape.
+        device: As for `energy_density`.
+    """
+    return energy_density(material, stretch, 0.5 / np.sqrt(stretch), device)
+
+
 def stretch_of_density(density: Callable[[np.ndarray], np.ndarray], wanted: float, stretches: np.ndarray) -> float:
     """Stretch [-] at which an increasing energy density reaches a value [J/m^3], to round-off.
 

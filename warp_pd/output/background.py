@@ -84,5 +84,4 @@ def _as_output_error() -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError) as error:
-        text = " ".join(str(error).split())
-        raise OutputError(f"a result file could not be written: {text[:200]}") from error
+        raise OutputError(f"a result file could not be written: {str(error)[:200]}") from error

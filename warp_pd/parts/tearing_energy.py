@@ -65,10 +65,7 @@ class TearingEnergy(BondCriterion):
         Raises:
             InputError: for a law without an energy density, or a spacing that cannot resolve the tearing energy.
         """
-        found = elongation(context.layout, context.bits, context.module)
-        values = found.struct()
-        values.stretch, values.spacing = self.critical_stretch(context, law), context.sheet.spacing
-        return found, values
+        return _elongation(context, self.critical_stretch(context, law))
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The criterion on a device."""
@@ -104,44 +101,54 @@ class TearingBonds(BreakingBonds):
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """The critical stretch that was used."""
-        values = self.criterion
-        return [
-            f"the tearing energy stands for a critical stretch of {values.stretch:.4g} at a spacing of "
-            f"{values.spacing:.4g} m"
-        ]
+        return [_stands_for(self.criterion.stretch, self.context)]
 
 
 class SofteningBonds(Damaged):
     """Bonds that lose their weight gradually by a tearing energy.
 
     Attributes:
-        stretches: Stretches at which a bond begins to lose its weight, and has lost it.
+        critical: The critical stretch that stands for it.
+        beginning: Struct of the stretch at which a bond begins to lose its weight.
+        end: Stretch at which it has lost it.
     """
 
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.critical = rupture.critical_stretch(context, law)
-        begin, end = (1.0 + share * (self.critical - 1.0) for share in (BEGIN, END))
-        self.stretches = (begin, end)
+        begin, self.end = (1.0 + share * (self.critical - 1.0) for share in (BEGIN, END))
+        _, self.beginning = _elongation(context, begin)
         self._kernel = softening(
             context.layout, context.bits, self.spared is not None, self.tracked_energy, context.module
         )
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launch that takes weight from bonds."""
-        begin, end = self.stretches
         stage.launch(
-            self.owner, self._kernel, self.context.sheet.size, **self.arguments(), full_below=begin, none_above=end,
-            spacing=self.context.sheet.spacing, shares=self.law.struct.shares,
+            self.owner, self._kernel, self.context.sheet.size, **self.arguments(), begin_at=self.beginning,
+            none_above=self.end, shares=self.law.struct.shares,
         )  # fmt: skip
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """The stretches that were used."""
-        begin, end = self.stretches
-        return [
-            f"the tearing energy stands for a critical stretch of {self.critical:.4g} at a spacing of "
-            f"{self.context.sheet.spacing:.4g} m: bonds lose their weight between {begin:.4g} and {end:.4g}"
-        ]
+        said = _stands_for(self.critical, self.context)
+        return [f"{said}: bonds lose their weight between {self.beginning.stretch:.4g} and {self.end:.4g}"]
+
+
+def _elongation(context: Context, stretch: float) -> tuple[Criterion, Any]:
+    """The criterion of elongation, and its struct filled in."""
+    found = elongation(context.layout, context.bits, context.module)
+    values = found.struct()
+    values.stretch, values.spacing = stretch, context.sheet.spacing
+    return found, values
+
+
+def _stands_for(stretch: float, context: Context) -> str:
+    """What a tearing energy is on this sheet."""
+    return (
+        f"the tearing energy stands for a critical stretch of {stretch:.4g} at a spacing of "
+        f"{context.sheet.spacing:.4g} m"
+    )
 
 
 def tip_width(horizon: float, gradual: bool) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import itertools
 import json
 import os
 import shutil
@@ -62,17 +63,21 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
 
 
 def _require_free(folder: Path, overwrite: bool) -> None:
-    held = [name for name in RESULTS if (folder / name).exists()]
+    held = _results_in(folder)
     if held and not overwrite:
         raise InputError(
             f"out = {str(folder)!r}: it holds {held[0]}; expected a folder without results, or overwrite (--overwrite) "
             "or resume (--resume)"
         )
-    if "summary.json" in held and _run_summary(folder) is None:
+    if "summary.json" in held and run_summary(folder) is None:
         raise InputError(f"out = {str(folder)!r}: its summary.json is not of a run; expected another folder")
 
 
-def _run_summary(folder: Path) -> dict[str, Any] | None:
+def _results_in(folder: Path) -> list[str]:
+    return [name for name in RESULTS if (folder / name).exists()]
+
+
+def run_summary(folder: Path) -> dict[str, Any] | None:
     """The summary of a run in a folder, or None."""
     try:
         found = json.loads((folder / "summary.json").read_text())
@@ -81,20 +86,21 @@ def _run_summary(folder: Path) -> dict[str, Any] | None:
     return found if isinstance(found, dict) and {"scene", "settings", "status"} <= set(found) else None
 
 
+def _numbered(wanted: Path) -> Iterator[Path]:
+    """The folder itself, then wanted-2, wanted-3, ..."""
+    yield wanted
+    for number in itertools.count(2):
+        yield wanted.with_name(f"{wanted.name}-{number}")
+
+
 def free_folder(wanted: Path) -> Path:
-    """The folder itself, or the first of wanted-2, wanted-3, ... that holds no results."""
-    number, folder = 1, wanted
-    while any((folder / name).exists() for name in RESULTS):
-        number += 1
-        folder = wanted.with_name(f"{wanted.name}-{number}")
-    return folder
+    """The first of wanted, wanted-2, wanted-3, ... that holds no results."""
+    return next(folder for folder in _numbered(wanted) if not _results_in(folder))
 
 
 def newest_folder(wanted: Path) -> Path:
     """The last of wanted, wanted-2, wanted-3, ... that holds results; `wanted` if none does."""
-    free = free_folder(wanted)
-    number = int(free.name.removeprefix(f"{wanted.name}-")) if free != wanted else 1
-    return wanted.with_name(f"{wanted.name}-{number - 1}") if number > 2 else wanted
+    return [wanted, *itertools.takewhile(_results_in, _numbered(wanted))][-1]
 
 
 def require_room(folder: Path, needed: int) -> None:
@@ -139,7 +145,7 @@ def sole_use(folder: Path | None) -> Iterator[None]:
 
 def clear(folder: Path) -> None:
     """Remove what an earlier run left: it must not pass for this one's."""
-    drawn = (_run_summary(folder) or {}).get("pictures", [])
+    drawn = (run_summary(folder) or {}).get("pictures", [])
     for name in (*RESULTS, *drawn):
         (folder / Path(name).name).unlink(missing_ok=True)
 

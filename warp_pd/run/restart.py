@@ -19,6 +19,7 @@ import numpy as np
 
 from ..built import Built
 from ..checks import InputError
+from ..device.fields import host_shape
 from ..scene import Scene
 from .recorder import Recorder
 
@@ -154,7 +155,7 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
     """Put a loaded state back on the device, into the recorder and into the solver."""
     built, numbers = recorder.built, data["numbers"]
     for name, array in built.context.fields.kept().items():
-        if name not in data or data[name].shape != built.to_host(array).shape:
+        if name not in data or data[name].shape != host_shape(array):
             raise InputError(f"resume: the restart file has no {name!r} of shape {array.shape}; it is damaged")
         array.assign(data[name])
     for name in NUMBERS:

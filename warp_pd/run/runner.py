@@ -100,29 +100,30 @@ def run(
     Returns:
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
-    folder = writable_folder(out, resume, overwrite)
     check_writers(writers or [])
+    folder = writable_folder(out, resume, overwrite)
     with sole_use(folder):
-        return _run(scene, folder, device, precision, resume, usd, reporter, list(writers or []), pictures)
+        begin = perf_counter()
+        built = compose(scene, device, precision)
+        return _run(built, folder, begin, resume, usd, reporter, list(writers or []), pictures)
 
 
 def _run(
-    scene: Scene, folder: Path | None, device: str | None, precision: int | None, resume: bool, usd: bool,
-    reporter: Reporter | None, writers: list[Writer], pictures: bool,
+    built: Built, folder: Path | None, begin: float, resume: bool, usd: bool, reporter: Reporter | None,
+    writers: list[Writer], pictures: bool,
 ) -> Result:  # fmt: skip
-    """Run a scene in a folder that no other run uses."""
-    begin = perf_counter()
-    built = compose(scene, device, precision)
+    """Run what was built since the time `begin` in a folder that no other run uses."""
+    scene = built.simulation
     known = None if folder is None else restart.identity(scene, built)
     saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
-    if folder is not None:
-        if saved is not None:
-            _require_same_files(folder, usd)
-        clear_unfinished(folder)
-        if saved is None:
-            clear(folder)
+    if folder is not None and saved is not None:
+        _require_same_files(folder, usd)
         # It tells of a run that is over, which this one is not.
         (folder / "summary.json").unlink(missing_ok=True)
+    elif folder is not None:
+        clear(folder)
+    if folder is not None:
+        clear_unfinished(folder)
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = built.context.compile()
@@ -176,7 +177,7 @@ def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: b
     scene = recorder.built.simulation
     equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
     surface = surface_of(recorder.built)
-    room = partial(_require_room, recorder, folder)
+    room = partial(_require_room, folder, _room_of_a_frame(recorder.built))
     room()
     files = Background(file_writers(folder, surface, usd=usd, seconds_per_frame=equal, append_from=append_from), room)
     others = list(recorder.writers)
@@ -191,17 +192,22 @@ def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: b
     recorder.saved = save
 
 
-def _require_room(recorder: Recorder, folder: Path) -> None:
-    """Check that the disk has room for two frames, a restart file, a copy of the animation, and the small files.
+def _room_of_a_frame(built: Built) -> int:
+    """Room for two frames, restart files and the small files [bytes]."""
+    context = built.context
+    frame = BYTES_OF_POINT * context.sheet.size + 12 * len(context.sheet.triangles)
+    restarts = sum(array.capacity for array in context.fields.kept().values())
+    return int(2 * frame + 2 * restarts + SMALL_FILES)
+
+
+def _require_room(folder: Path, needed: int) -> None:
+    """Check that the disk has room [bytes], and for a copy of the animation as it is now.
 
     Raises:
         OutputError: otherwise.
     """
-    context = recorder.built.context
-    frame = BYTES_OF_POINT * context.sheet.size + 12 * len(context.sheet.triangles)
-    restarts = sum(array.capacity for array in context.fields.kept().values())
     copied = sum(path.stat().st_size for path in folder.glob(".animation.*.usdc"))
-    require_room(folder, 2 * frame + 2 * restarts + copied + SMALL_FILES)
+    require_room(folder, needed + copied)
 
 
 def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
