@@ -3,59 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from . import checks
-from .checks import InputError, corners, count, counts, finite, one_of, point_indices, positions, positive, vector
+from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
-from .triangulation import (
-    Lattice,
-    Segment,
-    cell_triangles,
-    counter_clockwise,
-    crossed_triangles,
-    delaunay,
-    point_areas,
-    refuse_coincident,
-    triangulation_without,
-    turned_grid,
-)
-
-# Points are counted in 32 bits.
-MAX_POINTS = 2**31 - 1
+from .shapes.clouds import cloud
+from .shapes.rectangles import filled, line, rectangle
+from .shapes.shape import Shape
+from .shapes.triangulation import Segment, crossed_triangles, triangulation_without
 
 
-@dataclass(frozen=True, eq=False)
-class Sheet:
-    """A flat reference sheet.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sheet(Shape):
+    """A shape with a thickness and a density.
 
     Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
 
     Attributes:
-        points: Reference positions [m], shape (N, 2), float64.
-        areas: Area that each point stands for [m^2], shape (N,).
-        triangles: Triangulation, counter-clockwise, shape (F, 3), int32.
         thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
         density: Mass per reference volume [kg/m^3].
-        spacing: Distance of neighbouring points [m]; the horizon is a multiple of it.
-        lattice: The grid, if the points form a complete one.
-        cuts: Segments that no bond crosses.
-        inclusions: Point indices of each rigid inclusion.
         stiffness: Factor on the moduli of the material at each point, shape (N,), or None: one everywhere.
     """
 
-    points: np.ndarray
-    areas: np.ndarray
-    triangles: np.ndarray
     thickness: float
     density: float
-    spacing: float
-    lattice: Lattice | None = None
-    cuts: tuple[Segment, ...] = ()
-    inclusions: tuple[np.ndarray, ...] = ()
     stiffness: np.ndarray | None = None
+
+    @staticmethod
+    def of(shape: Shape, *, thickness: float, density: float) -> Sheet:
+        """A sheet of a shape.
+
+        Args:
+            shape: Points, areas and triangles.
+            thickness: [m].
+            density: [kg/m^3].
+
+        Raises:
+            InputError: for a thickness or density that is not above zero.
+        """
+        arrays = {each.name: getattr(shape, each.name) for each in fields(shape)}
+        return Sheet(**arrays, thickness=positive("thickness", thickness), density=positive("density", density))
 
     @staticmethod
     def rectangle(
@@ -88,43 +78,8 @@ class Sheet:
             InputError: for a size, thickness or density that is not above zero, fewer than 3 points, or layers
                 below zero.
         """
-        width, height = positive("width", width), positive("height", height)
-        one_of("centred", centred, (True, False))
-        if not 1.0 / MAX_POINTS < height / width < MAX_POINTS:
-            raise InputError(f"width = {width:g}, height = {height:g}: expected sides that points can resolve both")
-        x0, y0 = vector("origin", origin, 2)
-        if isinstance(points, tuple | list):
-            columns, rows = counts("points", points, 3)
-        else:
-            columns = count("points", points, 3)
-            rows = max(3, round(height / width * (columns - 1)) + 1)
-        if centred:
-            dx = width / columns
-            rows = rows if isinstance(points, tuple | list) else max(3, round(height / dx))
-            dy = height / rows
-            x0, y0 = x0 + 0.5 * dx, y0 + 0.5 * dy
-        else:
-            dx, dy = width / (columns - 1), height / (rows - 1)
-        across, along = counts("layers", layers, 0)
-        columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
-        if columns * rows > MAX_POINTS:
-            raise InputError(
-                f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: expected {MAX_POINTS}"
-            )
-        x, y = np.meshgrid(x0 + dx * np.arange(columns), y0 + dy * np.arange(rows))
-        share_x, share_y = np.full(columns, dx), np.full(rows, dy)
-        if not centred:
-            share_x[[0, -1]] *= 0.5
-            share_y[[0, -1]] *= 0.5
-        return Sheet(
-            points=np.column_stack([x.ravel(), y.ravel()]),
-            areas=np.outer(share_y, share_x).ravel(),
-            triangles=cell_triangles(columns, np.ones((rows - 1, columns - 1), bool)),
-            thickness=positive("thickness", thickness),
-            density=positive("density", density),
-            spacing=float(np.sqrt(dx * dy)),
-            lattice=Lattice(columns, rows, dx, dy),
-        )
+        shape = rectangle(width, height, points, origin, layers, centred)
+        return Sheet.of(shape, thickness=thickness, density=density)
 
     @staticmethod
     def line(length: float, section: float, *, density: float, points: int) -> Sheet:
@@ -139,18 +94,7 @@ class Sheet:
         Raises:
             InputError: for a number that is not above zero, or fewer than 3 points.
         """
-        spacing = positive("length", length) / count("points", points, 3)
-        if points > MAX_POINTS:
-            raise InputError(f"points = {points!r}: expected at most {MAX_POINTS}")
-        return Sheet(
-            points=np.column_stack([spacing * (np.arange(points) + 0.5), np.zeros(points)]),
-            areas=np.full(points, spacing),
-            triangles=np.zeros((0, 3), np.int32),
-            thickness=positive("section", section),
-            density=positive("density", density),
-            spacing=spacing,
-            lattice=Lattice(points, 1, spacing, spacing),
-        )
+        return Sheet.of(line(length, points), thickness=positive("section", section), density=density)
 
     @staticmethod
     def filled(
@@ -186,30 +130,8 @@ class Sheet:
         Raises:
             InputError: as `rectangle`, or for a jitter outside [0, 0.5) or another seed.
         """
-        count("seed", seed, 0)
-        square = Sheet.rectangle(
-            width, height, thickness=thickness, density=density, points=points, origin=origin, layers=layers
-        )
-        if not 0.0 <= finite("jitter", jitter) < 0.5:
-            raise InputError(f"jitter = {jitter!r}: expected shares of the spacing from 0 up to below 0.5")
-        if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
-            return square
-        assert square.lattice is not None
-        dx, dy = square.lattice.dx, square.lattice.dy
-        low, high = square.points.min(axis=0), square.points.max(axis=0)
-        # The middle of the sheet is a point of the grid, or the middle of a cell, as it is without a turn.
-        half = 0.5 * (np.array([square.lattice.columns, square.lattice.rows]) - 1) % 1.0
-        inside = turned_grid((dx, dy), half, float(np.hypot(*(high - low))), turn)
-        inside += np.random.default_rng(seed).uniform(-jitter, jitter, inside.shape) * (dx, dy)
-        inside += 0.5 * (low + high)
-        clear = 0.55 * np.array([dx, dy])
-        inside = inside[((inside > low + clear) & (inside < high - clear)).all(axis=1)]
-        return Sheet.from_points(
-            np.vstack([square.points[square.edges("all")], inside]),
-            thickness=thickness,
-            density=density,
-            spacing=square.spacing,
-        )
+        shape = filled(width, height, points, origin, layers, turn=turn, jitter=jitter, seed=seed)
+        return Sheet.of(shape, thickness=thickness, density=density)
 
     @staticmethod
     def from_points(
@@ -235,26 +157,7 @@ class Sheet:
         Raises:
             InputError: for coincident points, coordinates that are not finite, or wrong shapes.
         """
-        points = positions("points", points)
-        spacing = None if spacing is None else positive("spacing", spacing)
-        refuse_coincident(points)
-        if triangles is None:
-            triangles = delaunay(points, spacing)
-        triangles = counter_clockwise(points, corners("triangles", triangles, len(points)))
-        areas = checks.one_each("areas", point_areas(points, triangles) if areas is None else areas, len(points))
-        return Sheet(
-            points=points,
-            areas=areas,
-            triangles=triangles,
-            thickness=positive("thickness", thickness),
-            density=positive("density", density),
-            spacing=spacing if spacing is not None else float(np.sqrt(areas.mean())),
-        )
-
-    @property
-    def size(self) -> int:
-        """Number of points."""
-        return len(self.points)
+        return Sheet.of(cloud(points, triangles, areas, spacing), thickness=thickness, density=density)
 
     def as_cloud(self) -> Sheet:
         """The same sheet, its lattice forgotten: bonds are then stored in a table."""

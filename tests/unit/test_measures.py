@@ -15,7 +15,7 @@ from warp_pd.measures import (
     when_above,
     worst_balance,
 )
-from warp_pd.triangulation import crosses
+from warp_pd.shapes.triangulation import crosses
 
 
 def sheet_of(turn, jitter, points=61):

@@ -7,9 +7,9 @@ import numpy as np
 from ..checks import InputError
 from ..kernels.families import WORD
 from ..sheet import Sheet
-from ..triangulation import crosses
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
+from .visibility import severed
 
 
 def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
@@ -18,7 +18,7 @@ def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, in
     Raises:
         InputError: for a point without neighbours.
     """
-    points, (neighbours, reverses, severed) = sheet.points, _cloud_neighbours(sheet, horizon)
+    points, (neighbours, reverses, incomplete) = sheet.points, _cloud_neighbours(sheet, horizon)
     size, n = neighbours.shape
     exists = neighbours >= 0
     reference_area = float(sheet.areas.mean())
@@ -43,7 +43,7 @@ def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, in
         areas=sheet.areas / reference_area,
         reverses=reverses,
         neighbours=neighbours,
-        severed=severed,
+        severed=incomplete,
         stiffness=sheet.stiffness,
     )
 
@@ -55,11 +55,10 @@ def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndar
 
     points, size = sheet.points, sheet.size
     pairs = cKDTree(points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
-    severed = np.zeros(size, bool)
-    for segment in sheet.cuts:
-        across = crosses(points[pairs[:, 0]], points[pairs[:, 1]], segment)
-        severed[pairs[across]] = True
-        pairs = pairs[~across]
+    lost = severed(sheet, pairs)
+    incomplete = np.zeros(size, bool)
+    incomplete[pairs[lost]] = True
+    pairs = pairs[~lost]
     half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
     graph = half + half.T
     sizes = np.diff(graph.indptr)
@@ -77,7 +76,7 @@ def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndar
     slot = np.broadcast_to(member, exists.shape)[exists]
     reverses = np.zeros(exists.shape, np.int32)
     reverses[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data
-    return neighbours, reverses, severed
+    return neighbours, reverses, incomplete
 
 
 def _cloud_common(bonds: np.ndarray, exists: np.ndarray) -> np.ndarray:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..shapes.triangulation import crosses
 from ..sheet import Sheet
-from ..triangulation import crosses
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
 

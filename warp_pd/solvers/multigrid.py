@@ -17,8 +17,8 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltLoad, Solve, System
 from ..kernels.equilibrium import lattice_transfer
 from ..kernels.loads import begin_loads
+from ..shapes.triangulation import Lattice
 from ..sheet import Sheet
-from ..triangulation import Lattice
 from .level import OWNER, Level
 
 # The coarsest lattice has at most this many points, and every lattice this many along each side.

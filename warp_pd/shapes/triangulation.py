@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .checks import InputError
+from ..checks import InputError
 
 Segment = tuple[tuple[float, float], tuple[float, float]]
 

@@ -1,0 +1,16 @@
+"""Which bonds stay in the sheet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..shapes.triangulation import crosses
+from ..sheet import Sheet
+
+
+def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,)."""
+    lost = np.zeros(len(pairs), bool)
+    for segment in sheet.cuts:
+        lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
+    return lost

@@ -1,0 +1,56 @@
+"""The geometry of a sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .triangulation import Lattice, Segment
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shape:
+    """Points with areas, and a triangulation.
+
+    Attributes:
+        points: Reference positions [m], float64, shape (N, 2); of a curved sheet (N, 3).
+        areas: Area that each point stands for [m^2], shape (N,).
+        triangles: Triangulation, counter-clockwise (of a curved sheet: seen from outside), shape (F, 3), int32.
+        spacing: Distance of neighbouring points [m]; the horizon is a multiple of it.
+        lattice: The grid, if the points form a complete one.
+        cuts: Segments that no bond crosses.
+        inclusions: Point indices of each rigid inclusion.
+        grid: Column and row of each point that is on a square grid of pitch `spacing`, int32, shape (N, 2), -1 for the
+            others; or None. Points on it are in order, row by row. It may have gaps.
+        spacings: Local spacing at each point [m], shape (N,), of a graded sheet; or None: one everywhere.
+        frames: Orthonormal tangent vectors at each point, columns e1 and e2, shape (N, 3, 2), of a curved sheet; or
+            None.
+        barriers: Edges of the sheet that no bond crosses, pairs of points with the sheet on the left, int32, shape
+            (B, 2); or None: bonds are as long as the horizon, whatever is between.
+        parts: Point indices of parts of the boundary, by name.
+    """
+
+    points: np.ndarray
+    areas: np.ndarray
+    triangles: np.ndarray
+    spacing: float
+    lattice: Lattice | None = None
+    cuts: tuple[Segment, ...] = ()
+    inclusions: tuple[np.ndarray, ...] = ()
+    grid: np.ndarray | None = None
+    spacings: np.ndarray | None = None
+    frames: np.ndarray | None = None
+    barriers: np.ndarray | None = None
+    parts: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return len(self.points)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Reference positions [m], shape (N, 3); z is zero on a flat sheet."""
+        return np.column_stack([self.points, np.zeros((self.size, 3 - self.points.shape[1]))])
