@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,9 +43,14 @@ def read_usd(path: Path, part: str | None) -> Faces:
     Raises:
         InputError: for a file without a mesh, or a part that is none of its meshes.
     """
-    from pxr import Usd, UsdGeom
+    from pxr import Tf, Usd, UsdGeom
 
-    stage = Usd.Stage.Open(str(path))
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        # The reasons are in quotes, among the places in USD's sources where they arose.
+        reasons = re.findall(r": '(.*?)'", str(error)) or [str(error)]
+        raise InputError(f"path = {str(path)!r}: the file cannot be read: {'; '.join(reasons)}") from None
     meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh)]
     mesh = _chosen(path, meshes, part)
     first = Usd.TimeCode.EarliestTime()
