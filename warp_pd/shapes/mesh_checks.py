@@ -6,8 +6,8 @@ import numpy as np
 
 from ..checks import InputError
 from .file_checks import listed
-from .topology import boundary_edges, crowded_edges, flipped, pieces
-from .triangulation import signed_areas
+from .topology import crowded_edges, flipped, pieces
+from .triangulation import boundary_edges, signed_areas
 
 # Least area of a triangle over the mean, and least distance of two points over the extent of the mesh.
 LEAST_AREA, LEAST_DISTANCE = 1e-12, 1e-9

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,26 +13,61 @@ from typing import Any
 import numpy as np
 
 from ..checks import InputError, one_of, positive, said
+from .curves import Spacing, spread_evenly, spread_on_curve
 from .file_checks import METERS, UNITS, existing_file, library_reads, meters
 
 # Physical units of lengths in SVG [m], and a user unit of a file without a viewBox (CSS Values and Units, section 6.2).
 PHYSICAL = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "q": 0.25e-3}
 PIXEL = 0.0254 / 96.0
-# Distance over the extent below which two points are one.
-CLOSE = 1e-9
+# Distance over the extent below which two points are one, and turn of a corner [rad].
+CLOSE, CORNER = 1e-9, math.radians(10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TracedCurve:
+    """A closed curve from a file: a curve as `Sheet.outline` takes them.
+
+    Only its corners have to become points of a sheet; the points along the smooth sides follow the spacing.
+
+    Attributes:
+        points: Points along it, as close as its bends ask for [m], shape (N, 2); the last is joined with the first.
+        corners: Indices of those in which it turns by more than 10 degrees, shape (C,).
+    """
+
+    points: np.ndarray
+    corners: np.ndarray
+
+    def sampled(self, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
+        """Points on the curve, see `warp_pd.shapes.curves.Curve`; a side is between two corners."""
+        if len(self.corners) == 0:
+            return spread_on_curve(_along(np.vstack([self.points, self.points[:1]])), spacing)
+        found, side = [], []
+        for number, (start, end) in enumerate(zip(self.corners, np.roll(self.corners, -1), strict=True)):
+            run = np.arange(start, end + 1 if end > start else end + 1 + len(self.points)) % len(self.points)
+            at = _along(self.points[run])
+            points = at(spread_evenly(at, spacing, 1)[:-1])
+            # The corner itself, without round-off.
+            points[0] = self.points[start]
+            found.append(points)
+            side.append(np.full(len(points), number))
+        return np.concatenate(found), np.concatenate(side)
+
+    def reversed(self) -> TracedCurve:
+        """The same curve in the other direction."""
+        return TracedCurve(self.points[::-1], np.sort(len(self.points) - 1 - self.corners))
 
 
 @dataclass(frozen=True, eq=False)
 class Rings:
-    """The outline of one flat piece, as polygons whose last corner is joined with the first.
+    """The outline of one flat piece.
 
     Attributes:
-        boundary: Corners, counter-clockwise [m], shape (N, 2).
-        holes: Corners of each hole, clockwise [m], shape (N_i, 2).
+        boundary: Counter-clockwise.
+        holes: Clockwise.
     """
 
-    boundary: np.ndarray
-    holes: tuple[np.ndarray, ...] = ()
+    boundary: TracedCurve
+    holes: tuple[TracedCurve, ...] = ()
 
 
 def read_outline(
@@ -67,12 +103,12 @@ def read_outline(
         root = _parsed(file)
     scale = _document(where, root) if unit == "document" else meters(unit)
     to_meters = np.diag([scale, -scale, 1.0]) @ _to_user_units(root)
-    rings = []
+    curves = []
     for name, path_of, matrix in _paths(where, root, part):
-        rings += _closed(where, name, path_of, to_meters @ matrix, tolerance)
-    if not rings:
+        curves += _closed(where, name, path_of, to_meters @ matrix, tolerance)
+    if not curves:
         raise InputError(f"{where}: no closed path: expected one or more")
-    return _nested(where, rings)
+    return _nested(where, curves)
 
 
 def _parsed(path: Path) -> Any:
@@ -129,43 +165,73 @@ def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.n
     return found
 
 
-def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float) -> list[np.ndarray]:
-    """Polygons [m] of all parts of a path.
+def _closed(where: str, name: str, path: Any, matrix: np.ndarray, tolerance: float) -> list[TracedCurve]:
+    """The parts of a path [m].
 
     Raises:
         InputError: for an open one.
     """
+    from svgelements import Move
+
     stretch = float(np.linalg.norm(matrix[:2, :2], 2))
-    rings = []
+    curves = []
     for subpath in path.as_subpaths():
-        corners = _polyline(subpath, tolerance / stretch)
-        placed = corners @ matrix[:2, :2].T + matrix[:2, 2]
-        extent = float(np.ptp(placed, axis=0).max())
-        moved = np.linalg.norm(placed - np.roll(placed, -1, axis=0), axis=1) > CLOSE * extent
-        if moved[-1]:
-            ends = [np.array2string(placed[k], precision=6, separator=", ") for k in (0, -1)]
+        segments = [s for s in subpath if not isinstance(s, Move) and s.start is not None and s.end is not None]
+        placed = [_flattened(segment, tolerance / stretch) @ matrix[:2, :2].T + matrix[:2, 2] for segment in segments]
+        if not placed:
+            continue
+        small = CLOSE * float(np.ptp(np.concatenate(placed), axis=0).max())
+        longer = [k for k, piece in enumerate(placed) if np.ptp(piece, axis=0).max() > small]
+        placed, segments = [placed[k] for k in longer], [segments[k] for k in longer]
+        start, end = placed[0][0], placed[-1][-1]
+        if np.linalg.norm(end - start) > small:
+            ends = [np.array2string(place, precision=6, separator=", ") for place in (start, end)]
             raise InputError(f"{where}: {name} is open, from {ends[0]} to {ends[1]} m: expected closed paths")
-        if moved.sum() < 3:
-            raise InputError(f"{where}: {name} has {int(moved.sum())} corners: expected three or more")
-        rings.append(placed[moved])
-    return rings
+        points = np.concatenate([piece[:-1] for piece in placed])
+        if len(points) < 3:
+            raise InputError(f"{where}: {name} has {len(points)} corners: expected three or more")
+        begins = np.cumsum([0, *(len(piece) - 1 for piece in placed[:-1])])
+        directions = [_directions(segment) @ matrix[:2, :2].T for segment in segments]
+        turns = [
+            _angle(before[1], after[0])
+            for before, after in zip([directions[-1], *directions[:-1]], directions, strict=True)
+        ]
+        curves.append(TracedCurve(points, begins[np.array(turns) > CORNER]))
+    return curves
 
 
-def _polyline(subpath: Any, tolerance: float) -> np.ndarray:
-    """Points along a part of a path, within `tolerance` of it, shape (N, 2)."""
-    from svgelements import Close, Line, Move
+def _directions(segment: Any) -> np.ndarray:
+    """Directions of a segment at its start and at its end, shape (2, 2)."""
+    # Handles may lie on the ends of a curve, where its derivative is then zero.
+    near = [segment.point(t) for t in (0.0, 1e-4, 1.0 - 1e-4, 1.0)]
+    start, after, before, end = np.array([(place.x, place.y) for place in near])
+    return np.array([after - start, end - before])
 
-    points: list[tuple[float, float]] = []
-    for segment in subpath:
-        if isinstance(segment, Move):
-            points.append((segment.end.x, segment.end.y))
-            continue
-        if segment.end is None:
-            continue
-        count = 1 if isinstance(segment, Line | Close) else math.ceil(math.sqrt(_bend(segment) / (8.0 * tolerance)))
-        inner = [segment.point(k / count) for k in range(1, count)]
-        points += [(p.x, p.y) for p in (*inner, segment.end)]
-    return np.array(points, np.float64)
+
+def _angle(one: np.ndarray, other: np.ndarray) -> float:
+    """Angle between two directions [rad]."""
+    return abs(math.atan2(one[0] * other[1] - one[1] * other[0], float(one @ other)))
+
+
+def _along(points: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Points on a polyline by the share of its length, 0 to 1."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+    def at(t: np.ndarray) -> np.ndarray:
+        place = np.asarray(t) * length[-1]
+        return np.column_stack([np.interp(place, length, component) for component in points.T])
+
+    return at
+
+
+def _flattened(segment: Any, tolerance: float) -> np.ndarray:
+    """Points from the start of a segment to its end, within `tolerance` of it, shape (N, 2)."""
+    from svgelements import Close, Line
+
+    straight = isinstance(segment, Line | Close)
+    count = 1 if straight else max(1, math.ceil(math.sqrt(_bend(segment) / (8.0 * tolerance))))
+    places = [segment.start, *(segment.point(k / count) for k in range(1, count)), segment.end]
+    return np.array([(place.x, place.y) for place in places], np.float64)
 
 
 def _bend(segment: Any) -> float:
@@ -181,7 +247,7 @@ def _bend(segment: Any) -> float:
     return 6.0 * max(abs(first), abs(segment.control1 - 2.0 * segment.control2 + segment.end))
 
 
-def _nested(where: str, rings: list[np.ndarray]) -> Rings:
+def _nested(where: str, curves: list[TracedCurve]) -> Rings:
     """One boundary, and the holes in it.
 
     Raises:
@@ -189,7 +255,7 @@ def _nested(where: str, rings: list[np.ndarray]) -> Rings:
     """
     import shapely
 
-    polygons = [shapely.Polygon(ring) for ring in rings]
+    polygons = [shapely.Polygon(curve.points) for curve in curves]
     for polygon in polygons:
         if not polygon.is_valid:
             raise InputError(f"{where}: {_reason(polygon)}: expected paths that do not cross themselves")
@@ -201,7 +267,7 @@ def _nested(where: str, rings: list[np.ndarray]) -> Rings:
         x, y = min(map(tuple, shapely.get_coordinates(shared)))
         raise InputError(f"{where}: two paths meet at ({x:.6g}, {y:.6g}) m: expected paths apart from each other")
     inner, _ = shapely.STRtree(polygons).query(polygons, predicate="within")
-    depth = np.bincount(inner, minlength=len(rings)) - 1
+    depth = np.bincount(inner, minlength=len(curves)) - 1
     outer = np.flatnonzero(depth == 0)
     if len(outer) > 1:
         corners = ", ".join(f"({polygons[k].bounds[0]:.6g}, {polygons[k].bounds[1]:.6g})" for k in outer[:4])
@@ -211,8 +277,10 @@ def _nested(where: str, rings: list[np.ndarray]) -> Rings:
     if depth.max() > 1:
         x, y = polygons[int(depth.argmax())].bounds[:2]
         raise InputError(f"{where}: an island in a hole, at ({x:.6g}, {y:.6g}) m: expected one piece")
-    turned = [ring if shapely.LinearRing(ring).is_ccw else ring[::-1] for ring in rings]
-    return Rings(turned[outer[0]], tuple(ring[::-1] for ring, level in zip(turned, depth, strict=True) if level == 1))
+    inside = [
+        curve.reversed() if polygon.exterior.is_ccw else curve for curve, polygon in zip(curves, polygons, strict=True)
+    ]
+    return Rings(inside[outer[0]].reversed(), tuple(curve for curve, level in zip(inside, depth, strict=True) if level))
 
 
 def _reason(polygon: Any) -> str:

@@ -19,13 +19,6 @@ def undirected(edges: np.ndarray) -> np.ndarray:
     return np.asarray(number)
 
 
-def boundary_edges(triangles: np.ndarray) -> np.ndarray:
-    """Edges that belong to one triangle, in its direction (the surface on the left), shape (B, 2)."""
-    edges = directed_edges(triangles)
-    number = undirected(edges)
-    return np.asarray(edges[np.bincount(number, minlength=1)[number] == 1])
-
-
 def crowded_edges(triangles: np.ndarray) -> np.ndarray:
     """Edges that belong to more than two triangles, shape (K, 2)."""
     edges = directed_edges(triangles)

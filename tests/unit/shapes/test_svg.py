@@ -5,7 +5,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from warp_pd import InputError
+from warp_pd import InputError, Sheet
 from warp_pd.shapes.svg import read_outline
 
 VIEW = 'viewBox="0 0 100 50"'
@@ -31,10 +31,10 @@ def test_boundary_and_holes(tmp_path):
     """Counter-clockwise outside, clockwise inside, whatever the direction of the paths; y turned upwards."""
     for square in ("M0 0 H40 V20 H0 Z", "M0 0 V20 H40 V0 Z"):
         rings = read(tmp_path, f'<path d="{square} M2 2 h4 v6 h-4 z"/><rect x="20" y="5" width="3" height="3"/>')
-        assert sorted(map(tuple, rings.boundary.tolist())) == [(0, -20), (0, 0), (40, -20), (40, 0)]
-        assert area(rings.boundary) == pytest.approx(800.0)
-        assert [area(hole) for hole in rings.holes] == pytest.approx([-24.0, -9.0])
-        assert rings.holes[0].max(axis=0).tolist() == [6.0, -2.0]
+        assert sorted(map(tuple, rings.boundary.points.tolist())) == [(0, -20), (0, 0), (40, -20), (40, 0)]
+        assert area(rings.boundary.points) == pytest.approx(800.0)
+        assert [area(hole.points) for hole in rings.holes] == pytest.approx([-24.0, -9.0])
+        assert rings.holes[0].points.max(axis=0).tolist() == [6.0, -2.0]
 
 
 CURVES = {
@@ -61,7 +61,7 @@ CURVES = {
 @pytest.mark.parametrize("name", CURVES)
 def test_curves_are_within_the_tolerance(tmp_path, name, tolerance):
     body, distance, whole = CURVES[name]
-    ring = read(tmp_path, body, tolerance=tolerance).boundary
+    ring = read(tmp_path, body, tolerance=tolerance).boundary.points
     length = np.linalg.norm(ring - np.roll(ring, -1, axis=0), axis=1).sum()
     assert abs(area(ring) - whole) <= tolerance * length
     if distance is not None:
@@ -86,7 +86,7 @@ UNITS = [
 @pytest.mark.parametrize(("unit", "head", "meters"), UNITS)
 def test_units(tmp_path, unit, head, meters):
     """User units are those of the viewBox, with its origin; or the document says how large it is."""
-    ring = read(tmp_path, '<rect x="1" y="2" width="40" height="10"/>', head, unit=unit).boundary
+    ring = read(tmp_path, '<rect x="1" y="2" width="40" height="10"/>', head, unit=unit).boundary.points
     assert np.allclose(ring.min(axis=0), (meters, -12 * meters), rtol=1e-13)
     assert np.allclose(np.ptp(ring, axis=0), (40 * meters, 10 * meters), rtol=1e-13)
 
@@ -97,16 +97,16 @@ def test_elements_that_are_drawn(tmp_path):
         '<defs><rect id="a" width="4" height="4"/><clipPath id="c"><circle r="3"/></clipPath></defs>'
         '<use xlink:href="#a" x="5" y="-9"/><rect style="display:none" width="30" height="40"/>'
     )
-    assert read(tmp_path, body).boundary.min(axis=0).tolist() == [5.0, 5.0]
-    assert area(read(tmp_path, '<polygon points="0,0 4,0 4,4"/>').boundary) == 8.0
+    assert read(tmp_path, body).boundary.points.min(axis=0).tolist() == [5.0, 5.0]
+    assert area(read(tmp_path, '<polygon points="0,0 4,0 4,4"/>').boundary.points) == 8.0
     # A polyline that comes back to its start is closed.
-    assert area(read(tmp_path, '<polyline points="0,0 4,0 4,4 0,0"/>').boundary) == 8.0
+    assert area(read(tmp_path, '<polyline points="0,0 4,0 4,4 0,0"/>').boundary.points) == 8.0
 
 
 def test_part(tmp_path):
     body = '<rect id="left" width="4" height="4"/><g transform="scale(2)"><circle id="right" cx="20" r="1"/></g>'
-    assert read(tmp_path, body, part="left").boundary.max() == 4.0
-    assert read(tmp_path, body, part="right", tolerance=1e-6).boundary[:, 0].max() == pytest.approx(42.0)
+    assert read(tmp_path, body, part="left").boundary.points.max() == 4.0
+    assert read(tmp_path, body, part="right", tolerance=1e-6).boundary.points[:, 0].max() == pytest.approx(42.0)
     with pytest.raises(InputError, match="part = 'rihgt': expected one of 'left', 'right'"):
         read(tmp_path, body, part="rihgt")
 
@@ -162,10 +162,47 @@ def test_wrong_arguments(tmp_path):
         read_outline(tmp_path / "none.svg", unit="m", tolerance=1e-3)
 
 
+ROUNDED = '<path d="M2 0 H10 V10 H2 A2 2 0 0 1 0 8 V2 A2 2 0 0 1 2 0 Z"/>'
+
+
+def test_corners_are_points_and_curves_follow_the_spacing(tmp_path):
+    """Two corners are sharp; where lines run into arcs the curve is smooth, however coarsely the arcs are drawn."""
+    for tolerance in (0.2, 1e-4):
+        curve = read(tmp_path, ROUNDED, tolerance=tolerance).boundary
+        assert sorted(curve.points[curve.corners].tolist()) == [[10.0, -10.0], [10.0, 0.0]]
+        for turned in (curve, curve.reversed()):
+            points, side = turned.sampled(lambda at: np.full(len(at), 0.5))
+            assert {(10.0, 0.0), (10.0, -10.0)} <= set(map(tuple, points.tolist()))
+            gap = np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1)
+            assert 0.45 < gap.min() and gap.max() < 0.55
+            assert sorted(np.bincount(side)) == [20, len(points) - 20]
+        assert area(curve.points) == pytest.approx(-area(curve.reversed().points)) and area(curve.points) > 90.0
+
+
+def test_smooth_curves_follow_a_graded_spacing(tmp_path):
+    curve = read(tmp_path, '<circle r="10"/>', tolerance=1e-6).boundary
+    assert len(curve.corners) == 0
+    points, side = curve.sampled(lambda at: 0.5 + 0.03 * (at[:, 0] + 10.0))
+    assert (side == 0).all() and np.abs(np.hypot(*points.T) - 10.0).max() < 1e-5
+    gap = np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1)
+    middle = 0.5 * (points + np.roll(points, -1, axis=0))
+    assert np.allclose(gap, 0.5 + 0.03 * (middle[:, 0] + 10.0), rtol=0.02)
+
+
+def test_an_outline_becomes_a_sheet(tmp_path):
+    """The area of the sheet is that of the drawing, and its sides have names."""
+    rings = read(tmp_path, ROUNDED + '<circle cx="5" cy="5" r="2"/>', tolerance=1e-5)
+    sheet = Sheet.outline(rings.boundary, holes=rings.holes, spacing=0.25, thickness=1.0, density=1.0)
+    assert sheet.areas.sum() == pytest.approx(100.0 - 2 * (4 - np.pi) - 4 * np.pi, rel=2e-3)
+    assert len(sheet.parts["hole 1"]) == pytest.approx(4 * np.pi / 0.25, abs=2)
+    right = next(p for p in sheet.parts.values() if (sheet.points[p, 0] == 10.0).all())
+    assert len(right) == 41
+
+
 def test_glove():
     """The file that comes with the scenes: a hand without holes, as large as it says."""
     rings = read_outline(str(files("warp_pd.scenes") / "glove.svg"), unit="document", tolerance=5e-5)
     assert rings.holes == ()
-    assert np.allclose(rings.boundary.min(axis=0), (-0.0869, 0.0), atol=1e-4)
-    assert np.allclose(rings.boundary.max(axis=0), (0.0660, 0.1850), atol=1e-4)
-    assert 0.012 < area(rings.boundary) < 0.016
+    assert np.allclose(rings.boundary.points.min(axis=0), (-0.0869, 0.0), atol=1e-4)
+    assert np.allclose(rings.boundary.points.max(axis=0), (0.0660, 0.1850), atol=1e-4)
+    assert 0.012 < area(rings.boundary.points) < 0.016
