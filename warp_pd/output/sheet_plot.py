@@ -99,14 +99,13 @@ def _flat(sheet: Sheet) -> tuple[Any, Any]:
             sides = where[_sides(sheet.triangles)]
             axes.add_collection(LineCollection(sides, colors="0.55", linewidths=0.35, label="triangles", zorder=1))
         axes.add_collection(LineCollection(where[edges], colors=EDGE, linewidths=1.2, label="boundary", zorder=4))
-    for number, members in enumerate(sheet.inclusions, start=1):
-        inner = np.isin(sheet.triangles, members).all(axis=1)
-        label = f"rigid inclusion {number}, {len(members)} points" if number <= MAX_PARTS else None
-        rigid = PolyCollection(where[sheet.triangles[inner]], facecolors=RIGID, alpha=0.6, label=label, zorder=2)
-        axes.add_collection(rigid)
+    size = float(np.clip(0.35 * 72.0 * SIDE * _typical_distance(sheet) / extent.max(), 0.8, 5.0))
+    for label, members in _inclusions(sheet):
+        inner = where[sheet.triangles[np.isin(sheet.triangles, members).all(axis=1)]]
+        axes.add_collection(PolyCollection(inner, facecolors=RIGID, alpha=0.6, zorder=2))
+        _markers(axes, where, members, label, color=RIGID, markersize=size + 2.0, marker="s", zorder=2.5)
     if sheet.cuts:
         axes.add_collection(LineCollection(sheet.cuts, colors=CUT, linewidths=2.0, label="cuts", zorder=5))
-    size = float(np.clip(0.35 * 72.0 * SIDE * _typical_distance(sheet) / extent.max(), 0.8, 5.0))
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen, label, color=colour, markersize=size, zorder=3)
     for rank, (label, chosen) in enumerate(_parts(sheet)):
@@ -139,6 +138,8 @@ def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
     edges = boundary_edges(triangles)
     if len(edges):
         axes.add_collection3d(Line3DCollection(where[edges], colors=EDGE, linewidths=1.2, label="boundary", zorder=3))
+    for label, members in _inclusions(sheet):
+        _markers(axes, where, members, label, color=RIGID, markersize=3.5, marker="s", zorder=2)
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen[_towards(sheet, view)[chosen]], label, color=colour, markersize=1.5, zorder=2)
     for rank, (label, chosen) in enumerate(_parts(sheet)):
@@ -160,7 +161,7 @@ def _markers(axes: Any, where: np.ndarray, chosen: np.ndarray, label: str, **sty
     if len(chosen) > MAX_MARKERS:
         label = f"{label}, {MAX_MARKERS} shown"
         chosen = np.sort(np.random.default_rng(0).choice(chosen, MAX_MARKERS, replace=False))
-    axes.plot(*where[chosen].T, marker="o", linestyle="none", markeredgewidth=0.0, label=label, **style)
+    axes.plot(*where[chosen].T, **{"marker": "o", "linestyle": "none", "markeredgewidth": 0.0, "label": label, **style})
 
 
 def _kinds(sheet: Sheet) -> list[tuple[str, np.ndarray, str]]:
@@ -172,6 +173,14 @@ def _kinds(sheet: Sheet) -> list[tuple[str, np.ndarray, str]]:
     return [
         (f"{len(inside)} points on the grid", inside, GRID_POINT),
         (f"{len(others)} other points", others, OTHER_POINT),
+    ]
+
+
+def _inclusions(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
+    """Label and points of the rigid inclusions; a label that begins with an underscore is not in the legend."""
+    return [
+        (f"rigid inclusion {number}, {len(points)} points" if number <= MAX_PARTS else "_more", points)
+        for number, points in enumerate(sheet.inclusions, start=1)
     ]
 
 

@@ -68,14 +68,16 @@ def test_a_rectangle_with_a_cut_and_an_inclusion():
     sheet = Sheet.rectangle(0.1, 0.05, points=21, **FLAT).cut((0.0525, -0.01), (0.0525, 0.0252))
     axes = drawn(sheet.inclusion((0.08, 0.025), 0.011), title="mine")
     assert axes.get_title().split("\n") == ["mine", "0.1 x 0.05 m, 231 points, 389 triangles, spacing 0.005 m"]
-    assert labels(axes) == ["triangles", "boundary", "rigid inclusion 1, 13 points", "cuts", "231 points"]
+    assert set(labels(axes)) == {"triangles", "boundary", "rigid inclusion 1, 13 points", "cuts", "231 points"}
+    # The points at its tips are the corner of no triangle inside it.
+    assert len(markers(axes, "rigid inclusion 1")) == 13
     assert len(lines(axes, "triangles")) == 231 + 389 - 1  # Euler: one piece without a hole.
     # The rectangle, and both sides of the slit that the cut took out of the triangles.
     assert lengths(lines(axes, "boundary")).sum() == pytest.approx(0.3 + 2 * 0.03, rel=0.1)
     assert lines(axes, "cuts").tolist() == [[[0.0525, -0.01], [0.0525, 0.0252]]]
     assert np.array_equal(markers(axes, "231 points"), sheet.points)
     (rigid,) = [c for c in axes.collections if isinstance(c, PolyCollection)]
-    assert len(rigid.get_paths()) == 12
+    assert len(rigid.get_paths()) == 8
     assert axes.get_aspect() == 1.0 and axes.get_xlim()[0] < 0.0 and axes.get_xlim()[1] > 0.1
 
 
@@ -137,13 +139,14 @@ def test_markers_and_triangles_stay_legible(points):
 
 
 def test_a_curved_sheet():
-    sheet = tube()
+    sheet = replace(tube(), inclusions=(np.arange(100, 110),))
     axes = drawn(sheet, view=(10.0, 20.0))
     assert axes.name == "3d" and (axes.elev, axes.azim) == (10.0, 20.0)
     assert axes.get_title() == "0.04 x 0.04 x 0.1 m, 264 points, 480 triangles, spacing 0.005 m"
-    assert labels(axes) == ["triangles", "boundary", "264 points", "mouth, 24 points"]
+    assert labels(axes) == ["triangles", "boundary", "rigid inclusion 1, 10 points", "264 points", "mouth, 24 points"]
     assert np.allclose(markers(axes, "264 points"), sheet.points)
     assert np.allclose(markers(axes, "mouth"), sheet.points[:24])
+    assert np.allclose(markers(axes, "rigid"), sheet.points[100:110])
     surface, boundary = axes.collections
     axes.figure.draw_without_rendering()
     assert len(surface.get_paths()) == 480 and len(boundary.get_segments()) == 48
