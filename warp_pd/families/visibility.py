@@ -23,13 +23,19 @@ def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     They lie on two sides of a cut, or the way between them leaves the sheet. A chord of a hole is a bond if the way
     around is hardly longer.
     """
-    lost = np.zeros(len(pairs), bool)
-    for segment in sheet.cuts:
-        lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
+    lost = cut_through(sheet, pairs)
     if sheet.bodies is not None:
         lost |= sheet.bodies[pairs[:, 0]] != sheet.bodies[pairs[:, 1]]
     if sheet.barriers is not None:
         lost |= _outside(sheet, pairs, lost)
+    return lost
+
+
+def cut_through(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs of points, shape (B, 2), lie on two sides of a cut; bool, shape (B,)."""
+    lost = np.zeros(len(pairs), bool)
+    for segment in sheet.cuts:
+        lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
     return lost
 
 
