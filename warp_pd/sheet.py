@@ -13,7 +13,7 @@ from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
-from .shapes.files import read_mesh
+from .shapes.files import flat_shape, read_mesh
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
@@ -209,8 +209,9 @@ class Sheet(Shape):
     ) -> Sheet:
         """A sheet on the vertices of a mesh, such as a .msh, .stl, .obj, .ply, .vtu or .usd file.
 
-        A mesh whose points all have one z is a flat sheet; its z is dropped. Named groups of points and lines of a
-        .msh file become `parts`.
+        A mesh whose points all have one z is a flat sheet; its z is dropped. No bond crosses its boundary, whose rings
+        are the parts "outline" and "hole 1", "hole 2", ..., the largest first. Named groups of points and lines of a
+        .msh file are parts, too.
 
         Args:
             path: The file, as for `warp_pd.shapes.files.read_mesh`, which says what it refuses.
@@ -227,8 +228,7 @@ class Sheet(Shape):
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
             raise InputError(f"path = {str(path)!r}: the surface is curved: expected a flat mesh, all points at one z")
-        flat = Sheet.from_points(mesh.vertices[:, :2], thickness=thickness, density=density, triangles=mesh.triangles)
-        return replace(flat, parts=mesh.parts)
+        return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
 
     def as_cloud(self) -> Sheet:
         """The same sheet, its lattice forgotten: bonds are then stored in a table."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import InputError, said
-from ..shapes.topology import pieces
+from ..shapes.topology import boundary_rings, pieces
 from ..shapes.triangulation import boundary_edges
 from ..sheet import Sheet
 from .plots import new_figure, save
@@ -231,26 +231,11 @@ def _filled(where: np.ndarray, edges: np.ndarray) -> Any:
     """The area that the boundary encloses, as a path: one shape, however many triangles there are."""
     from matplotlib.path import Path as Outline
 
-    following: dict[int, list[int]] = {}
-    for start, end in edges.tolist():
-        following.setdefault(start, []).append(end)
     points, codes = [], []
-    while following:
-        start = at = next(iter(following))
-        codes.append(Outline.MOVETO)
-        while True:
-            points.append(where[at])
-            ends = following[at]
-            step = ends.pop()
-            if not ends:
-                del following[at]
-            at = step
-            if at == start:
-                break
-            codes.append(Outline.LINETO)
-        points.append(where[start])
-        codes.append(Outline.CLOSEPOLY)
-    return Outline(np.array(points), codes)
+    for ring in boundary_rings(edges):
+        points += [where[ring], where[ring[:1]]]
+        codes += [Outline.MOVETO, *[Outline.LINETO] * (len(ring) - 1), Outline.CLOSEPOLY]
+    return Outline(np.concatenate(points), codes)
 
 
 def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -268,7 +253,7 @@ def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     whole = (joined[:, 0] != joined[:, 1]) & (joined[:, 1] != joined[:, 2]) & (joined[:, 2] != joined[:, 0])
     joined = joined[whole]
     _, first = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
-    return middle[joined[first]]
+    return np.asarray(middle[joined[first]])
 
 
 def _towards(sheet: Sheet, view: tuple[float, float]) -> np.ndarray:

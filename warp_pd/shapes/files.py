@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import functools
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..checks import InputError, one_of
+from .clouds import cloud
 from .faces import triangulate
 from .file_checks import existing_file, library_reads, meters
 from .mesh_checks import require_closed, require_faces, require_surface, require_unfolded
-from .topology import pieces
+from .shape import Shape
+from .topology import pieces, ring_names
+from .triangulation import boundary_edges, counter_clockwise, voronoi_areas
 from .usd_mesh import Faces, read_usd
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
@@ -102,6 +105,18 @@ def read_mesh(
     if mesh.flat:
         require_unfolded(where, faces.points, triangles, face_of)
     return mesh
+
+
+def flat_shape(mesh: Mesh) -> Shape:
+    """The shape of a flat mesh on its own vertices, with its boundary as barriers and names for its rings."""
+    points = mesh.vertices[:, :2]
+    triangles = counter_clockwise(points, mesh.triangles)
+    edges = boundary_edges(triangles)
+    return replace(
+        cloud(points, triangles, voronoi_areas(points, triangles), None),
+        barriers=edges,
+        parts={**ring_names(points, edges), **mesh.parts},
+    )
 
 
 def _read_meshio(path: Path, part: str | None) -> Faces:

@@ -138,7 +138,7 @@ def _document(where: str, root: Any) -> float:
     scales = lengths[0] / root.viewbox.width, lengths[1] / root.viewbox.height
     if not math.isclose(*scales, rel_tol=1e-4):
         raise InputError(f"unit = 'document': {said_size}: expected the ratio of the viewBox")
-    return scales[0]
+    return float(scales[0])
 
 
 def _to_user_units(root: Any) -> np.ndarray:
@@ -239,12 +239,12 @@ def _bend(segment: Any) -> float:
     from svgelements import Arc, CubicBezier, QuadraticBezier
 
     if isinstance(segment, Arc):
-        return max(segment.rx, segment.ry) * segment.sweep**2
+        return float(max(segment.rx, segment.ry) * segment.sweep**2)
     if isinstance(segment, QuadraticBezier):
-        return 2.0 * abs(segment.start - 2.0 * segment.control + segment.end)
+        return 2.0 * float(abs(segment.start - 2.0 * segment.control + segment.end))
     assert isinstance(segment, CubicBezier)
     first = segment.start - 2.0 * segment.control1 + segment.control2
-    return 6.0 * max(abs(first), abs(segment.control1 - 2.0 * segment.control2 + segment.end))
+    return 6.0 * float(max(abs(first), abs(segment.control1 - 2.0 * segment.control2 + segment.end)))
 
 
 def _nested(where: str, curves: list[TracedCurve]) -> Rings:

@@ -71,6 +71,45 @@ def flipped(triangles: np.ndarray) -> np.ndarray | None:
     return np.flatnonzero(np.where(votes[piece] >= 0.0, ~first, first))
 
 
+def boundary_rings(edges: np.ndarray) -> list[np.ndarray]:
+    """Closed rings of boundary edges, shape (B, 2): the points of each in order. A point may be in several."""
+    following: dict[int, list[int]] = {}
+    for start, end in edges.tolist():
+        following.setdefault(start, []).append(end)
+    rings = []
+    while following:
+        at = start = next(iter(following))
+        ring: list[int] = []
+        while not ring or at != start:
+            ring.append(at)
+            ends = following[at]
+            following_point = ends.pop()
+            if not ends:
+                del following[at]
+            at = following_point
+        rings.append(np.array(ring))
+    return rings
+
+
+def ring_names(points: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
+    """Points of the rings of a flat sheet's boundary by name: "outline" and "hole 1", "hole 2", ..., the largest first.
+
+    Several pieces have "outline 1", "outline 2", ...
+
+    Args:
+        points: [m], shape (N, 2).
+        edges: Boundary edges with the sheet on the left, shape (B, 2).
+    """
+    rings = boundary_rings(edges)
+    x, y = (([points[ring, c] for ring in rings]) for c in (0, 1))
+    areas = [float(np.sum(a * np.roll(b, -1) - b * np.roll(a, -1))) for a, b in zip(x, y, strict=True)]
+    outer = sorted((k for k, area in enumerate(areas) if area > 0.0), key=lambda k: -areas[k])
+    holes = sorted((k for k, area in enumerate(areas) if area <= 0.0), key=lambda k: areas[k])
+    names = ["outline"] if len(outer) == 1 else [f"outline {number}" for number in range(1, len(outer) + 1)]
+    names += [f"hole {number}" for number in range(1, len(holes) + 1)]
+    return {name: np.unique(rings[k]).astype(np.int32) for name, k in zip(names, outer + holes, strict=True)}
+
+
 def _components(count: int, pairs: np.ndarray) -> np.ndarray:
     graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])

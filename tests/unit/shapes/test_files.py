@@ -6,6 +6,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 from warp_pd import InputError, Sheet
+from warp_pd.families.visibility import severed
 from warp_pd.shapes.files import read_mesh
 from warp_pd.shapes.triangulation import signed_areas
 
@@ -151,7 +152,8 @@ def test_groups_of_gmsh(tmp_path):
         path, file_format="gmsh22", binary=False
     )
     sheet = Sheet.from_file(path, unit="m", **FLAT)
-    assert {name: part.tolist() for name, part in sheet.parts.items()} == {"left": [0, 3], "wall": [0, 1, 2]}
+    parts = {"outline": [0, 1, 2, 3], "left": [0, 3], "wall": [0, 1, 2]}
+    assert {name: part.tolist() for name, part in sheet.parts.items()} == parts
     assert len(read_mesh(path, unit="m", part="main").triangles) == 3
     with pytest.raises(InputError, match="part = 'mian': expected one of 'main', 'rest'"):
         read_mesh(path, unit="m", part="mian")
@@ -216,6 +218,31 @@ def test_pieces(tmp_path):
     mesh = read_mesh(write(tmp_path / "two.obj", two, [("quad", np.arange(8).reshape(2, 4))]), unit="m")
     assert mesh.pieces == 2
     assert Sheet.from_file(tmp_path / "two.obj", unit="m", **FLAT).areas.sum() == pytest.approx(2.0)
+
+
+def grid(n, left_out):
+    """A square of n x n cells without those of a mask, shape (n, n)."""
+    x, y = (k.ravel() for k in np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0)))
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n))[~left_out]
+    return np.column_stack([x, y, 0 * x]), np.column_stack([a, a + 1, a + n + 2, a + n + 1])
+
+
+def test_boundary_of_a_flat_mesh(tmp_path):
+    """Rings have names, the largest first; no bond crosses them; areas are those of Voronoi cells."""
+    left_out = np.zeros((12, 12), bool)
+    left_out[2:4, 2:4] = left_out[6:9, 5:9] = left_out[10:, 10:] = True
+    points, quads = grid(12, left_out)
+    path = write(tmp_path / "holes.obj", points, [("quad", quads)])
+    sheet = Sheet.from_file(path, unit="cm", **FLAT)
+    count = {name: len(part) for name, part in sheet.parts.items()}
+    assert count == {"outline": 48, "hole 1": 14, "hole 2": 8}
+    assert np.ptp(sheet.points[sheet.parts["hole 1"]], axis=0) == pytest.approx([0.04, 0.03])
+    assert sheet.areas.sum() == pytest.approx((144 - 4 - 12 - 4) * 1e-4)
+    corner = sheet.nearest(0.0, 0.0)
+    assert sheet.areas[corner] == pytest.approx(0.25e-4) and sheet.areas.max() == pytest.approx(1e-4)
+    # Across the hole of three cells, and the same bond where there is none.
+    across, whole = [[sheet.nearest(x, 0.06), sheet.nearest(x, 0.09)] for x in (0.07, 0.01)]
+    assert severed(sheet, np.array([across, whole])).tolist() == [True, False]
 
 
 def test_flat_mesh_of_either_orientation_off_the_plane(tmp_path):
