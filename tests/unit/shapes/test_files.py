@@ -57,6 +57,12 @@ def volume(mesh):
     return float((np.cross(a, b) * c).sum() / 6.0)
 
 
+@pytest.mark.parametrize("kind", ["gmsh22", "gmsh", "ansys"])
+def test_all_kinds_of_msh(tmp_path, kind):
+    meshio.Mesh(spatial(CORNERS), [("triangle", FAN)]).write(tmp_path / "a.msh", file_format=kind)
+    assert Sheet.from_file(tmp_path / "a.msh", unit="cm", **FLAT).areas.sum() == pytest.approx(6e-4)
+
+
 @pytest.mark.parametrize("suffix", ["msh", "stl", "obj", "ply", "vtu", "vtk", "off", "xdmf", "OBJ"])
 def test_every_format_gives_the_same_sheet(tmp_path, suffix):
     path = tmp_path / f"sheet.{suffix}"
@@ -360,6 +366,9 @@ def test_curved_surfaces_are_told_from_flat_ones(tmp_path):
         ("a.vtu", b"<VTKFile", "the file cannot be read: "),
         ("a.ply", b"hello", "the file cannot be read: "),
         ("a.msh", b"", "the file cannot be read: "),
+        ("a.msh", b"(0 grid written by Fluent)\n(10 (0 1 5 0 3)\n", "the file cannot be read: "),
+        ("c.msh", b"(10 (1 1 2 0 3)(\n0 0 0\n1 0 0\n))(((\n", "the file cannot be read: "),
+        ("b.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 (", "the file cannot be read: "),
         ("a.stl", b"solid x\n facet\n", "the file cannot be read: "),
         ("a.obj", b"v 0 0\nf 1 2 3 x\n", "the file cannot be read: "),
         ("a.usd", b"hello", "the file cannot be read: "),
