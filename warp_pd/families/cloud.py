@@ -22,30 +22,39 @@ def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, in
     size, n = neighbours.shape
     exists = neighbours >= 0
     reference_area = float(sheet.areas.mean())
-    bonds, influence, member_areas = np.empty((size, n, 2)), np.empty((size, n)), np.empty((size, n))
+    chords = np.empty((size, n, points.shape[1]))
+    influence, member_areas = np.empty((size, n)), np.empty((size, n))
 
     def fill(part: slice) -> None:
         here, member = exists[part], np.maximum(neighbours[part], 0)
-        bonds[part] = np.where(here[..., None], points[member] - points[part, None], 0.0) / horizon
-        r = np.minimum(np.linalg.norm(bonds[part], axis=-1), 1.0)
+        chords[part] = np.where(here[..., None], points[member] - points[part, None], 0.0) / horizon
+        r = np.minimum(np.linalg.norm(chords[part], axis=-1), 1.0)
         influence[part] = np.where(here, function(np.where(here, r, 1.0)), 0.0)
         member_areas[part] = np.where(here, sheet.areas[member], 0.0) / reference_area
 
     in_blocks(size, n, fill)
+    frames = None if sheet.frames is None else whole_frames(sheet.frames)
     return Families(
         horizon=horizon,
         reference_area=reference_area,
         exists=exists,
-        bonds=bonds,
+        bonds=chords if frames is None else chords @ frames[..., :2],
         influence=influence,
-        common=_cloud_common(bonds, exists) if intersections else np.zeros((0, 0, 0), np.uint32),
+        common=_cloud_common(chords, exists) if intersections else np.zeros((0, 0, 0), np.uint32),
         member_areas=member_areas,
         areas=sheet.areas / reference_area,
         reverses=reverses,
         neighbours=neighbours,
         severed=incomplete,
         stiffness=sheet.stiffness,
+        frames=frames,
+        chords=None if frames is None else chords,
     )
+
+
+def whole_frames(frames: np.ndarray) -> np.ndarray:
+    """Tangent vectors e1 and e2, shape (N, 3, 2), and the normal e1 x e2, as columns, shape (N, 3, 3)."""
+    return np.concatenate([frames, np.cross(frames[..., 0], frames[..., 1])[..., None]], axis=-1)
 
 
 def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -85,9 +94,10 @@ def _cloud_common(bonds: np.ndarray, exists: np.ndarray) -> np.ndarray:
     limit = (1.0 + TOLERANCE) ** 2
 
     def fill(part: slice) -> None:
-        x, y, here = bonds[part, :, 0], bonds[part, :, 1], exists[part]
-        apart = (x[:, :, None] - x[:, None]) ** 2
-        apart += (y[:, :, None] - y[:, None]) ** 2
+        here = exists[part]
+        apart = np.zeros((*here.shape, n))
+        for x in np.moveaxis(bonds[part], -1, 0):
+            apart += (x[:, :, None] - x[:, None]) ** 2
         common[part] = pack((apart <= limit) & here[:, :, None] & here[:, None])
 
     in_blocks(points, n * n, fill)

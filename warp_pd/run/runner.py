@@ -266,7 +266,7 @@ def surface_of(built: Built) -> Surface:
     scene, sheet = built.simulation, built.simulation.sheet
     static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
     return Surface(
-        points=np.column_stack([sheet.points, np.zeros(sheet.size)]),
+        points=sheet.positions,
         faces=sheet.triangles,
         ball_diameter=None if built.contact is None else built.contact.ball_diameter(),
         title=scene.scene,
