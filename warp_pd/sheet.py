@@ -13,6 +13,7 @@ from .regions import region_of
 from .shapes.clouds import cloud
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
+from .shapes.surfaces import sphere, surface, tube
 from .shapes.triangulation import Segment, crossed_triangles, triangulation_without
 
 
@@ -158,6 +159,68 @@ class Sheet(Shape):
             InputError: for coincident points, coordinates that are not finite, or wrong shapes.
         """
         return Sheet.of(cloud(points, triangles, areas, spacing), thickness=thickness, density=density)
+
+    @staticmethod
+    def from_surface(
+        vertices: np.ndarray,
+        triangles: np.ndarray,
+        *,
+        thickness: float,
+        density: float,
+        spacing: float | None = None,
+    ) -> Sheet:
+        """A curved sheet: a surface of triangles in space, free of stress as it is.
+
+        Its open edges are the part "rim". A third of each triangle belongs to each of its corners.
+
+        Args:
+            vertices: Positions [m], shape (N, 3).
+            triangles: Counter-clockwise seen from outside, shape (F, 3).
+            thickness: [m].
+            density: [kg/m^3].
+            spacing: Reference spacing [m]; by default the root of the mean area of the points.
+
+        Raises:
+            InputError: for coincident vertices, or one without a triangle, triangles without area, or of different
+                orientation, or wrong shapes.
+        """
+        return Sheet.of(surface(vertices, triangles, spacing), thickness=thickness, density=density)
+
+    @staticmethod
+    def tube(
+        radius: float, length: float, *, thickness: float, density: float, points: int | tuple[int, int] = 80
+    ) -> Sheet:
+        """A tube along z from z = 0, a rolled square lattice; its ends are the parts "bottom" and "top".
+
+        Args:
+            radius: [m].
+            length: [m].
+            thickness: [m].
+            density: [kg/m^3].
+            points: Points around, or around and along; by default the spacing along is as near to that around as
+                whole points allow.
+
+        Raises:
+            InputError: for a size, thickness or density that is not above zero, fewer than 6 points around or 3 along.
+        """
+        return Sheet.of(tube(radius, length, points), thickness=thickness, density=density)
+
+    @staticmethod
+    def sphere(radius: float, *, thickness: float, density: float, points: int = 20) -> Sheet:
+        """A sphere about the origin, a geodesic grid: triangles almost alike.
+
+        The areas of the points sum to that of the sphere.
+
+        Args:
+            radius: [m].
+            thickness: [m].
+            density: [kg/m^3].
+            points: Points on a quarter of the circumference, about.
+
+        Raises:
+            InputError: for a size, thickness or density that is not above zero, or fewer than 2 points.
+        """
+        return Sheet.of(sphere(radius, points), thickness=thickness, density=density)
 
     def as_cloud(self) -> Sheet:
         """The same sheet, its lattice forgotten: bonds are then stored in a table."""

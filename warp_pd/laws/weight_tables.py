@@ -89,19 +89,24 @@ def _rectangle(families: Families, sheet: Sheet) -> RectangleWeights:
 
 
 def _cloud_correction(families: Families, sheet: Sheet, plain: np.ndarray) -> CorrectedWeights:
-    from ..weights import corrected_weights, edge_vectors, reached_points
+    from ..weights import corrected_weights, edge_vectors, reached_points, rim_vectors
 
     assert families.neighbours is not None and families.severed is not None
+    if sheet.frames is None:
+        edges = edge_vectors(sheet.points, sheet.triangles)
+    else:
+        edges = rim_vectors(sheet.points, sheet.triangles, sheet.frames)
     return corrected_weights(
         sheet.points,
         sheet.areas,
         families.neighbours,
         families.influence,
         unpack(families.common, families.members),
-        edge_vectors=edge_vectors(sheet.points, sheet.triangles),
+        edge_vectors=edges,
         start=plain * families.reference_area,
         frozen=families.severed,
         unbalanced=reached_points(families.neighbours, families.severed) | families.severed,
+        frames=families.frames,
     )
 
 
