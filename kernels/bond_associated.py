@@ -287,7 +287,9 @@ def bond_associated(
             total = real(0.0)
             for j in range(family.members):
                 if is_intact(family, intact, i, j):
-                    G1, G2, inverse, size, tilt = gradient_of(family, intact, displacement, velocity, back, i, j, undamaged)
+                    G1, G2, inverse, size, tilt = gradient_of(
+                        family, intact, displacement, velocity, back, i, j, undamaged
+                    )
                     if inverse[0] > real(0.0):
                         H1 = inverse_horizon * G1
                         H2 = inverse_horizon * G2

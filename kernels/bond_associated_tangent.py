@@ -192,7 +192,9 @@ def bond_associated_tangent(
         undamaged = is_undamaged(family, intact, i)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, _size, _tilt = intersection(family, intact, direction, direction, real(0.0), i, j, undamaged)
+                G1, G2, inverse, _size, _tilt = intersection(
+                    family, intact, direction, direction, real(0.0), i, j, undamaged
+                )
                 if inverse[0] > real(0.0):
                     D1 = inverse_horizon * G1
                     D2 = inverse_horizon * G2

@@ -6,8 +6,8 @@ one row of a small table: bits, shape tensors, weights, area. Cloud: every point
 Either layout may come "with shares": bonds then lose their weight gradually, and a table holds the share that each bond
 has left, 1 to 0. It is a factor on the influence and the weight of the bond, so that laws need not know of it.
 
-A cloud may be curved: its points lie on a surface in space. xi is then the projection of the bond on the tangent plane of
-its point, in the point's frame Q = (e1, e2, normal), and the bond itself is the chord X = Q (xi, rise).
+A cloud may be curved: its points lie on a surface in space. xi is then the projection of the bond on the tangent plane
+of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is the chord X = Q (xi, rise).
 
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
 area of a point. Every tabulated number is therefore of order one, in any system of units and in float32.

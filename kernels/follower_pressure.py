@@ -17,7 +17,7 @@ from .pointwise import Pointwise, pointwise
 def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.Function:
     """Warp function of F e1 x F e2, with F of the complete family of a point: normal times area ratio (Nanson).
 
-    On a curved sheet it is that of the gradient F = O + H (kernels/kinematics.py), in space: at rest the normal of length 1.
+    On a curved sheet F = O + H (kernels/kinematics.py), and at rest the vector is a unit normal.
     It is zero where the intact bonds determine no F. The loop over members has no branches: a GPU thread issues the
     loads of several members at once.
     """

@@ -229,11 +229,14 @@ class Sheet(Shape):
     def edges(self, *names: str) -> np.ndarray:
         """Indices of the points on the named edges of the bounding box: left, right, bottom, top, or all.
 
-        On a cloud, an edge holds the points within a quarter of a spacing of it.
+        On a cloud, an edge holds the points within a quarter of a spacing of it. The edges of a curved sheet are its
+        `parts`.
 
         Raises:
             InputError: for another name.
         """
+        if self.frames is not None:
+            return self._open_edges(names)
         tolerance = self.spacing * (1e-6 if self.lattice else 0.25)
         low, high = self.points.min(axis=0), self.points.max(axis=0)
         near = {
@@ -252,16 +255,37 @@ class Sheet(Shape):
                 raise InputError(f"edge = {name!r}: expected 'left', 'right', 'bottom', 'top', 'all'")
         return region_of(np.flatnonzero(chosen), self.points)
 
-    def nearest(self, x: float, y: float) -> int:
-        """Index of the point nearest to (x, y)."""
-        offset = self.points - (finite("x", x), finite("y", y))
-        return int(np.argmin((offset**2).sum(axis=1)))
+    def _open_edges(self, names: tuple[str, ...]) -> np.ndarray:
+        chosen = np.zeros(self.size, bool)
+        for name in names or ("all",):
+            if name != "all" and name not in self.parts:
+                known = ", ".join(repr(part) for part in (*self.parts, "all"))
+                raise InputError(f"edge = {name!r}: expected {known}")
+            for part in self.parts if name == "all" else (name,):
+                chosen[self.parts[part]] = True
+        return region_of(np.flatnonzero(chosen), self.points)
 
-    def within(self, centre: tuple[float, float], radius: float) -> np.ndarray:
-        """Indices of the points no further than `radius` [m] from `centre`."""
-        offset = self.points - vector("centre", centre, 2)
+    def nearest(self, x: float, y: float, z: float | None = None) -> int:
+        """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).
+
+        Raises:
+            InputError: for a z on a flat sheet, or none on a curved one.
+        """
+        if (z is None) != (self.frames is None):
+            expected = "a number on a curved sheet" if z is None else "None on a flat sheet"
+            raise InputError(f"z = {z!r}: expected {expected}")
+        place = (finite("x", x), finite("y", y), *([] if z is None else [finite("z", z)]))
+        return int(np.argmin(((self.points - place) ** 2).sum(axis=1)))
+
+    def within(self, centre: tuple[float, ...], radius: float) -> np.ndarray:
+        """Indices of the points no further than `radius` [m] from `centre`, (x, y), on a curved sheet (x, y, z)."""
+        offset = self.points - vector("centre", centre, self.points.shape[1])
         reach = positive("radius", radius) * (1.0 + 1e-9)
-        return region_of(np.flatnonzero(np.hypot(offset[:, 0], offset[:, 1]) <= reach), self.points)
+        return region_of(np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach), self.points)
+
+    def _require_flat(self, what: str) -> None:
+        if self.frames is not None:
+            raise InputError(f"{what}: expected a flat sheet, got a curved one")
 
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].
@@ -270,8 +294,9 @@ class Sheet(Shape):
         itself belong to its left side. The triangles that it crosses are gone, from pictures too.
 
         Raises:
-            InputError: for a segment of no length, or one that crosses no triangle of the sheet.
+            InputError: for a segment of no length, one that crosses no triangle of the sheet, or a curved sheet.
         """
+        self._require_flat("cut")
         segment: Segment = (tuple(vector("start", start, 2)), tuple(vector("end", end, 2)))  # type: ignore[assignment]
         if segment[0] == segment[1]:
             raise InputError(f"cut from {start!r} to {end!r}: expected a segment of some length")
@@ -290,8 +315,9 @@ class Sheet(Shape):
         On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
 
         Raises:
-            InputError: if the hole holds no point or leaves no sheet.
+            InputError: if the hole holds no point or leaves no sheet, or the sheet is curved.
         """
+        self._require_flat("hole")
         offset = self.points - vector("centre", centre, 2)
         inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
         if not inside.any():
@@ -312,7 +338,7 @@ class Sheet(Shape):
             stiffness=None if self.stiffness is None else self.stiffness[kept],
         )
 
-    def inclusion(self, centre: tuple[float, float], radius: float) -> Sheet:
+    def inclusion(self, centre: tuple[float, ...], radius: float) -> Sheet:
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
 
         Raises:
@@ -341,7 +367,12 @@ class Sheet(Shape):
         return replace(self, stiffness=stiffness)
 
     def turned(self, degrees: float) -> Sheet:
-        """A copy whose points are turned about the middle of the sheet; it forgets its lattice."""
+        """A copy whose points are turned about the middle of the sheet; it forgets its lattice.
+
+        Raises:
+            InputError: for an angle that is no number, or a curved sheet.
+        """
+        self._require_flat("turned")
         angle = np.deg2rad(finite("degrees", degrees))
         rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         middle = 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
@@ -352,8 +383,10 @@ class Sheet(Shape):
         cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
         return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
 
-    def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Indices of the points for which `condition(x, y)` holds; all three have shape (N,).
+    def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
+        """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.
+
+        Its arguments and its value have shape (N,).
 
         Raises:
             InputError: for a condition that is no function, or gives anything but N truth values.

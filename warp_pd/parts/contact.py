@@ -107,7 +107,9 @@ class RigidContact(BuiltContact):
             return
         context, state, clock = self.context, self.context.state, self.context.clock
         f = context.features
-        kernels = rigid_contact(context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, context.module)
+        kernels = rigid_contact(
+            context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, context.module
+        )
         assert self._path is not None
         project = phase is Phase.PROJECT
         stage.pointwise(

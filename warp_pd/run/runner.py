@@ -14,7 +14,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
 
 from ..built import Built, compose
 from ..checks import InputError, kind_and_text, user_code

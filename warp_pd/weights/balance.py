@@ -259,7 +259,8 @@ def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vectors G_ij,k of the bonds of the P points `at`; that of the point itself is minus their sum over k.
 
     Returns:
-        Vectors [1/m], shape (P, n, n, 2) [i, j, k], of a curved sheet (P, n, n, 3), in space; whether the intersection spans an area, shape (P, n).
+        Vectors [1/m], shape (P, n, n, 2) [i, j, k], on a curved sheet in space, (P, n, n, 3); whether the intersection
+        spans an area, shape (P, n).
     """
     member = table.neighbours[at]
     exists = member >= 0
