@@ -14,7 +14,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-
 from ..built import Built, compose
 from ..checks import InputError, kind_and_text, user_code
 from ..frame import Frame, Surface
