@@ -16,7 +16,7 @@ ROUNDS = 10
 
 def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) -> Shape:
     """A surface of triangles in space; arguments as for `Sheet.from_surface`."""
-    points = positions("vertices", vertices, 3)
+    points = positions("vertices", vertices, components=3)
     refuse_coincident(points, "vertices")
     triangles = corners("triangles", triangles, len(points))
     doubled = _doubled_areas(points, triangles)
