@@ -12,6 +12,7 @@ from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
+from .shapes.edges import edge_points
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
@@ -198,12 +199,7 @@ class Sheet(Shape):
 
     @staticmethod
     def from_surface(
-        vertices: np.ndarray,
-        triangles: np.ndarray,
-        *,
-        thickness: float,
-        density: float,
-        spacing: float | None = None,
+        vertices: np.ndarray, triangles: np.ndarray, *, thickness: float, density: float, spacing: float | None = None
     ) -> Sheet:
         """A curved sheet: a surface of triangles in space, free of stress as it is.
 
@@ -271,35 +267,7 @@ class Sheet(Shape):
         Raises:
             InputError: for another name.
         """
-        if self.frames is not None:
-            return self._open_edges(names)
-        tolerance = self.spacing * (1e-6 if self.lattice else 0.25)
-        low, high = self.points.min(axis=0), self.points.max(axis=0)
-        near = {
-            "left": self.points[:, 0] < low[0] + tolerance,
-            "right": self.points[:, 0] > high[0] - tolerance,
-            "bottom": self.points[:, 1] < low[1] + tolerance,
-            "top": self.points[:, 1] > high[1] - tolerance,
-        }
-        chosen = np.zeros(self.size, bool)
-        for name in names or ("all",):
-            if name == "all":
-                chosen |= np.any(list(near.values()), axis=0)
-            elif name in near:
-                chosen |= near[name]
-            else:
-                raise InputError(f"edge = {name!r}: expected 'left', 'right', 'bottom', 'top', 'all'")
-        return region_of(np.flatnonzero(chosen), self.points)
-
-    def _open_edges(self, names: tuple[str, ...]) -> np.ndarray:
-        chosen = np.zeros(self.size, bool)
-        for name in names or ("all",):
-            if name != "all" and name not in self.parts:
-                known = ", ".join(repr(part) for part in (*self.parts, "all"))
-                raise InputError(f"edge = {name!r}: expected {known}")
-            for part in self.parts if name == "all" else (name,):
-                chosen[self.parts[part]] = True
-        return region_of(np.flatnonzero(chosen), self.points)
+        return region_of(edge_points(self, names), self.points)
 
     def nearest(self, x: float, y: float, z: float | None = None) -> int:
         """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).

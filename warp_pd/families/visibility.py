@@ -21,8 +21,8 @@ BLOCK = 200_000
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,).
 
-    They lie on two sides of a cut, a fold or a slit, or the way between them leaves the sheet. A chord of a hole is a bond if the way
-    around is hardly longer.
+    They lie on two sides of a cut, a fold or a slit, or the way between them leaves the sheet. A chord of a hole is a
+    bond if the way around is hardly longer.
     """
     if sheet.frames is not None:
         return apart_along(sheet, pairs)

@@ -78,7 +78,7 @@ class FamilyLaw(BuiltLaw):
         """
         if context.sheet.frames is not None and not self.takes_curved:
             raise InputError(
-                f"force = {type(law).__name__}: expected BondAssociated or Visco on a curved sheet, or a flat sheet"
+                f"force = {type(law).__name__}: expected BondAssociated, Visco or BondBased on a curved sheet"
             )
         self.owner = type(law).__name__
         self.label, self.context, self.families = f"force = {self.owner}", context, families
