@@ -15,6 +15,7 @@ from .shapes.clouds import cloud
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
+from .shapes.stretching import before_stretch
 from .shapes.triangulation import Segment, crossed_triangles, triangulation_without
 
 
@@ -28,11 +29,14 @@ class Sheet(Shape):
         thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
         density: Mass per reference volume [kg/m^3].
         stiffness: Factor on the moduli of the material at each point, shape (N,), or None: one everywhere.
+        stretch: Deformation gradient in the plane that took the sheet without stress to this one, shape (2, 2), or
+            None: this one has no stress.
     """
 
     thickness: float
     density: float
     stiffness: np.ndarray | None = None
+    stretch: np.ndarray | None = None
 
     @staticmethod
     def of(shape: Shape, *, thickness: float, density: float) -> Sheet:
@@ -313,6 +317,34 @@ class Sheet(Shape):
         stiffness[point_indices("points", points, self.size)] *= positive("factor", factor)
         return replace(self, stiffness=stiffness)
 
+    def prestretched(self, first: float, second: float | None = None) -> Sheet:
+        """A copy that was stretched before it was clamped, such as the skin of a drum.
+
+        Points, selections and displacements are those of this sheet, as it is clamped. Its state without stress is
+        smaller by the stretches; thickness, density and areas of the mass are those of that state.
+
+        Args:
+            first: Stretch along x [-], more than 1 for tension.
+            second: Stretch along y [-]; by default as along x.
+
+        Raises:
+            InputError: for a stretch that is not above zero, a bar, rigid inclusions, or two stretches of a curved
+                sheet.
+        """
+        stretches = positive("first", first), positive("second", first if second is None else second)
+        before = np.eye(2) if self.stretch is None else self.stretch
+        stretched = replace(self, stretch=np.diag(stretches) @ before)
+        stretched.unstretched()
+        return stretched
+
+    def unstretched(self) -> Sheet:
+        """The sheet before it was stretched, without stress: the reference of strains.
+
+        Raises:
+            InputError: for rigid inclusions, which were made after the sheet was stretched.
+        """
+        return self if self.stretch is None else replace(before_stretch(self, self.stretch), stretch=None)
+
     def turned(self, degrees: float) -> Sheet:
         """A copy whose points are turned about the middle of the sheet; it forgets its lattice."""
         angle = np.deg2rad(finite("degrees", degrees))
@@ -323,7 +355,8 @@ class Sheet(Shape):
             return np.asarray((p - middle) @ rotation.T + middle)
 
         cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
-        return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
+        stretch = None if self.stretch is None else rotation @ self.stretch @ rotation.T
+        return replace(self, points=turn(self.points), lattice=None, cuts=cuts, stretch=stretch)
 
     def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
         """Indices of the points for which `condition(x, y)` holds; all three have shape (N,).
