@@ -35,6 +35,8 @@ if TYPE_CHECKING:
         BoundaryForce,
         CriticalEnergy,
         CriticalStretch,
+        EnclosedGas,
+        EnclosedVolume,
         Fixed,
         Motion,
         PointForce,
@@ -64,8 +66,8 @@ else:
             "laws.visco_bonds": "ViscoBondBased",
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
-            "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch Fixed Motion PointForce Pressure "
-            "RigidBall TearingEnergy",
+            "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch EnclosedGas "
+            "EnclosedVolume Fixed Motion PointForce Pressure RigidBall TearingEnergy",
             "run.runner": "Result",
             "scene": "Measure Outcome",
             "sheet": "Sheet",
@@ -91,6 +93,8 @@ __all__ = [
     "Built",
     "CriticalEnergy",
     "CriticalStretch",
+    "EnclosedGas",
+    "EnclosedVolume",
     "Explicit",
     "Fixed",
     "Frame",

@@ -182,7 +182,7 @@ def virial_stress(built: Built, point: int) -> np.ndarray:
 
     Half the sum of (force of the pair) (x) X over the volume of the point; for laws that keep `bond_force`.
     """
-    force, sheet = built.law, built.simulation.sheet
+    force, sheet = built.law, built.context.sheet
     families, halves = force.families, built.to_numpy(force.bond_force())[:, :, :2]
     exists = families.rows_of_points(families.exists)[point]
     k = np.flatnonzero(exists)

@@ -13,11 +13,13 @@ from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
 from .shapes.edges import edge_points
+from .shapes.edits import punched, slit, turned
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
+from .shapes.stretching import before_stretch
 from .shapes.surfaces import sphere, surface, tube
-from .shapes.triangulation import Segment, crossed_triangles, triangulation_without
+from .shapes.triangulation import Segment
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,11 +32,14 @@ class Sheet(Shape):
         thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
         density: Mass per reference volume [kg/m^3].
         stiffness: Factor on the moduli of the material at each point, shape (N,), or None: one everywhere.
+        stretch: Deformation gradient in the plane that took the sheet without stress to this one, shape (2, 2), or
+            None: this one has no stress.
     """
 
     thickness: float
     density: float
     stiffness: np.ndarray | None = None
+    stretch: np.ndarray | None = None
 
     @staticmethod
     def of(shape: Shape, *, thickness: float, density: float) -> Sheet:
@@ -239,9 +244,7 @@ class Sheet(Shape):
 
     @staticmethod
     def sphere(radius: float, *, thickness: float, density: float, points: int = 20) -> Sheet:
-        """A sphere about the origin, a geodesic grid: triangles almost alike.
-
-        The areas of the points sum to that of the sphere.
+        """A sphere about the origin, a geodesic grid of triangles almost alike; its areas sum to that of the sphere.
 
         Args:
             radius: [m].
@@ -302,16 +305,7 @@ class Sheet(Shape):
         """
         self._require_flat("cut")
         segment: Segment = (tuple(vector("start", start, 2)), tuple(vector("end", end, 2)))  # type: ignore[assignment]
-        if segment[0] == segment[1]:
-            raise InputError(f"cut from {start!r} to {end!r}: expected a segment of some length")
-        gone = crossed_triangles(self.points, self.triangles, segment)
-        if not gone.any():
-            low, high = self.points.min(axis=0), self.points.max(axis=0)
-            raise InputError(
-                f"cut from {start!r} to {end!r} crosses no bond: expected segments inside the sheet, "
-                f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
-            )
-        return replace(self, triangles=self.triangles[~gone], cuts=(*self.cuts, segment))
+        return slit(self, segment, f"cut from {start!r} to {end!r}")
 
     def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
         """A copy without the points nearer than `radius` [m] to `centre`; its points form a cloud.
@@ -324,23 +318,8 @@ class Sheet(Shape):
         self._require_flat("hole")
         offset = self.points - vector("centre", centre, 2)
         inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
-        if not inside.any():
-            raise InputError(f"hole at {centre!r} of radius {radius!r} holds no point: expected a larger one")
-        kept_triangles, areas = triangulation_without(inside, self.points, self.triangles, self.lattice)
-        kept = np.zeros(self.size, bool)
-        kept[kept_triangles] = True
-        if not kept.any():
-            raise InputError(f"hole at {centre!r} of radius {radius!r} leaves no sheet: expected a smaller one")
-        renumber = np.cumsum(kept) - 1
-        return replace(
-            self,
-            points=self.points[kept],
-            areas=areas[kept],
-            triangles=renumber[kept_triangles].astype(np.int32),
-            lattice=None,
-            inclusions=tuple(renumber[i[kept[i]]].astype(np.int32) for i in self.inclusions),
-            stiffness=None if self.stiffness is None else self.stiffness[kept],
-        )
+        smaller, kept = punched(self, inside, f"hole at {centre!r} of radius {radius!r}")
+        return replace(smaller, stiffness=None if self.stiffness is None else self.stiffness[kept])
 
     def inclusion(self, centre: tuple[float, ...], radius: float) -> Sheet:
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
@@ -370,6 +349,34 @@ class Sheet(Shape):
         stiffness[point_indices("points", points, self.size)] *= positive("factor", factor)
         return replace(self, stiffness=stiffness)
 
+    def prestretched(self, first: float, second: float | None = None) -> Sheet:
+        """A copy that was stretched before it was clamped, such as the skin of a drum.
+
+        Points, selections and displacements are those of this sheet, as it is clamped. Its state without stress is
+        smaller by the stretches; thickness, density and areas of the mass are those of that state.
+
+        Args:
+            first: Stretch along x [-], more than 1 for tension.
+            second: Stretch along y [-]; by default as along x.
+
+        Raises:
+            InputError: for a stretch that is not above zero, a bar, rigid inclusions, or two stretches of a curved
+                sheet.
+        """
+        stretches = positive("first", first), positive("second", first if second is None else second)
+        before = np.eye(2) if self.stretch is None else self.stretch
+        stretched = replace(self, stretch=np.diag(stretches) @ before)
+        stretched.unstretched()
+        return stretched
+
+    def unstretched(self) -> Sheet:
+        """The sheet before it was stretched, without stress: the reference of strains.
+
+        Raises:
+            InputError: for rigid inclusions, which were made after the sheet was stretched.
+        """
+        return self if self.stretch is None else replace(before_stretch(self, self.stretch), stretch=None)
+
     def turned(self, degrees: float) -> Sheet:
         """A copy whose points are turned about the middle of the sheet; it forgets its lattice.
 
@@ -377,15 +384,8 @@ class Sheet(Shape):
             InputError: for an angle that is no number, or a curved sheet.
         """
         self._require_flat("turned")
-        angle = np.deg2rad(finite("degrees", degrees))
-        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        middle = 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
-
-        def turn(p: np.ndarray) -> np.ndarray:
-            return np.asarray((p - middle) @ rotation.T + middle)
-
-        cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
-        return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
+        sheet, rotation = turned(self, finite("degrees", degrees))
+        return replace(sheet, stretch=None if self.stretch is None else rotation @ self.stretch @ rotation.T)
 
     def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
         """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.

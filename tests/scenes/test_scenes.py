@@ -18,6 +18,7 @@ SMALL = {
     "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
     "square_wrinkles": {"points": 24},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
+    "drum": {"points": 21},
     "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12},
     "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40},

@@ -105,15 +105,17 @@ class Context:
     """The arrays and launches of the parts.
 
     Attributes:
-        sheet: The sheet.
+        sheet: The sheet, without stress.
         device: The Warp device.
         types: Types of the precision.
         module: Name of the Warp module that holds every kernel of this configuration.
         features: Requirements of the parts on common kernels.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
-        initial_displacement: [m], shape (N, 3).
+        initial_displacement: From the state without stress [m], shape (N, 3).
         fields: All arrays.
         clock: Time and schedules.
+        placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
+            frames are counted from there; or None.
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
@@ -129,6 +131,7 @@ class Context:
     initial_displacement: np.ndarray
     fields: FieldRegister
     clock: Clock
+    placement: np.ndarray | None = None
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
@@ -184,6 +187,7 @@ class Context:
         start = np.zeros((sheet.size, 3))
         return replace(
             self, sheet=sheet, prefix=prefix, features=features, held=held, initial_displacement=start,
+            placement=None,
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:
