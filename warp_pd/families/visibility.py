@@ -10,7 +10,7 @@ from ..shapes.triangulation import crosses
 from ..sheet import Sheet
 
 # A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.
-DETOUR = 1.05
+DETOUR = 1.2
 # Relative size of what counts as zero, and angles [rad] that count as straight.
 ROUND_OFF, STRAIGHT = 1e-9, 1e-6
 # Bonds that are looked at together.
