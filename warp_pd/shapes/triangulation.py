@@ -28,6 +28,14 @@ class Lattice:
     dy: float
 
 
+def square_grid(lattice: Lattice) -> np.ndarray | None:
+    """Column and row of each point, int32, shape (N, 2); None on a lattice that is not square."""
+    if abs(lattice.dx - lattice.dy) > 1e-9 * lattice.dx or lattice.rows == 1:
+        return None
+    row, column = np.divmod(np.arange(lattice.columns * lattice.rows, dtype=np.int32), np.int32(lattice.columns))
+    return np.column_stack([column, row])
+
+
 def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
     """Which of the bonds from `tail` to `head`, shape (B, 2), cross the segment; shape (B,).
 
