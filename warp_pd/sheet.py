@@ -224,7 +224,7 @@ class Sheet(Shape):
     def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
         """A copy without the points nearer than `radius` [m] to `centre`; the others keep their places on a square grid.
 
-        On a lattice, the cells that lost a corner go too, and the areas of the points around them shrink.
+        On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
 
         Raises:
             InputError: if the hole holds no point or leaves no sheet.
@@ -233,7 +233,7 @@ class Sheet(Shape):
         inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
         if not inside.any():
             raise InputError(f"hole at {centre!r} of radius {radius!r} holds no point: expected a larger one")
-        kept_triangles, areas = triangulation_without(inside, self.points, self.triangles, self.lattice)
+        kept_triangles, areas = triangulation_without(inside, self)
         grid = self.grid if self.lattice is None else square_grid(self.lattice)
         kept = np.zeros(self.size, bool)
         kept[kept_triangles] = True

@@ -174,14 +174,36 @@ def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segmen
 
 
 def triangulation_without(
-    removed: np.ndarray, points: np.ndarray, triangles: np.ndarray, lattice: Lattice | None
+    removed: np.ndarray,
+    points: np.ndarray,
+    triangles: np.ndarray,
+    lattice: Lattice | None,
+    cells: tuple[np.ndarray, float] | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The triangles that keep all corners when the points of a mask, shape (N,), go, and the areas of all points.
 
-    A cell of a lattice goes as a whole.
+    A cell of a lattice goes as a whole, and so does one of a grid of which every point is left: then `cells` holds
+    column and row of each point and the area of a cell.
     """
+    if cells is not None:
+        return cells_without(removed, *cells)
     if lattice is None:
         kept = triangles[~removed[triangles].any(axis=1)]
         return kept, point_areas(points, kept)
     intact_cells = whole_cells(lattice, removed)
     return cell_triangles(lattice.columns, intact_cells), cell_areas(lattice, intact_cells)
+
+
+def cells_without(removed: np.ndarray, grid: np.ndarray, area: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of the cells of a grid with all corners left, and a quarter of each such cell around its points."""
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    columns, rows = (high - low + 1).tolist()
+    side = float(np.sqrt(area))
+    box = Lattice(columns, rows, side, side)
+    place = (grid[:, 1] - low[1]) * columns + grid[:, 0] - low[0]
+    absent = np.ones(columns * rows, bool)
+    absent[place] = removed
+    index = np.full(columns * rows, -1, np.int32)
+    index[place] = np.arange(len(grid), dtype=np.int32)
+    whole = whole_cells(box, absent)
+    return index[cell_triangles(columns, whole)], cell_areas(box, whole)[place]
