@@ -356,7 +356,7 @@ def gather_reverse_bonds(
             if wp.static(gridded):
                 deep = a.family.family_class[i] == 0
                 if deep:
-                    centre = int(0)
+                    centre = place
                     for k in range(wp.static(len(right))):
                         if wp.static(begins_line[k]):
                             centre = place + a.family.centres[wp.static(up[k] + reach), i] - i

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +12,11 @@ from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
+from .shapes.holes import square_grid, triangulation_without
+from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
-from .shapes.triangulation import Segment, crossed_triangles, square_grid, triangulation_without
+from .shapes.triangulation import Segment, crossed_triangles
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -134,6 +137,40 @@ class Sheet(Shape):
         return Sheet.of(shape, thickness=thickness, density=density)
 
     @staticmethod
+    def outline(
+        boundary: Any,
+        *,
+        spacing: float | Callable[[np.ndarray, np.ndarray], np.ndarray],
+        thickness: float,
+        density: float,
+        holes: Named = (),
+        cracks: Named = (),
+        inclusions: Named = (),
+    ) -> Sheet:
+        """A sheet of any outline: points lie exactly on its edges, on cracks and around inclusions.
+
+        Inside is a square grid wherever it fits, and relaxed points between it and the curves. A bond exists only where
+        the way between its points stays in the sheet. Weights "corrected" are second order up to every edge.
+
+        Args:
+            boundary: A `Polygon`, `Circle`, `Spline`, corners of a polygon [m], shape (C, 2), or a function from t in
+                [0, 1] to points.
+            spacing: Distance of points [m], or a function of x and y, both of shape (P,), to distances: the horizon
+                follows it.
+            thickness: [m].
+            density: [kg/m^3].
+            holes: Closed curves, as `boundary`; a mapping names them, otherwise they are "hole 1", "hole 2", ...
+            cracks: Polylines, shape (L, 2), that end in the sheet or on its edge; names as for holes, "crack 1". Each
+                point of a crack becomes two, one for each face; its tip is one point.
+            inclusions: Closed curves whose inside is rigid; names as for holes, "inclusion 1".
+
+        Raises:
+            InputError: for curves that cross or leave the sheet, or a spacing too coarse for them.
+        """
+        shape = outline(boundary, holes, cracks, inclusions, spacing)
+        return Sheet.of(shape, thickness=thickness, density=density)
+
+    @staticmethod
     def from_points(
         points: np.ndarray,
         *,
@@ -222,7 +259,7 @@ class Sheet(Shape):
         return replace(self, triangles=self.triangles[~gone], cuts=(*self.cuts, segment))
 
     def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
-        """A copy without the points nearer than `radius` [m] to `centre`; the others keep their places on a square grid.
+        """A copy without the points nearer than `radius` [m] to `centre`; the others keep their places on a grid.
 
         On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
 

@@ -20,9 +20,7 @@ def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, in
     """
     neighbours, reverses, incomplete = find_neighbours(sheet, np.arange(sheet.size), horizon)
     refuse_lone_points(sheet, np.arange(sheet.size), neighbours, horizon)
-    return point_rows(
-        sheet, np.arange(sheet.size), neighbours, reverses, incomplete, horizon, function, intersections
-    )
+    return point_rows(sheet, np.arange(sheet.size), neighbours, reverses, incomplete, horizon, function, intersections)
 
 
 def point_rows(

@@ -15,7 +15,7 @@ from .tables import TOLERANCE, Families, InfluenceFunction
 
 # Relative difference of areas that counts as none.
 ALIKE = 1e-9
-# Distance from its place on the grid, in spacings, up to which a point is on it: far less than `TOLERANCE` allows bonds.
+# Distance from its place on the grid, in spacings, up to which a point is on it: less than `TOLERANCE` allows bonds.
 OFF_PLACE = 3e-10
 
 
@@ -124,12 +124,12 @@ class _Image:
         return image
 
     def step(self, image: np.ndarray, x: int, y: int) -> np.ndarray:
-        """The inner part of an image, a step away."""
+        """The inner part of an image, a step away; a view."""
         r, (rows, columns) = self.reach, image.shape
-        return np.asarray(image[r + y : rows - r + y, r + x : columns - r + x])
+        return image[r + y : rows - r + y, r + x : columns - r + x]
 
     def around(self, points: np.ndarray) -> np.ndarray:
-        """Indices of the points up to the reach of a family from those of a mask, and of all off the grid, ascending."""
+        """Ascending indices of the points up to the reach of a family from those of a mask, and of all off the grid."""
         near = dilated(self.marked(np.flatnonzero(points)), self.reach)
         return np.flatnonzero(self.at_points(near) | ~self.on)
 
@@ -145,7 +145,13 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: float, 
     apart |= dilated(image.marked(np.flatnonzero(~image.on)), image.reach + 1)
     if sheet.barriers is not None and len(sheet.barriers):
         longest = np.linalg.norm(np.diff(sheet.points[sheet.barriers], axis=1), axis=-1).max() / sheet.spacing
-        apart |= dilated(image.marked(np.unique(sheet.barriers)), image.reach + 1 + int(np.ceil(longest)))
+        apart |= dilated(image.marked(np.unique(sheet.barriers)), image.reach + 2 + int(np.ceil(longest)))
+    if sheet.bodies is not None:
+        body = np.zeros(image.index.shape, np.int32)
+        body[image.grid[image.on, 1], image.grid[image.on, 0]] = sheet.bodies[image.on]
+        for x, y in stencil.steps:
+            apart_here = image.step(apart, 0, 0)
+            apart_here |= image.step(body, x, y) != image.step(body, 0, 0)
     complete = _eroded(image, inner, stencil.steps) & ~apart
     for _ in range(2 if corrected else 1):
         complete = _eroded(image, complete, stencil.steps)

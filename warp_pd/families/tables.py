@@ -51,8 +51,8 @@ def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
 class Families:
     """Rows of families: one per point on a cloud, one per family class (points with equal families) on a lattice.
 
-    On a grid with gaps, row 0 is that of all points deep inside, and every other point has a row of its own. There are R
-    rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
+    On a grid with gaps, row 0 is that of all points deep inside, and every other point has a row of its own. There are
+    R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
 
     Attributes:
         horizon: [m].
@@ -165,8 +165,9 @@ class Families:
         reach = int(np.abs(apart).max())
         if self.centres is not None and self.steps is not None:
             deep = np.flatnonzero(self.family_class == 0)
-            inside = np.abs(self.centres[:, deep] - deep).max(initial=0)
-            reach = max(reach, int(inside) + int(np.abs(self.steps).max()))
+            for y, line in enumerate(self.centres, start=-(len(self.centres) // 2)):
+                widest = np.abs(self.steps[self.steps[:, 1] == y, 0]).max()
+                reach = max(reach, int(np.abs(line[deep] - deep).max(initial=0) + widest))
         return reach
 
     def members_of(self, points: np.ndarray) -> np.ndarray:

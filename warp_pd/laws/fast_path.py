@@ -1,9 +1,9 @@
 """Fast kernels of the variational bond-associated law, and when they are used.
 
-Undamaged families inside a square lattice or grid have a separate kernel, if the material is isotropic. On a GPU it puts all
-other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too small to
-fill a GPU with one thread per point, use only the second kernel. CPU threads have no shared memory: there all other
-points use the reference kernel.
+Undamaged families inside a square lattice or grid have a separate kernel, if the material is isotropic. On a GPU it
+puts all other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too
+small to fill a GPU with one thread per point, use only the second kernel. CPU threads have no shared memory: there all
+other points use the reference kernel.
 
 The bond forces of large lattices pass through a ring buffer, one strip of the sheet at a time: all of them would take
 most of the memory, and those of a strip stay in the cache of a GPU.

@@ -139,7 +139,7 @@ def _with_members(families: Families, points: np.ndarray) -> np.ndarray:
 def _require_few(points: int) -> None:
     if points > MAX_CORRECTED_CLOUD:
         raise InputError(
-            f"weights = 'corrected' on a cloud of {points} points, those deep inside a grid not counted: expected up to "
+            f"weights = 'corrected' on a cloud of {points} points, besides those deep inside a grid: expected up to "
             f"{MAX_CORRECTED_CLOUD}; take weights 'plain'"
         )
 

@@ -28,14 +28,6 @@ class Lattice:
     dy: float
 
 
-def square_grid(lattice: Lattice) -> np.ndarray | None:
-    """Column and row of each point, int32, shape (N, 2); None on a lattice that is not square."""
-    if abs(lattice.dx - lattice.dy) > 1e-9 * lattice.dx or lattice.rows == 1:
-        return None
-    row, column = np.divmod(np.arange(lattice.columns * lattice.rows, dtype=np.int32), np.int32(lattice.columns))
-    return np.column_stack([column, row])
-
-
 def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
     """Which of the bonds from `tail` to `head`, shape (B, 2), cross the segment; shape (B,).
 
@@ -173,37 +165,34 @@ def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segmen
     return gone
 
 
-def triangulation_without(
-    removed: np.ndarray,
-    points: np.ndarray,
-    triangles: np.ndarray,
-    lattice: Lattice | None,
-    cells: tuple[np.ndarray, float] | None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles that keep all corners when the points of a mask, shape (N,), go, and the areas of all points.
+def boundary_edges(triangles: np.ndarray) -> np.ndarray:
+    """Edges that belong to one triangle, with it on the left, int32, shape (B, 2)."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    _, inverse, times = np.unique(low * (high.max(initial=0) + 1) + high, return_inverse=True, return_counts=True)
+    return edges[times[inverse] == 1].astype(np.int32)
 
-    A cell of a lattice goes as a whole, and so does one of a grid of which every point is left: then `cells` holds
-    column and row of each point and the area of a cell.
+
+def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Area of the Voronoi cell of each point, cut by the triangulation [m^2], shape (N,).
+
+    In an obtuse triangle, which holds not the whole cells of its corners, the obtuse corner gets half and the others a
+    quarter of it (Meyer, Desbrun, Schroeder & Barr 2003, section 3.3). The areas sum to that of the triangles.
     """
-    if cells is not None:
-        return cells_without(removed, *cells)
-    if lattice is None:
-        kept = triangles[~removed[triangles].any(axis=1)]
-        return kept, point_areas(points, kept)
-    intact_cells = whole_cells(lattice, removed)
-    return cell_triangles(lattice.columns, intact_cells), cell_areas(lattice, intact_cells)
-
-
-def cells_without(removed: np.ndarray, grid: np.ndarray, area: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of the cells of a grid with all corners left, and a quarter of each such cell around its points."""
-    low, high = grid.min(axis=0), grid.max(axis=0)
-    columns, rows = (high - low + 1).tolist()
-    side = float(np.sqrt(area))
-    box = Lattice(columns, rows, side, side)
-    place = (grid[:, 1] - low[1]) * columns + grid[:, 0] - low[0]
-    absent = np.ones(columns * rows, bool)
-    absent[place] = removed
-    index = np.full(columns * rows, -1, np.int32)
-    index[place] = np.arange(len(grid), dtype=np.int32)
-    whole = whole_cells(box, absent)
-    return index[cell_triangles(columns, whole)], cell_areas(box, whole)[place]
+    corners = points[triangles]
+    sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    squares = (sides**2).sum(axis=-1)
+    area = np.abs(signed_areas(points, triangles))
+    # Twice the cotangent of each corner times twice the area.
+    dot = 0.5 * (squares.sum(axis=1, keepdims=True) - 2.0 * squares)
+    cell = np.empty(dot.shape)
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        cell[:, k] = (squares[:, a] * dot[:, a] + squares[:, b] * dot[:, b]) / (16.0 * area)
+    obtuse = dot < -1e-12 * squares.max(axis=1, keepdims=True)
+    some = obtuse.any(axis=1)
+    cell[some] = np.where(obtuse[some], 0.5, 0.25) * area[some, None]
+    areas = np.zeros(len(points))
+    for k in range(3):
+        np.add.at(areas, triangles[:, k], cell[:, k])
+    return areas
