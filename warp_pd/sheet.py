@@ -12,10 +12,11 @@ from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
+from .shapes.holes import square_grid, triangulation_without
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
-from .shapes.triangulation import Segment, crossed_triangles, triangulation_without
+from .shapes.triangulation import Segment, crossed_triangles
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -196,8 +197,8 @@ class Sheet(Shape):
         return Sheet.of(cloud(points, triangles, areas, spacing), thickness=thickness, density=density)
 
     def as_cloud(self) -> Sheet:
-        """The same sheet, its lattice forgotten: bonds are then stored in a table."""
-        return replace(self, lattice=None)
+        """The same sheet, its lattice or grid forgotten: bonds are then stored in a table."""
+        return replace(self, lattice=None, grid=None)
 
     def edges(self, *names: str) -> np.ndarray:
         """Indices of the points on the named edges of the bounding box: left, right, bottom, top, or all.
@@ -258,7 +259,7 @@ class Sheet(Shape):
         return replace(self, triangles=self.triangles[~gone], cuts=(*self.cuts, segment))
 
     def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
-        """A copy without the points nearer than `radius` [m] to `centre`; its points form a cloud.
+        """A copy without the points nearer than `radius` [m] to `centre`; the others keep their places on a grid.
 
         On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
 
@@ -269,7 +270,8 @@ class Sheet(Shape):
         inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
         if not inside.any():
             raise InputError(f"hole at {centre!r} of radius {radius!r} holds no point: expected a larger one")
-        kept_triangles, areas = triangulation_without(inside, self.points, self.triangles, self.lattice)
+        kept_triangles, areas = triangulation_without(inside, self)
+        grid = self.grid if self.lattice is None else square_grid(self.lattice)
         kept = np.zeros(self.size, bool)
         kept[kept_triangles] = True
         if not kept.any():
@@ -281,6 +283,7 @@ class Sheet(Shape):
             areas=areas[kept],
             triangles=renumber[kept_triangles].astype(np.int32),
             lattice=None,
+            grid=None if grid is None else grid[kept],
             inclusions=tuple(renumber[i[kept[i]]].astype(np.int32) for i in self.inclusions),
             stiffness=None if self.stiffness is None else self.stiffness[kept],
         )
@@ -323,7 +326,7 @@ class Sheet(Shape):
             return np.asarray((p - middle) @ rotation.T + middle)
 
         cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
-        return replace(self, points=turn(self.points), lattice=None, cuts=cuts)
+        return replace(self, points=turn(self.points), lattice=None, grid=None, cuts=cuts)
 
     def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
         """Indices of the points for which `condition(x, y)` holds; all three have shape (N,).

@@ -134,9 +134,8 @@ class Context:
 
     @property
     def layout(self) -> str:
-        """Layout of the families: "lattice" or "cloud", either "with shares" if bonds lose their weight gradually."""
-        layout = "cloud" if self.sheet.lattice is None else "lattice"
-        return layout + WITH_SHARES if self.features.gradual else layout
+        """Layout of the families, as of the sheet; "with shares" if bonds lose their weight gradually."""
+        return self.sheet.layout + WITH_SHARES if self.features.gradual else self.sheet.layout
 
     def array(
         self,

@@ -140,6 +140,7 @@ def corrected_weights(
     start: np.ndarray | None = None,
     floor: float = FLOOR,
     degenerate: float = DEGENERATE,
+    length: float | None = None,
 ) -> CorrectedWeights:
     """Positive weights next to the plain ones for which a uniform stress is in equilibrium at every point.
 
@@ -161,6 +162,7 @@ def corrected_weights(
         start: Weights to start from [m^2], shape (N, n); by default the plain ones.
         floor: Least ratio of corrected to starting weights, at least 0 and below 1.
         degenerate: det K / (tr K / 2)^2 below which a bond gets no weight.
+        length: Unit of lengths [m]; by default the root of the mean area of the points.
 
     Raises:
         InputError: for a floor outside [0, 1) or arrays whose shapes do not fit.
@@ -183,7 +185,7 @@ def corrected_weights(
     table = _Table(points, areas, neighbours, influence, common, degenerate)
     usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
     start = plain_weights(areas, neighbours, common, usable) if start is None else np.where(usable, start, 0.0)
-    length = float(np.sqrt(areas.mean()))
+    length = float(np.sqrt(areas.mean())) if length is None else length
     gap = (edge_vectors - _forces(table, start)) / length
     asked = np.ones(size, bool) if unbalanced is None else ~unbalanced
     if strip is None:
