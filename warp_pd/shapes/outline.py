@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import itertools
 
 import numpy as np
 
@@ -158,7 +157,7 @@ def _cracks(given: Named, region: Any, rings: Sequence[Line], at: Spacing) -> tu
 
 
 def _ended(name: str, corners: np.ndarray, region: Any, rings: list[Line], at: Spacing) -> np.ndarray:
-    """The corners of a crack, with ends at or beyond the edge of the sheet moved onto it, where the rings get a point."""
+    """The corners of a crack, its ends at or beyond the edge of the sheet moved onto it: rings get a point there."""
     import shapely
 
     corners = corners.copy()
