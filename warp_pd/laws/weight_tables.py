@@ -90,7 +90,7 @@ def _correction(families: Families, sheet: Sheet, plain: np.ndarray) -> tuple[np
     Points that share a row keep their plain weights: they and all around them are in balance. So the solve needs the
     points with rows of their own, those in whose balance these take part, and the families of the latter's members.
     """
-    from ..weights import corrected_weights, edge_vectors, edge_vectors_of, reached_points
+    from ..weights import corrected_weights, reached_points
 
     assert families.severed is not None
     own = np.ones(sheet.size, bool) if families.family_class is None else families.family_class > 0
@@ -111,17 +111,13 @@ def _correction(families: Families, sheet: Sheet, plain: np.ndarray) -> tuple[np
     neighbours[here] = np.where(members >= 0, np.searchsorted(at, members), -1)
     severed = by_point(families.severed)
     rigid = np.zeros(len(at), bool) if sheet.bodies is None else sheet.bodies[at] > 0
-    if sheet.barriers is None:
-        edges = edge_vectors(sheet.points, sheet.triangles)[at]
-    else:
-        edges = edge_vectors_of(sheet.points, sheet.barriers)[at]
     solved = corrected_weights(
         sheet.points[at],
         sheet.areas[at],
         neighbours,
         by_point(families.influence),
         unpack(by_point(families.common), families.members),
-        edge_vectors=edges,
+        edge_vectors=_edges(sheet)[at],
         start=by_point(plain) * families.reference_area,
         frozen=severed | rigid | ~own[at],
         unbalanced=reached_points(neighbours, severed) | severed | rigid | ~balanced[at],
@@ -131,6 +127,14 @@ def _correction(families: Families, sheet: Sheet, plain: np.ndarray) -> tuple[np
     mine = own[at[here]]
     at_rows[rows[mine]] = solved.weights[here][mine]
     return at_rows, solved
+
+
+def _edges(sheet: Sheet) -> np.ndarray:
+    from ..weights import edge_vectors, edge_vectors_of
+
+    if sheet.barriers is None:
+        return edge_vectors(sheet.points, sheet.triangles)
+    return edge_vectors_of(sheet.points, sheet.barriers)
 
 
 def _with_members(families: Families, points: np.ndarray) -> np.ndarray:

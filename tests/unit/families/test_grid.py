@@ -7,10 +7,21 @@ import pytest
 from grid_sheets import holed, partly_off_the_grid
 from helpers import square
 
-from warp_pd import InputError
+from warp_pd import InputError, Sheet
 from warp_pd.families import build_families, unpack
 
+
+def outlined(cracks=()):
+    """A square whose outline fits the grid, with a round hole that does not."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    ring = (0.045, 0.05) + 0.012 * np.column_stack([np.cos(angle), np.sin(angle)])
+    corners = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
+    return Sheet.outline(corners, holes=[ring], cracks=cracks, thickness=1e-3, density=1000.0, spacing=0.1 / 30)
+
+
 SHEETS = {
+    "outline": outlined,
+    "outline with a crack": lambda: outlined([[(0.1, 0.05), (0.075, 0.061)]]),
     "hole": holed,
     "two holes": lambda: square(31).hole((0.03, 0.05), 0.011).hole((0.08, 0.03), 0.006),
     "cut beside a hole": lambda: holed().cut((0.062, 0.0533), (0.101, 0.057)),
