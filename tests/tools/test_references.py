@@ -90,7 +90,7 @@ def test_coarse_meshes_find_the_stored_force_within_their_own_estimate(defect, m
     assert values[-1] == pytest.approx(stored["meshes"][SHEET["meshes"].index(8)], rel=1e-9)
 
 
-def test_stored_forces_are_converged():
+def test_stored_forces_and_openings_are_converged():
     quantities = [
         (defect, name, q)
         for defect in membrane_fe.DEFECTS[1:]
@@ -100,7 +100,8 @@ def test_stored_forces_are_converged():
     ]
     assert len(quantities) == 4 * 2 * (4 + 4 + 2)
     for defect, name, q in quantities:
-        assert q["error"] < 1e-5 * abs(q["value"]), (defect, name)
+        # The tip of the crack moves by as little as 0.1 mm.
+        assert q["error"] < (1e-6 * q["value"] if name.startswith("force") else 1e-6), (defect, name)
 
 
 def test_stored_forces_are_those_of_the_older_elements():
