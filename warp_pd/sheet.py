@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
+from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
 from .shapes.triangulation import Segment, crossed_triangles, triangulation_without
@@ -131,6 +133,40 @@ class Sheet(Shape):
             InputError: as `rectangle`, or for a jitter outside [0, 0.5) or another seed.
         """
         shape = filled(width, height, points, origin, layers, turn=turn, jitter=jitter, seed=seed)
+        return Sheet.of(shape, thickness=thickness, density=density)
+
+    @staticmethod
+    def outline(
+        boundary: Any,
+        *,
+        spacing: float | Callable[[np.ndarray, np.ndarray], np.ndarray],
+        thickness: float,
+        density: float,
+        holes: Named = (),
+        cracks: Named = (),
+        inclusions: Named = (),
+    ) -> Sheet:
+        """A sheet of any outline: points lie exactly on its edges, on cracks and around inclusions.
+
+        Inside is a square grid wherever it fits, and relaxed points between it and the curves. A bond exists only where
+        the way between its points stays in the sheet. Weights "corrected" are second order up to every edge.
+
+        Args:
+            boundary: A `Polygon`, `Circle`, `Spline`, corners of a polygon [m], shape (C, 2), or a function from t in
+                [0, 1] to points.
+            spacing: Distance of points [m], or a function of x and y, both of shape (P,), to distances: the horizon
+                follows it.
+            thickness: [m].
+            density: [kg/m^3].
+            holes: Closed curves, as `boundary`; a mapping names them, otherwise they are "hole 1", "hole 2", ...
+            cracks: Polylines, shape (L, 2), that end in the sheet or on its edge; names as for holes, "crack 1". Each
+                point of a crack becomes two, one for each face; its tip is one point.
+            inclusions: Closed curves whose inside is rigid; names as for holes, "inclusion 1".
+
+        Raises:
+            InputError: for curves that cross or leave the sheet, or a spacing too coarse for them.
+        """
+        shape = outline(boundary, holes, cracks, inclusions, spacing)
         return Sheet.of(shape, thickness=thickness, density=density)
 
     @staticmethod

@@ -9,7 +9,7 @@ from ..kernels.families import WORD
 from ..sheet import Sheet
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
-from .visibility import severed
+from .visibility import cut_through, severed
 
 
 def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
@@ -55,10 +55,9 @@ def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndar
 
     points, size = sheet.points, sheet.size
     pairs = cKDTree(points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
-    lost = severed(sheet, pairs)
     incomplete = np.zeros(size, bool)
-    incomplete[pairs[lost]] = True
-    pairs = pairs[~lost]
+    incomplete[pairs[cut_through(sheet, pairs)]] = True
+    pairs = pairs[~severed(sheet, pairs)]
     half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
     graph = half + half.T
     sizes = np.diff(graph.indptr)

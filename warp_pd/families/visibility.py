@@ -2,15 +2,189 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..shapes.triangulation import crosses
 from ..sheet import Sheet
 
+# A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.
+DETOUR = 1.05
+# Relative size of what counts as zero, and angles [rad] that count as straight.
+ROUND_OFF, STRAIGHT = 1e-9, 1e-6
+# Bonds that are looked at together.
+BLOCK = 200_000
+
 
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
-    """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,)."""
+    """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,).
+
+    They lie on two sides of a cut, or the way between them leaves the sheet. A chord of a hole is a bond if the way
+    around is hardly longer.
+    """
+    lost = cut_through(sheet, pairs)
+    if sheet.bodies is not None:
+        lost |= sheet.bodies[pairs[:, 0]] != sheet.bodies[pairs[:, 1]]
+    if sheet.barriers is not None:
+        lost |= _outside(sheet, pairs, lost)
+    return lost
+
+
+def cut_through(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs of points, shape (B, 2), lie on two sides of a cut; bool, shape (B,)."""
     lost = np.zeros(len(pairs), bool)
     for segment in sheet.cuts:
         lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
     return lost
+
+
+def _outside(sheet: Sheet, pairs: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """Which pairs are joined by no way inside, or by a detour; those that are lost already do not count."""
+    points, barriers = sheet.points, sheet.barriers
+    broken = np.zeros(len(pairs), bool)
+    if barriers is None or not len(pairs):
+        return broken
+    sectors = _sectors(points, barriers)
+    if _is_convex(points, barriers, sectors):
+        return broken
+    candidates = np.flatnonzero(_near(points, barriers, pairs) & ~lost)
+    if sheet.bodies is not None:
+        candidates = candidates[sheet.bodies[pairs[candidates, 0]] == 0]
+    tried = pairs[candidates]
+    along = points[tried[:, 1]] - points[tried[:, 0]]
+    out = _crossing(points, barriers, sectors, tried) | _between_faces(points, sectors, tried)
+    out |= sectors.leaves(tried[:, 0], along) | sectors.leaves(tried[:, 1], -along)
+    broken[candidates[out]] = True
+    broken[candidates[out]] = ~_has_way(points, pairs, broken | lost, tried[out])
+    return broken
+
+
+def _is_convex(points: np.ndarray, barriers: np.ndarray, sectors: Sectors) -> bool:
+    """Whether no bond can leave the sheet: it turns left everywhere, by one full turn."""
+    turns = (np.pi - sectors.width[barriers[:, 0]]).sum()
+    return bool((sectors.width < np.pi + STRAIGHT).all() and turns < 2.0 * np.pi + 1e-3)
+
+
+def _near(points: np.ndarray, barriers: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs are so near the edge of the sheet that they may cross it, shape (B,)."""
+    from scipy.spatial import cKDTree
+
+    longest = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1).max()
+    edge = np.linalg.norm(points[barriers[:, 1]] - points[barriers[:, 0]], axis=1).max()
+    reach = (longest + edge) * (1.0 + 1e-9)
+    near = np.isfinite(cKDTree(points[barriers[:, 0]]).query(points, distance_upper_bound=reach)[0])
+    return np.asarray(near[pairs].all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Sectors:
+    """The directions in which the sheet lies, seen from points on its edge.
+
+    Attributes:
+        begin: Direction of the edge that leaves the point [rad], shape (N,).
+        width: Angle from there, counter-clockwise, to the edge that arrives, shape (N,); 0 for points not on the edge.
+            At the tip of a crack it is 2 pi.
+    """
+
+    begin: np.ndarray
+    width: np.ndarray
+
+    def angle(self, at: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Counter-clockwise angle from the edge that leaves point `at` to a direction [rad], shape (P,)."""
+        return np.asarray((np.arctan2(direction[:, 1], direction[:, 0]) - self.begin[at]) % (2.0 * np.pi))
+
+    def leaves(self, at: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Whether a direction from point `at` leads out of the sheet, shape (P,)."""
+        angle = self.angle(at, direction)
+        outside = (angle > self.width[at] + STRAIGHT) & (angle < 2.0 * np.pi - STRAIGHT)
+        return np.asarray(outside & (self.width[at] > 0.0))
+
+
+def _sectors(points: np.ndarray, barriers: np.ndarray) -> Sectors:
+    begin, width = np.zeros(len(points)), np.zeros(len(points))
+    ahead, behind = np.full((2, len(points)), -1)
+    ahead[barriers[:, 0]], behind[barriers[:, 1]] = barriers[:, 1], barriers[:, 0]
+    at = np.flatnonzero((ahead >= 0) & (behind >= 0))
+    leaving, arriving = points[ahead[at]] - points[at], points[behind[at]] - points[at]
+    begin[at] = np.arctan2(leaving[:, 1], leaving[:, 0])
+    turn = (np.arctan2(arriving[:, 1], arriving[:, 0]) - begin[at]) % (2.0 * np.pi)
+    width[at] = np.where((turn < STRAIGHT) | (turn > 2.0 * np.pi - STRAIGHT), 2.0 * np.pi, turn)
+    # Where two pieces of the edge meet in a point, every direction may be inside.
+    width[np.bincount(barriers[:, 0], minlength=len(points)) > 1] = 2.0 * np.pi
+    return Sectors(begin, width)
+
+
+def _crossing(points: np.ndarray, barriers: np.ndarray, sectors: Sectors, pairs: np.ndarray) -> np.ndarray:
+    """Which bonds cross an edge of the sheet, or leave it through a point of the edge, shape (P,)."""
+    from scipy.spatial import cKDTree
+
+    tail, head = points[pairs[:, 0]], points[pairs[:, 1]]
+    start, end = points[barriers[:, 0]], points[barriers[:, 1]]
+    reach = 0.5 * (np.linalg.norm(head - tail, axis=1).max() + np.linalg.norm(end - start, axis=1).max())
+    found = np.zeros(len(pairs), bool)
+    tree = cKDTree(0.5 * (start + end))
+    for begin in range(0, len(pairs), BLOCK):
+        part = slice(begin, begin + BLOCK)
+        near = cKDTree(0.5 * (tail + head)[part]).sparse_distance_matrix(
+            tree, reach * (1.0 + 1e-9), output_type="ndarray"
+        )
+        bond, edge = begin + near["i"], near["j"]
+        bond, edge = bond.astype(np.int64), edge.astype(np.int64)
+        shared = (pairs[bond][:, :, None] == barriers[edge][:, None, :]).any(axis=(1, 2))
+        along, across = head[bond] - tail[bond], end[edge] - start[edge]
+        scale = ROUND_OFF * np.linalg.norm(along, axis=1) * np.linalg.norm(across, axis=1)
+        first, last = _cross(along, start[edge] - tail[bond]), _cross(along, end[edge] - tail[bond])
+        behind, before = _cross(across, tail[bond] - start[edge]), _cross(across, head[bond] - start[edge])
+        zero = np.abs(first) <= scale
+        cuts = ~shared & ~zero & (np.abs(last) > scale) & ((first > 0.0) != (last > 0.0))
+        cuts &= (np.abs(behind) > scale) & (np.abs(before) > scale) & ((behind > 0.0) != (before > 0.0))
+        place = ((start[edge] - tail[bond]) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300)
+        through = zero & (place > ROUND_OFF) & (place < 1.0 - ROUND_OFF)
+        vertex = barriers[edge, 0]
+        cuts |= through & (sectors.leaves(vertex, along) | sectors.leaves(vertex, -along))
+        found[bond[cuts]] = True
+    return found
+
+
+def _between_faces(points: np.ndarray, sectors: Sectors, pairs: np.ndarray) -> np.ndarray:
+    """Which bonds run along a crack from one of its faces to the other, shape (P,)."""
+    along = points[pairs[:, 1]] - points[pairs[:, 0]]
+    kinds = []
+    for at, direction in ((pairs[:, 0], along), (pairs[:, 1], -along)):
+        angle, width = sectors.angle(at, direction), sectors.width[at]
+        edge = (width > 0.0) & (width < 2.0 * np.pi)
+        leaving = edge & ((angle < STRAIGHT) | (angle > 2.0 * np.pi - STRAIGHT))
+        arriving = edge & (np.abs(angle - width) < STRAIGHT)
+        kinds.append((leaving, arriving))
+    return np.asarray((kinds[0][0] & kinds[1][0]) | (kinds[0][1] & kinds[1][1]) | (~along.any(axis=1)))
+
+
+def _has_way(points: np.ndarray, pairs: np.ndarray, lost: np.ndarray, tried: np.ndarray) -> np.ndarray:
+    """Which of the tried pairs have a common neighbour on a way that is hardly longer than straight, shape (P,)."""
+    from scipy import sparse
+
+    size = len(points)
+    near = np.zeros(size, bool)
+    near[tried] = True
+    kept = pairs[~lost & near[pairs].any(axis=1)]
+    half = sparse.coo_array((np.ones(len(kept), bool), (kept[:, 0], kept[:, 1])), shape=(size, size)).tocsr()
+    graph = (half + half.T).tocsr()
+    counts = np.diff(graph.indptr)[tried[:, 0]]
+    row = np.repeat(np.arange(len(tried)), counts)
+    slot = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    middle = graph.indices[graph.indptr[tried[row, 0]] + slot]
+    tail, head = points[tried[row, 0]], points[tried[row, 1]]
+    way = np.linalg.norm(points[middle] - tail, axis=1) + np.linalg.norm(head - points[middle], axis=1)
+    short = np.flatnonzero(way <= DETOUR * np.linalg.norm(head - tail, axis=1))
+    keys = np.sort(kept, axis=1) @ np.array([size, 1], np.int64)
+    wanted = np.sort(np.column_stack([middle[short], tried[row[short], 1]]), axis=1).astype(np.int64) @ np.array(
+        [size, 1]
+    )
+    found = np.zeros(len(tried), bool)
+    found[row[short[np.isin(wanted, keys)]]] = True
+    return found
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

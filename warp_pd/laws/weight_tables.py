@@ -89,19 +89,24 @@ def _rectangle(families: Families, sheet: Sheet) -> RectangleWeights:
 
 
 def _cloud_correction(families: Families, sheet: Sheet, plain: np.ndarray) -> CorrectedWeights:
-    from ..weights import corrected_weights, edge_vectors, reached_points
+    from ..weights import corrected_weights, edge_vectors, edge_vectors_of, reached_points
 
     assert families.neighbours is not None and families.severed is not None
+    rigid = np.zeros(sheet.size, bool) if sheet.bodies is None else sheet.bodies > 0
+    if sheet.barriers is None:
+        edges = edge_vectors(sheet.points, sheet.triangles)
+    else:
+        edges = edge_vectors_of(sheet.points, sheet.barriers)
     return corrected_weights(
         sheet.points,
         sheet.areas,
         families.neighbours,
         families.influence,
         unpack(families.common, families.members),
-        edge_vectors=edge_vectors(sheet.points, sheet.triangles),
+        edge_vectors=edges,
         start=plain * families.reference_area,
-        frozen=families.severed,
-        unbalanced=reached_points(families.neighbours, families.severed) | families.severed,
+        frozen=families.severed | rigid,
+        unbalanced=reached_points(families.neighbours, families.severed) | families.severed | rigid,
     )
 
 

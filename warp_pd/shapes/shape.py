@@ -29,6 +29,8 @@ class Shape:
             None.
         barriers: Edges of the sheet that no bond crosses, pairs of points with the sheet on the left, int32, shape
             (B, 2); or None: bonds are as long as the horizon, whatever is between.
+        bodies: Number of the rigid inclusion inside which each point lies, 0 for the sheet and the edges of inclusions,
+            int32, shape (N,); or None. Bonds join points of one number.
         parts: Point indices of parts of the boundary, by name.
     """
 
@@ -43,6 +45,7 @@ class Shape:
     spacings: np.ndarray | None = None
     frames: np.ndarray | None = None
     barriers: np.ndarray | None = None
+    bodies: np.ndarray | None = None
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property

@@ -177,3 +177,36 @@ def triangulation_without(
         return kept, point_areas(points, kept)
     intact_cells = whole_cells(lattice, removed)
     return cell_triangles(lattice.columns, intact_cells), cell_areas(lattice, intact_cells)
+
+
+def boundary_edges(triangles: np.ndarray) -> np.ndarray:
+    """Edges that belong to one triangle, with it on the left, int32, shape (B, 2)."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    _, inverse, times = np.unique(low * (high.max(initial=0) + 1) + high, return_inverse=True, return_counts=True)
+    return edges[times[inverse] == 1].astype(np.int32)
+
+
+def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Area of the Voronoi cell of each point, cut by the triangulation [m^2], shape (N,).
+
+    In an obtuse triangle, which holds not the whole cells of its corners, the obtuse corner gets half and the others a
+    quarter of it (Meyer, Desbrun, Schroeder & Barr 2003, section 3.3). The areas sum to that of the triangles.
+    """
+    corners = points[triangles]
+    sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    squares = (sides**2).sum(axis=-1)
+    area = np.abs(signed_areas(points, triangles))
+    # Twice the cotangent of each corner times twice the area.
+    dot = 0.5 * (squares.sum(axis=1, keepdims=True) - 2.0 * squares)
+    cell = np.empty(dot.shape)
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        cell[:, k] = (squares[:, a] * dot[:, a] + squares[:, b] * dot[:, b]) / (16.0 * area)
+    obtuse = dot < -1e-12 * squares.max(axis=1, keepdims=True)
+    some = obtuse.any(axis=1)
+    cell[some] = np.where(obtuse[some], 0.5, 0.25) * area[some, None]
+    areas = np.zeros(len(points))
+    for k in range(3):
+        np.add.at(areas, triangles[:, k], cell[:, k])
+    return areas

@@ -68,6 +68,21 @@ def edge_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return vectors
 
 
+def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """The same [m], shape (N, 2), from the edges of the sheet.
+
+    Args:
+        points: Reference positions [m], shape (N, 2).
+        edges: Pairs of points with the sheet on the left, shape (B, 2).
+    """
+    along = points[edges[:, 1]] - points[edges[:, 0]]
+    half = 0.5 * np.column_stack([along[:, 1], -along[:, 0]])
+    vectors = np.zeros((len(points), 2))
+    for end in (0, 1):
+        np.add.at(vectors, edges[:, end], half)
+    return vectors
+
+
 def plain_weights(
     areas: np.ndarray, neighbours: np.ndarray, common: np.ndarray, usable: np.ndarray | None = None
 ) -> np.ndarray:

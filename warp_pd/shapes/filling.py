@@ -1,0 +1,130 @@
+"""Points inside an outline: a square grid wherever it fits, relaxed points between it and the curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .curves import Spacing
+from .triangulation import signed_areas
+
+# In spacings: least distance of a point of the grid from a curve; the band along curves in which points relax.
+CLEAR = 0.7
+BAND = 2.6
+# Rounds of relaxation; the triangulation is renewed in each, and serves a few moves.
+ROUNDS, MOVES = 8, 4
+GRADED_ROUNDS = 25
+# Deepest division of the cells of a graded sheet.
+DIVISIONS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """Points inside an outline.
+
+    Attributes:
+        points: [m], shape (M, 2).
+        grid: Column and row of those on the square grid, -1 for the others, int32, shape (M, 2).
+        fixed_grid: The same for the points on curves, shape (B, 2).
+    """
+
+    points: np.ndarray
+    grid: np.ndarray
+    fixed_grid: np.ndarray
+
+
+def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> Filling:
+    """A square grid, relaxed along curves that it does not fit.
+
+    Args:
+        region: The sheet, a shapely polygon.
+        fixed: Points on curves [m], shape (B, 2).
+        curves: The curves, a shapely geometry.
+        spacing: [m].
+    """
+    import shapely
+    from scipy.spatial import cKDTree
+
+    low, high = np.reshape(region.bounds, (2, 2))
+    cells = np.maximum(1, np.round((high - low) / spacing)).astype(int)
+    origin = 0.5 * (low + high) - 0.5 * spacing * cells
+    column, row = (index.ravel() for index in np.meshgrid(*(np.arange(-1, n + 2) for n in cells)))
+    candidates = origin + spacing * np.column_stack([column, row])
+    place = np.round((fixed - origin) / spacing).astype(np.int32)
+    fits = np.abs(fixed - origin - spacing * place).max(axis=1) < 1e-6 * spacing
+    fixed_grid = np.where(fits[:, None], place + 1, -1).astype(np.int32)
+
+    shapely.prepare(region)
+    near = cKDTree(fixed).query(candidates, distance_upper_bound=2.0 * spacing)[0] < 2.0 * spacing
+    kept = shapely.contains_xy(region, *candidates.T)
+    at = np.flatnonzero(kept & near)
+    kept[at] = shapely.distance(shapely.points(candidates[at]), curves) > CLEAR * spacing
+    points, grid = candidates[kept], np.column_stack([column, row])[kept].astype(np.int32) + 1
+
+    if not fits.all():
+        apart = cKDTree(fixed[~fits]).query(points, distance_upper_bound=BAND * spacing)[0]
+        loose = apart < BAND * spacing
+        grid[loose] = -1
+        reach = cKDTree(fixed[~fits]).query(points, distance_upper_bound=(BAND + 3.0) * spacing)[0]
+        around = np.isfinite(reach)
+        points[loose] = _relaxed(
+            np.vstack([points[loose], fixed, points[around & ~loose]]), int(loose.sum()), region, None, ROUNDS
+        )
+    return Filling(points, grid, fixed_grid)
+
+
+def fill_graded(region: Any, fixed: np.ndarray, curves: Any, spacing: Spacing) -> Filling:
+    """Points whose distance follows a function; arguments as for `fill_evenly`."""
+    import shapely
+
+    low, high = np.reshape(region.bounds, (2, 2))
+    size = float((high - low).max())
+    centres = _cells(low, size, spacing)
+    shapely.prepare(region)
+    centres = centres[shapely.contains_xy(region, *centres.T)]
+    centres = centres[shapely.distance(shapely.points(centres), curves) > CLEAR * spacing(centres)]
+    points = _relaxed(np.vstack([centres, fixed]), len(centres), region, spacing, GRADED_ROUNDS)
+    return Filling(points, np.full(points.shape, -1, np.int32), np.full(fixed.shape, -1, np.int32))
+
+
+def _cells(low: np.ndarray, size: float, spacing: Spacing) -> np.ndarray:
+    """Centres of square cells as wide as the spacing there: cells are divided while they are wider."""
+    centres, found = low[None] + 0.5 * size, []
+    for _ in range(DIVISIONS + 1):
+        wide = size > 1.42 * spacing(centres)
+        found.append(centres[~wide])
+        size *= 0.5
+        corners = 0.5 * size * np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
+        centres = (centres[wide][:, None] + corners).reshape(-1, 2)
+        if not len(centres):
+            break
+    return np.concatenate([*found, centres])
+
+
+def _relaxed(points: np.ndarray, free: int, region: Any, spacing: Spacing | None, rounds: int) -> np.ndarray:
+    """The first `free` points, each moved to the middle of the triangles around it, again and again.
+
+    With a spacing, triangles weigh as its fourth power inverse: the size of the triangles then follows it.
+    """
+    import shapely
+    from scipy.spatial import Delaunay
+
+    points = points.copy()
+    for _ in range(rounds):
+        triangles = Delaunay(points).simplices
+        middle = points[triangles].mean(axis=1)
+        triangles = triangles[shapely.contains_xy(region, *middle.T)]
+        for _ in range(MOVES):
+            middle = points[triangles].mean(axis=1)
+            weight = np.abs(signed_areas(points, triangles))
+            if spacing is not None:
+                weight = weight / spacing(middle) ** 4
+            total, sums = np.zeros(len(points)), np.zeros(points.shape)
+            for corner in range(3):
+                np.add.at(total, triangles[:, corner], weight)
+                np.add.at(sums, triangles[:, corner], weight[:, None] * middle)
+            moved = sums[:free] / np.maximum(total[:free], 1e-300)[:, None]
+            points[:free] = np.where(total[:free, None] > 0.0, moved, points[:free])
+    return points[:free]
