@@ -98,7 +98,7 @@ class _Image:
     @staticmethod
     def of(sheet: Sheet, stencil: Stencil) -> _Image:
         assert sheet.grid is not None
-        on, spacing, reach = (sheet.grid >= 0).all(axis=1), sheet.spacing, stencil.reach
+        on, spacing, reach = np.asarray((sheet.grid >= 0).all(axis=1)), sheet.spacing, stencil.reach
         if not on.any():
             return _Image(np.full((1, 1), -1, np.int32), np.zeros((sheet.size, 2), np.int64), on, reach)
         origin = np.median(sheet.points[on] - spacing * sheet.grid[on], axis=0)
@@ -159,7 +159,7 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: float, 
     if sheet.stiffness is not None and deep.any():
         factors, count = np.unique(sheet.stiffness[deep], return_counts=True)
         deep &= sheet.stiffness == factors[count.argmax()]
-    return deep
+    return np.asarray(deep)
 
 
 def _eroded(image: _Image, inside: np.ndarray, steps: np.ndarray) -> np.ndarray:
