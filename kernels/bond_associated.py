@@ -98,7 +98,7 @@ def bond_associated(
     """Kernels of the bond-associated law.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         material: Factory of (stress, energy), called with `bits`.
         breakable: None, or how the weights of a damaged family are treated: "redistribute" (the intact bonds

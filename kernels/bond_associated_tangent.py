@@ -110,7 +110,7 @@ def bond_associated_tangent(
     """Kernels of the tangent; arguments as for `bond_associated`, with the factory of stress and moduli.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         material: Factory of (stress, energy).
         response: Factory of the function that gives stress and moduli.

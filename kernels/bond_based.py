@@ -126,7 +126,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
     """Kernels of the bond-based law.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         pairwise: Factory of the pairwise law, called with `bits`.
         breakable: Whether bonds can break.
@@ -247,7 +247,7 @@ def bond_based_tangent(
     """Kernels of the tangent; arguments as for `bond_based`.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         pairwise: Factory of the pairwise law.
         breakable: Whether bonds can break.

@@ -101,7 +101,7 @@ def energy_of_families(layout: str, bits: int, family_energy: wp.Function, modul
     """Kernel that fills `out` [points] with the energy of each family, J.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
             energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
@@ -146,7 +146,7 @@ def sums_of_bonds(
     without stiffness keeps the density `least`.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         breakable: Whether bonds can break.
         Constants: Type of the law's constants.

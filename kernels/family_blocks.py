@@ -20,7 +20,7 @@ import warp as wp
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_curved, is_lattice
+from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
@@ -60,7 +60,7 @@ def block_force(
     (c_k X_k, 1 / c_k) of each row of the families, with lengths divided by the horizon.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
@@ -81,7 +81,7 @@ def block_force(
     area_weight, family_scale = law.area_weight, law.family_scale
     stress_near, stress_on_members = near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
-    lattice, gradual, curved = is_lattice(layout), has_shares(layout), is_curved(layout)
+    by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
     n, half, word_size = members, threads_of_family(members), WORD
     together = families_together(n)
     threads = half * together
@@ -113,7 +113,7 @@ def block_force(
             if is_intact(family, intact, i, k):
                 intact_here = True
                 row = i
-                if wp.static(lattice):
+                if wp.static(by_row):
                     row = family.family_class[i]
                 moment = moments[k, row]
                 if wp.static(gradual):
@@ -334,10 +334,11 @@ def gather_reverse_bonds(
     no branches: a thread issues the loads of all members at once.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         members: Maximum number of members of a family.
-        steps: Lattice steps to each member, compiled in as constants, or None on a cloud.
+        steps: Lattice steps to each member, compiled in as constants, or None on a cloud; on a grid those of the points
+            deep inside it.
         turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
         listed: Whether a list of other points was used; the first point empties it.
         module: Name of the Warp module.
@@ -349,6 +350,9 @@ def gather_reverse_bonds(
     n, word_size = members, WORD
     right, up = zip(*steps, strict=True) if steps else ((), ())
     reverses = [steps.index((-x, -y)) for x, y in steps] if steps else []
+    lattice, gridded = is_lattice(layout), is_grid(layout) and steps is not None
+    begins_line = [k == 0 or up[k] != up[k - 1] for k in range(len(up))]
+    reach = max(up, default=0)
 
     @functools.partial(wp.struct, module=module)
     class GatherFromReverseBonds:
@@ -370,19 +374,33 @@ def gather_reverse_bonds(
             if wp.static(turns_over):
                 place = i % a.bond_force.shape[1]
             push = vec3(real(0.0), real(0.0), real(0.0))
-            for k in range(wp.static(n)):
-                members_here = f.initial(a.family, i, wp.static(k // word_size))
-                there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
-                if wp.static(steps is None):
-                    row = wp.where(there, f.reverse(a.family, i, wp.static(k)), 0)
-                    column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
-                else:
-                    row = wp.static(reverses[k])
-                    column = place + wp.where(there, wp.static(up[k]) * a.columns + wp.static(right[k]), 0)
-                if wp.static(turns_over):
-                    ring = a.bond_force.shape[1]
-                    column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
-                push += wp.where(there, real(1.0), real(0.0)) * a.bond_force[row, column]
+            deep = bool(False)
+            if wp.static(gridded):
+                deep = a.family.family_class[i] == 0
+                if deep:
+                    centre = place
+                    for k in range(wp.static(len(right))):
+                        if wp.static(begins_line[k]):
+                            centre = place + a.family.centres[wp.static(up[k] + reach), i] - i
+                        column = centre + wp.static(right[k])
+                        if wp.static(turns_over):
+                            ring = a.bond_force.shape[1]
+                            column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
+                        push += a.bond_force[wp.static(reverses[k]), column]
+            if not deep:
+                for k in range(wp.static(n)):
+                    members_here = f.initial(a.family, i, wp.static(k // word_size))
+                    there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
+                    if wp.static(lattice):
+                        row = wp.static(reverses[k])
+                        column = place + wp.where(there, wp.static(up[k]) * a.columns + wp.static(right[k]), 0)
+                    else:
+                        row = wp.where(there, f.reverse(a.family, i, wp.static(k)), 0)
+                        column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
+                    if wp.static(turns_over):
+                        ring = a.bond_force.shape[1]
+                        column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
+                    push += wp.where(there, real(1.0), real(0.0)) * a.bond_force[row, column]
             a.force[i] = a.force[i] - push
 
     return gather_from_reverse_bonds

@@ -50,7 +50,7 @@ def hyperelastic_bonds(
     """Kernels of the law.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         compressed: Whether bonds shorter than in the reference configuration have separate constants.
         corrected: Whether there is a surface correction.

@@ -156,7 +156,7 @@ def remaining_bonds(layout: str, bits: int, criterion: Criterion, spared: bool, 
     """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> bits of the bonds that stay.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         criterion: The criterion that they do not exceed.
         spared: Whether the bonds of some points stay whatever they do.
@@ -207,7 +207,7 @@ def breaking(
     """Kernel `break_bonds`.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.

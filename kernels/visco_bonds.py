@@ -51,7 +51,7 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
     """Kernels of the law.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         breakable: Whether bonds can break.
         terms: Whether there are Prony terms.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -14,6 +15,7 @@ from .regions import region_of
 from .shapes.clouds import cloud
 from .shapes.edges import edge_points
 from .shapes.edits import punched, slit, turned
+from .shapes.files import flat_shape, read_mesh
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
@@ -203,6 +205,39 @@ class Sheet(Shape):
         return Sheet.of(cloud(points, triangles, areas, spacing), thickness=thickness, density=density)
 
     @staticmethod
+    def from_file(
+        path: str | os.PathLike[str],
+        *,
+        thickness: float,
+        density: float,
+        unit: str | float | None = None,
+        part: str | None = None,
+        closed: bool = False,
+    ) -> Sheet:
+        """A sheet on the vertices of a mesh, such as a .msh, .stl, .obj, .ply, .vtu or .usd file.
+
+        A mesh whose points all have one z is a flat sheet; its z is dropped. No bond crosses its boundary, whose rings
+        are the parts "outline" and "hole 1", "hole 2", ..., the largest first. Named groups of points and lines of a
+        .msh file are parts, too. Any other mesh is a curved sheet, as from `from_surface`.
+
+        Args:
+            path: The file, as for `warp_pd.shapes.files.read_mesh`, which says what it refuses.
+            thickness: [m].
+            density: [kg/m^3].
+            unit: Of the coordinates: "m", "mm", "cm", "in", or a number of meters; None for a USD file that says its
+                own.
+            part: Name of the mesh or of the group of faces to take.
+            closed: Whether the surface must have no boundary.
+
+        Raises:
+            InputError: for a file that cannot be read, a missing unit, or a bad mesh, with the indices of what is bad.
+        """
+        mesh = read_mesh(path, unit=unit, part=part, closed=closed)
+        if not mesh.flat:
+            return Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+        return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
+
+    @staticmethod
     def from_surface(
         vertices: np.ndarray, triangles: np.ndarray, *, thickness: float, density: float, spacing: float | None = None
     ) -> Sheet:
@@ -258,14 +293,14 @@ class Sheet(Shape):
         return Sheet.of(sphere(radius, points), thickness=thickness, density=density)
 
     def as_cloud(self) -> Sheet:
-        """The same sheet, its lattice forgotten: bonds are then stored in a table."""
-        return replace(self, lattice=None)
+        """The same sheet, its lattice or grid forgotten: bonds are then stored in a table."""
+        return replace(self, lattice=None, grid=None)
 
     def edges(self, *names: str) -> np.ndarray:
-        """Indices of the points on the named edges of the bounding box: left, right, bottom, top, or all.
+        """Indices of the points on named edges; "all" is the outline and all holes.
 
-        On a cloud, an edge holds the points within a quarter of a spacing of it. The edges of a curved sheet are its
-        `parts`.
+        Names are those of `parts`, and on a flat sheet the sides of the bounding box: left, right, bottom, top. On a
+        cloud, a side holds the points within a quarter of a spacing of it.
 
         Raises:
             InputError: for another name.
@@ -308,7 +343,7 @@ class Sheet(Shape):
         return slit(self, segment, f"cut from {start!r} to {end!r}")
 
     def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
-        """A copy without the points nearer than `radius` [m] to `centre`; its points form a cloud.
+        """A copy without the points nearer than `radius` [m] to `centre`; the others keep their places on a grid.
 
         On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
 

@@ -44,9 +44,7 @@ def find_device(name: str | None) -> wp.Device:
 
 def layout_of(sheet: Sheet) -> str:
     """Layout of the families of a sheet whose bonds keep their weight."""
-    if sheet.lattice is not None:
-        return "lattice"
-    return "cloud" if sheet.frames is None else "cloud" + CURVED
+    return sheet.layout if sheet.frames is None else sheet.layout + CURVED
 
 
 @dataclass(frozen=True)

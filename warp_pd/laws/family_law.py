@@ -181,7 +181,11 @@ class FamilyLaw(BuiltLaw):
 
     def fingerprint(self) -> str:
         """A hash of the first values of the influence function."""
-        return hashlib.sha1(np.ascontiguousarray(self.families.influence[:64]).tobytes()).hexdigest()[:12]
+        families = self.families
+        influence = families.influence
+        if influence.ndim == 2 and families.family_class is not None:
+            influence = influence[families.family_class[:64]]
+        return hashlib.sha1(np.ascontiguousarray(influence[:64]).tobytes()).hexdigest()[:12]
 
     def request_fields(self, names: Sequence[str]) -> None:
         """Let frames show further fields of the law.

@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..checks import InputError
 from .shape import Shape
 
+SIDES = ("left", "right", "bottom", "top")
+
 
 def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
     """Indices of the points on the named edges, ascending; arguments as for `Sheet.edges`."""
-    known = _sides(shape) if shape.frames is None else dict(shape.parts)
+    known = {**_sides(shape), **shape.parts} if shape.frames is None else dict(shape.parts)
+    known["all"] = known["all"] if "all" in known else whole_edge(shape, known)
     chosen = np.zeros(shape.size, bool)
     for name in names or ("all",):
-        if name != "all" and name not in known:
-            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in (*known, 'all'))}")
-        for side in known if name == "all" else (name,):
-            chosen[known[side]] = True
+        if name not in known:
+            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in known)}")
+        chosen[known[name]] = True
     return np.flatnonzero(chosen)
+
+
+def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Mask of the points on the outline and around all holes, shape (N,); cracks and cuts are no edges."""
+    outer = known if shape.frames is not None else ("outline",) if "outline" in known else SIDES
+    chosen = np.zeros(shape.size, bool)
+    for name in {*outer, *(name for name in known if name.startswith("hole "))}:
+        chosen[known[name]] = True
+    return chosen
 
 
 def _sides(shape: Shape) -> dict[str, np.ndarray]:

@@ -8,8 +8,9 @@ from typing import TypeVar
 import numpy as np
 
 from ..checks import InputError
+from .holes import square_grid, triangulation_without
 from .shape import Shape
-from .triangulation import Segment, crossed_triangles, triangulation_without
+from .triangulation import Segment, boundary_edges, crossed_triangles
 
 AnyShape = TypeVar("AnyShape", bound=Shape)
 
@@ -33,7 +34,7 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
 
 
 def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
-    """A copy that is turned about its middle and forgets its lattice; the rotation, shape (2, 2)."""
+    """A copy that is turned about its middle and forgets its lattice or grid; the rotation, shape (2, 2)."""
     angle = np.deg2rad(degrees)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     middle = 0.5 * (shape.points.min(axis=0) + shape.points.max(axis=0))
@@ -42,7 +43,7 @@ def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
         return np.asarray((p - middle) @ rotation.T + middle)
 
     cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in shape.cuts)
-    return replace(shape, points=turn(shape.points), lattice=None, cuts=cuts), rotation
+    return replace(shape, points=turn(shape.points), lattice=None, grid=None, cuts=cuts), rotation
 
 
 def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, np.ndarray]:
@@ -53,18 +54,38 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
     """
     if not inside.any():
         raise InputError(f"{name} holds no point: expected a larger one")
-    triangles, areas = triangulation_without(inside, shape.points, shape.triangles, shape.lattice)
+    triangles, areas = triangulation_without(inside, shape)
+    grid = shape.grid if shape.lattice is None else square_grid(shape.lattice)
     kept = np.zeros(shape.size, bool)
     kept[triangles] = True
     if not kept.any():
         raise InputError(f"{name} leaves no sheet: expected a smaller one")
     renumber = np.cumsum(kept) - 1
+
+    def left(points: np.ndarray) -> np.ndarray:
+        return np.asarray(renumber[points[kept[points]]], np.int32)
+
+    new_edges = boundary_edges(triangles)
+    rim = np.setdiff1d(new_edges, boundary_edges(shape.triangles))
+    barriers = None
+    if shape.barriers is not None:
+        old = shape.barriers[kept[shape.barriers].all(axis=1)]
+        barriers = renumber[np.unique(np.concatenate([old, new_edges[np.isin(new_edges, rim).any(axis=1)]]), axis=0)]
+    count = 1 + sum(part.startswith("hole ") and part[5:].isdigit() for part in shape.parts)
+    parts = {part: left(points) for part, points in shape.parts.items()} | {f"hole {count}": left(rim)}
+    if "all" in parts:
+        parts["all"] = np.union1d(parts["all"], left(rim)).astype(np.int32)
     smaller = replace(
         shape,
         points=shape.points[kept],
         areas=areas[kept],
         triangles=renumber[triangles].astype(np.int32),
         lattice=None,
-        inclusions=tuple(renumber[i[kept[i]]].astype(np.int32) for i in shape.inclusions),
+        grid=None if grid is None else grid[kept],
+        spacings=None if shape.spacings is None else shape.spacings[kept],
+        bodies=None if shape.bodies is None else shape.bodies[kept],
+        barriers=None if barriers is None else barriers.astype(np.int32),
+        inclusions=tuple(left(members) for members in shape.inclusions),
+        parts=parts,
     )
     return smaller, kept

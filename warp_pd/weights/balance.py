@@ -68,6 +68,21 @@ def edge_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return vectors
 
 
+def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """The same [m], shape (N, 2), from the edges of the sheet.
+
+    Args:
+        points: Reference positions [m], shape (N, 2).
+        edges: Pairs of points with the sheet on the left, shape (B, 2).
+    """
+    along = points[edges[:, 1]] - points[edges[:, 0]]
+    half = 0.5 * np.column_stack([along[:, 1], -along[:, 0]])
+    vectors = np.zeros((len(points), 2))
+    for end in (0, 1):
+        np.add.at(vectors, edges[:, end], half)
+    return vectors
+
+
 def rim_vectors(points: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """The same on a surface in space: half of each adjacent open edge times its outward normal in the surface.
 
@@ -150,6 +165,7 @@ def corrected_weights(
     start: np.ndarray | None = None,
     floor: float = FLOOR,
     degenerate: float = DEGENERATE,
+    length: float | None = None,
     frames: np.ndarray | None = None,
 ) -> CorrectedWeights:
     """Positive weights next to the plain ones for which a uniform stress is in equilibrium at every point.
@@ -172,6 +188,7 @@ def corrected_weights(
         start: Weights to start from [m^2], shape (N, n); by default the plain ones.
         floor: Least ratio of corrected to starting weights, at least 0 and below 1.
         degenerate: det K / (tr K / 2)^2 below which a bond gets no weight.
+        length: Unit of lengths [m]; by default the root of the mean area of the points.
         frames: Tangent vectors and normals of a curved sheet, in columns, shape (N, 3, 3). The stress is then an equal
             tension in all directions, and the balance that along the surface.
 
@@ -196,7 +213,7 @@ def corrected_weights(
     table = _Table(points, areas, neighbours, influence, common, degenerate, frames)
     usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
     start = plain_weights(areas, neighbours, common, usable) if start is None else np.where(usable, start, 0.0)
-    length = float(np.sqrt(areas.mean()))
+    length = float(np.sqrt(areas.mean())) if length is None else length
     gap = (edge_vectors - _forces(table, start)) / length
     asked = np.ones(size, bool) if unbalanced is None else ~unbalanced
     if strip is None:
