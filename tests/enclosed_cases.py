@@ -8,11 +8,12 @@ from warp_pd.device.clock import Clock
 from warp_pd.device.context import Context, Features, find_device
 from warp_pd.device.fields import FieldRegister
 from warp_pd.kernels.numeric import numeric
-from warp_pd.sheet import Sheet
 from warp_pd.shapes.shape import Shape
+from warp_pd.sheet import Sheet
 
-TETRAHEDRON = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]), np.array(
-    [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
+TETRAHEDRON = (
+    np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
+    np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]),
 )
 CORNERS = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
 CUBE = CORNERS, np.array(

@@ -102,7 +102,8 @@ class EnclosedGas(Enclosed):
         """Check the numbers.
 
         Raises:
-            InputError: for an absolute pressure, an exponent or an amount that is not above zero, or a negative chamber.
+            InputError: for an absolute pressure, an exponent or an amount that is not above zero, or a chamber below
+                zero.
         """
         finite("EnclosedGas.gauge", self.gauge)
         not_negative("EnclosedGas.ambient", self.ambient)
@@ -259,8 +260,8 @@ class BuiltEnclosed(BuiltLoad):
         stage.launch(self.owner, sum_sums, self._sums.shape[1], blocks=self._blocks, sums=self._sums)
         stage.launch(
             self.owner, self._set_pressure, 1,
-            sums=self._sums, share=self._share, chamber=self._extra, constants=self._constants, factors=context.clock.scheduled,
-            schedule=self._schedule or 0, enclosed=self.enclosed,
+            sums=self._sums, share=self._share, chamber=self._extra, constants=self._constants,
+            factors=context.clock.scheduled, schedule=self._schedule or 0, enclosed=self.enclosed,
         )  # fmt: skip
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:

@@ -16,9 +16,7 @@ def moved(points, size, seed=0):
     return size * np.random.default_rng(seed).normal(size=points.shape)
 
 
-@pytest.mark.parametrize(
-    ("surface", "volume"), [(TETRAHEDRON, 8.0 / 3.0), (CUBE, 1.0)], ids=["tetrahedron", "cube"]
-)
+@pytest.mark.parametrize(("surface", "volume"), [(TETRAHEDRON, 8.0 / 3.0), (CUBE, 1.0)], ids=["tetrahedron", "cube"])
 def test_volume_of_polyhedra(surface, volume):
     """Wherever they are: a shift by a hundred times their size costs no digits, as sums are about their middle."""
     points, triangles = surface
@@ -119,7 +117,9 @@ def test_the_edges_of_a_cap_may_slide_in_its_plane():
         plus, minus = u.copy(), u.copy()
         plus[point, component] += 1e-5
         minus[point, component] -= 1e-5
-        assert force[point, component] == pytest.approx(pressure * (size(plus) - size(minus)) / 2e-5, rel=1e-7, abs=1e-8)
+        assert force[point, component] == pytest.approx(
+            pressure * (size(plus) - size(minus)) / 2e-5, rel=1e-7, abs=1e-8
+        )
 
 
 def test_rectangles_are_cut_along_both_diagonals():
