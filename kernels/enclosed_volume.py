@@ -1,7 +1,7 @@
 """A closed volume: its size, the pressure in it, and the force of that pressure on the points of the sheet.
 
-    V = 1/6 sum over triangles x_a . (x_b x x_c),
-    f_a = p dV/dx_a = p/6 sum over the triangles of a (x_b - x_a) x (x_c - x_a),
+    V = 1/6 sum over triangles x_a . (x_b x x_c)
+    f_a = p dV/dx_a = p/6 sum over triangles of a (x_b - x_a) x (x_c - x_a)
 
 with the corners of triangles counter-clockwise seen from outside (the divergence theorem, exact for the triangulated
 surface). Where rectangles are cut along both diagonals in turn, V is the mean of both volumes: `share` is 1/12 then.

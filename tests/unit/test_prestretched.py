@@ -2,12 +2,27 @@
 
 import numpy as np
 import pytest
+from enclosed_cases import ball
 from helpers import build, internal_force, jittered, square, strain_energy
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
 
-from warp_pd import Explicit, Fixed, InputError, MooneyRivlin, Motion, Newton, Relaxation, Sheet
+from warp_pd import (
+    Explicit,
+    Fixed,
+    InputError,
+    Measure,
+    MooneyRivlin,
+    Motion,
+    Newton,
+    Prony,
+    Relaxation,
+    Sheet,
+    Simulation,
+    Visco,
+)
 from warp_pd.measures import support_force
+from warp_pd.shapes.shape import Shape
 
 RUBBER = MooneyRivlin(500.0)
 SHAPES = {"lattice": square, "cloud": jittered}
@@ -162,3 +177,28 @@ def test_wrong_stretches_are_named(make, text):
     with pytest.raises(InputError, match=text) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_a_curved_sheet_shrinks_alike_in_all_directions():
+    points, triangles = ball(1)
+    shape = Shape(points=points, areas=np.ones(len(points)), triangles=triangles.astype(np.int32), spacing=0.3)
+    sheet = Sheet.of(shape, thickness=1e-3, density=1e3).prestretched(1.6)
+    assert sheet.unstretched().positions == pytest.approx(points / 1.6)
+    assert sheet.placement() == pytest.approx(points * 0.6 / 1.6)
+    assert sheet.unstretched().areas == pytest.approx(1.0 / 1.6**2)
+    with pytest.raises(InputError, match="one stretch for a curved sheet"):
+        sheet.prestretched(1.0, 1.1)
+
+
+def test_a_viscous_sheet_begins_unrelaxed():
+    """The whole stress at first, later the share of it that stays."""
+    sheet = square(9).prestretched(1.2)
+    law = Visco(RUBBER, horizon=2.015, weights="corrected", prony=(Prony(300.0, 0.0, 0.01),))
+    pull = Measure("pull", "N", lambda built, frame: support_force(built, sheet.edges("right"))[0])
+    result = Simulation(
+        sheet, law, Explicit(0.1, frames=2, damping=100.0), loads=[Fixed(sheet.edges("all"))], measures=[pull]
+    ).run(device="cpu", precision=64)
+    relaxed = 1000.0 * (1.2 - 1.2**-5) * 1e-3 * 0.1 / 1.2
+    first, last = result.history[0]["pull"], result.history[-1]["pull"]
+    assert first == pytest.approx(relaxed * (1.0 + 300.0 / 500.0), rel=1e-3)
+    assert last == pytest.approx(relaxed, rel=1e-3)

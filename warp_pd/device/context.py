@@ -12,7 +12,7 @@ import warp as wp
 
 from ..checks import InputError
 from ..cores import start_warp
-from ..kernels.families import WITH_SHARES
+from ..kernels.families import CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
 from ..sheet import Sheet
 from .clock import Clock
@@ -40,6 +40,11 @@ def find_device(name: str | None) -> wp.Device:
     if name != "cuda" and name not in present:
         raise InputError(f"device = {name!r}: expected one of {known}")
     return wp.get_device(name)
+
+
+def layout_of(sheet: Sheet) -> str:
+    """Layout of the families of a sheet whose bonds keep their weight."""
+    return sheet.layout if sheet.frames is None else sheet.layout + CURVED
 
 
 @dataclass(frozen=True)
@@ -137,8 +142,8 @@ class Context:
 
     @property
     def layout(self) -> str:
-        """Layout of the families: "lattice" or "cloud", either "with shares" if bonds lose their weight gradually."""
-        layout = "cloud" if self.sheet.lattice is None else "lattice"
+        """Layout of the families, see `family_functions`."""
+        layout = layout_of(self.sheet)
         return layout + WITH_SHARES if self.features.gradual else layout
 
     def array(

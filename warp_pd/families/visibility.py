@@ -8,9 +8,10 @@ import numpy as np
 
 from ..shapes.triangulation import crosses
 from ..sheet import Sheet
+from .surface_paths import apart_along
 
 # A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.
-DETOUR = 1.05
+DETOUR = 1.2
 # Relative size of what counts as zero, and angles [rad] that count as straight.
 ROUND_OFF, STRAIGHT = 1e-9, 1e-6
 # Bonds that are looked at together.
@@ -20,16 +21,24 @@ BLOCK = 200_000
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,).
 
-    They lie on two sides of a cut, or the way between them leaves the sheet. A chord of a hole is a bond if the way
-    around is hardly longer.
+    They lie on two sides of a cut, a fold or a slit, or the way between them leaves the sheet. A chord of a hole is a
+    bond if the way around is hardly longer.
     """
-    lost = np.zeros(len(pairs), bool)
-    for segment in sheet.cuts:
-        lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
+    if sheet.frames is not None:
+        return apart_along(sheet, pairs)
+    lost = cut_through(sheet, pairs)
     if sheet.bodies is not None:
         lost |= sheet.bodies[pairs[:, 0]] != sheet.bodies[pairs[:, 1]]
     if sheet.barriers is not None:
         lost |= _outside(sheet, pairs, lost)
+    return lost
+
+
+def cut_through(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs of points, shape (B, 2), lie on two sides of a cut; bool, shape (B,)."""
+    lost = np.zeros(len(pairs), bool)
+    for segment in sheet.cuts:
+        lost |= crosses(sheet.points[pairs[:, 0]], sheet.points[pairs[:, 1]], segment)
     return lost
 
 

@@ -102,8 +102,7 @@ class EnclosedGas(Enclosed):
         """Check the numbers.
 
         Raises:
-            InputError: for an absolute pressure, an exponent or an amount that is not above zero, or a chamber below
-                zero.
+            InputError: for an absolute pressure, exponent or amount that is not above zero, or a negative chamber.
         """
         finite("EnclosedGas.gauge", self.gauge)
         not_negative("EnclosedGas.ambient", self.ambient)

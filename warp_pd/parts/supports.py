@@ -165,11 +165,11 @@ def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
     """
     if name == "rigid inclusion":
         raise InputError("two rigid inclusions share a point: expected inclusions apart from each other")
-    x, y = sheet.points[point]
+    place = ", ".join(f"{x:.4g}" for x in sheet.points[point])
     other = "a rigid inclusion" if clash & RIGID else "another support or motion"
     what = "" if clash & RIGID else f" component {next(c for k, c in enumerate(AXES) if clash & 1 << k)} of"
     raise InputError(
-        f"{name}.points holds point {point} at ({x:.4g}, {y:.4g}) m, but {other} has{what} it already: "
+        f"{name}.points holds point {point} at ({place}) m, but {other} has{what} it already: "
         f"expected one part per component; leave shared points, such as corners, out with numpy.setdiff1d"
     )
 
