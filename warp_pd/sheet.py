@@ -412,6 +412,10 @@ class Sheet(Shape):
         """
         return self if self.stretch is None else replace(before_stretch(self, self.stretch), stretch=None)
 
+    def placement(self) -> np.ndarray | None:
+        """Displacement of the points when the sheet was stretched and clamped [m], shape (N, 3), or None."""
+        return None if self.stretch is None else self.positions - self.unstretched().positions
+
     def turned(self, degrees: float) -> Sheet:
         """A copy whose points are turned about the middle of the sheet; it forgets its lattice.
 
