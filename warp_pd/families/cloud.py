@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import InputError
-from ..kernels.families import WORD
 from ..sheet import Sheet
-from .masks import pack
+from .intersections import common_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
 from .visibility import cut_through, severed
 
@@ -64,7 +63,7 @@ def point_rows(
         exists=exists,
         bonds=bonds,
         influence=influence,
-        common=_cloud_common(bonds, exists) if intersections else np.zeros((0, 0, 0), np.uint32),
+        common=common_by_row(bonds, exists, TOLERANCE) if intersections else np.zeros((0, 0, 0), np.uint32),
         member_areas=member_areas,
         areas=sheet.areas[owners] / reference_area,
         reverses=reverses,
@@ -111,18 +110,3 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np
     reverses = np.zeros(exists.shape, np.int32)
     reverses[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data
     return neighbours, reverses, incomplete
-
-
-def _cloud_common(bonds: np.ndarray, exists: np.ndarray) -> np.ndarray:
-    points, n = exists.shape
-    common = np.empty((points, n, -(-n // WORD)), np.uint32)
-    limit = (1.0 + TOLERANCE) ** 2
-
-    def fill(part: slice) -> None:
-        x, y, here = bonds[part, :, 0], bonds[part, :, 1], exists[part]
-        apart = (x[:, :, None] - x[:, None]) ** 2
-        apart += (y[:, :, None] - y[:, None]) ** 2
-        common[part] = pack((apart <= limit) & here[:, :, None] & here[:, None])
-
-    in_blocks(points, n * n, fill)
-    return common
