@@ -17,13 +17,20 @@ MODULE = "warp_pd_intersections"
 
 
 @functools.cache
-def common_members() -> Kernel:
-    """Kernel that sets the bits of the members of each intersection, [rows, members, words]; they were zero."""
+def common_members(dimension: int, graded: bool) -> Kernel:
+    """Kernel that sets the bits of the members of each intersection, [rows, members, words]; they were zero.
+
+    Args:
+        dimension: 2, or 3 for bonds in space.
+        graded: Whether the horizon of a pair is the mean of those of its two points, `horizons` [rows, members].
+    """
+    vector = wp.types.vector(length=dimension, dtype=wp.float64)
     word_size = WORD
 
     @kernel(MODULE)
     def mark_common_members(
-        bonds: wp.array2d(dtype=wp.vec2d),
+        bonds: wp.array2d(dtype=vector),
+        horizons: wp.array2d(dtype=wp.float64),
         sizes: wp.array(dtype=wp.int32),
         limit: wp.float64,
         first: int,
@@ -37,8 +44,11 @@ def common_members() -> Kernel:
             bit = wp.uint32(1) << wp.uint32(j - own * word_size)
             common[i, j, own] = common[i, j, own] | bit
             for k in range(j + 1, size):
-                apart = at - bonds[i, k]
-                if apart[0] * apart[0] + apart[1] * apart[1] <= limit:
+                apart = wp.length_sq(at - bonds[i, k])
+                if wp.static(graded):
+                    both = wp.float64(0.5) * (horizons[i, j] + horizons[i, k])
+                    apart = apart / (both * both)
+                if apart <= limit:
                     word = k // word_size
                     common[i, j, word] = common[i, j, word] | (wp.uint32(1) << wp.uint32(k - word * word_size))
                     common[i, k, own] = common[i, k, own] | bit

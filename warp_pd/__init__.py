@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         TensionField,
         Yeoh,
     )
+    from .output.sheet_plot import draw_sheet
     from .parts import (
         BodyForce,
         BoundaryForce,
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
     )
     from .run.runner import Result
     from .scene import Measure, Outcome
+    from .shapes.files import read_mesh
+    from .shapes.svg import read_outline
     from .sheet import Sheet
     from .simulation import Simulation
     from .solvers import Explicit, Newton, Relaxation
@@ -64,10 +67,13 @@ else:
             "laws.visco_bonds": "ViscoBondBased",
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
+            "output.sheet_plot": "draw_sheet",
             "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch Fixed Motion PointForce Pressure "
             "RigidBall TearingEnergy",
             "run.runner": "Result",
             "scene": "Measure Outcome",
+            "shapes.files": "read_mesh",
+            "shapes.svg": "read_outline",
             "sheet": "Sheet",
             "simulation": "Simulation",
             "solvers.explicit": "Explicit",
@@ -123,4 +129,7 @@ __all__ = [
     "Visco",
     "ViscoBondBased",
     "Yeoh",
+    "draw_sheet",
+    "read_mesh",
+    "read_outline",
 ]

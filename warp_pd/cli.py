@@ -282,12 +282,37 @@ def plan(
 
 
 @main.command("draw")
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="FOLDER|SCENE", type=click.Path(path_type=Path))
 @click.option("--scene", help="The scene's file, if it has moved.")
-def draw_again(folder: Path, scene: str | None) -> None:
-    """Draw the pictures of a run from its FOLDER, for runs made with --no-pictures or changed pictures."""
+@click.option("--shape", is_flag=True, help="Draw the sheet of SCENE before it runs.")
+@click.option("--points", type=int, help="With --shape: points along x.")
+@click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="With --shape: as for `run`.")
+@click.option("--out", help="With --shape: the picture, .png, .pdf or .svg; by default SCENE-shape.png.")
+def draw(
+    folder: Path, scene: str | None, shape: bool, points: int | None, assignments: tuple[str, ...], out: str | None
+) -> None:
+    """Draw the pictures of a run from its FOLDER again, for runs made with --no-pictures or changed pictures.
+
+    With --shape: draw the sheet of SCENE, a name from `warp-pd list` or a Python file. Nothing is compiled or run.
+    """
+    if shape:
+        if scene is not None:
+            raise InputError(f"--scene {scene}: expected it without --shape; name the scene itself")
+        settings = _settings(points, None, None, None, None, None, None, assignments)
+        simulation = build_scene(str(folder), settings)
+        picture = out or f"{simulation.scene}-shape.png"
+        simulation.draw(picture)
+        click.echo(f"  {picture}")
+        return
+    given = {"--points": points, "--set": assignments or None, "--out": out}
+    for option in (name for name, value in given.items() if value is not None):
+        raise InputError(f"{option}: expected it with --shape")
+    _draw_again(folder, scene)
+
+
+def _draw_again(folder: Path, scene: str | None) -> None:
     from .run.folder import read_history, run_summary
-    from .run.runner import draw
+    from .run.runner import draw as draw_pictures
 
     summary = run_summary(folder)
     if summary is None:
@@ -297,7 +322,7 @@ def draw_again(folder: Path, scene: str | None) -> None:
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
     if simulation.pictures is None:
         raise InputError(f"scene = {simulation.scene!r}: it draws no pictures")
-    draw(simulation, read_history(folder / "history.csv"), folder)
+    draw_pictures(simulation, read_history(folder / "history.csv"), folder)
     for path in sorted(folder.glob("*.png")):
         click.echo(f"  {path.name}")
 

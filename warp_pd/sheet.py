@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -12,6 +13,7 @@ from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
+from .shapes.files import flat_shape, read_mesh
 from .shapes.holes import square_grid, triangulation_without
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
@@ -195,6 +197,39 @@ class Sheet(Shape):
             InputError: for coincident points, coordinates that are not finite, or wrong shapes.
         """
         return Sheet.of(cloud(points, triangles, areas, spacing), thickness=thickness, density=density)
+
+    @staticmethod
+    def from_file(
+        path: str | os.PathLike[str],
+        *,
+        thickness: float,
+        density: float,
+        unit: str | float | None = None,
+        part: str | None = None,
+        closed: bool = False,
+    ) -> Sheet:
+        """A sheet on the vertices of a mesh, such as a .msh, .stl, .obj, .ply, .vtu or .usd file.
+
+        A mesh whose points all have one z is a flat sheet; its z is dropped. No bond crosses its boundary, whose rings
+        are the parts "outline" and "hole 1", "hole 2", ..., the largest first. Named groups of points and lines of a
+        .msh file are parts, too.
+
+        Args:
+            path: The file, as for `warp_pd.shapes.files.read_mesh`, which says what it refuses.
+            thickness: [m].
+            density: [kg/m^3].
+            unit: Of the coordinates: "m", "mm", "cm", "in", or a number of meters; None for a USD file that says its
+                own.
+            part: Name of the mesh or of the group of faces to take.
+            closed: Whether the surface must have no boundary.
+
+        Raises:
+            InputError: for a file that cannot be read, a missing unit, or a bad mesh, with the indices of what is bad.
+        """
+        mesh = read_mesh(path, unit=unit, part=part, closed=closed)
+        if not mesh.flat:
+            raise InputError(f"path = {str(path)!r}: the surface is curved: expected a flat mesh, all points at one z")
+        return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
 
     def as_cloud(self) -> Sheet:
         """The same sheet, its lattice or grid forgotten: bonds are then stored in a table."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,12 @@ class Simulation(Scene):
         from .plan import describe
 
         return describe(self.build(device, precision))
+
+    def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
+        """Draw the sheet before anything runs; no device is touched. See `warp_pd.draw_sheet`."""
+        from .output.sheet_plot import draw_sheet
+
+        return draw_sheet(self.sheet, path, title=self.scene)
 
     def run(self, **options: Any) -> Result:
         """Run to the end; see `warp_pd.run.runner.run` for the options."""

@@ -20,6 +20,8 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     subprocess.run(build, check=True, capture_output=True)
     wheel = next(tmp_path.glob("*.whl"))
     modules = {f"{PLACES[name]}/{p.relative_to(ROOT / name)}" for name in PLACES for p in (ROOT / name).rglob("*.py")}
+    modules |= {f"warp_pd/scenes/{p.name}" for p in (ROOT / "scenes").glob("*.svg")}
+    assert "warp_pd/scenes/glove.svg" in modules
     assert modules <= set(zipfile.ZipFile(wheel).namelist())
     site = tmp_path / "site"
     subprocess.run([*pip, "install", "--no-deps", "--no-index", "--target", str(site), str(wheel)], check=True)

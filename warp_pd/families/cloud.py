@@ -47,12 +47,18 @@ def point_rows(
     points, (rows, n) = sheet.points, neighbours.shape
     exists = neighbours >= 0
     reference_area = float(sheet.areas.mean())
+    # Of the points, over the horizon that lengths are divided by.
+    relative = None if sheet.spacings is None else sheet.spacings / sheet.spacing
+    horizons = None if relative is None else np.where(exists, relative[neighbours], 1.0)
     bonds, influence, member_areas = np.empty((rows, n, 2)), np.empty((rows, n)), np.empty((rows, n))
 
     def fill(part: slice) -> None:
         here, member = exists[part], np.maximum(neighbours[part], 0)
         bonds[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon
-        r = np.minimum(np.linalg.norm(bonds[part], axis=-1), 1.0)
+        r = np.linalg.norm(bonds[part], axis=-1)
+        if horizons is not None and relative is not None:
+            r /= 0.5 * (horizons[part] + relative[owners[part], None])
+        r = np.minimum(r, 1.0)
         influence[part] = np.where(here, function(np.where(here, r, 1.0)), 0.0)
         member_areas[part] = np.where(here, sheet.areas[member], 0.0) / reference_area
 
@@ -63,7 +69,7 @@ def point_rows(
         exists=exists,
         bonds=bonds,
         influence=influence,
-        common=common_by_row(bonds, exists, TOLERANCE) if intersections else np.zeros((0, 0, 0), np.uint32),
+        common=common_by_row(bonds, exists, TOLERANCE, horizons) if intersections else np.zeros((0, 0, 0), np.uint32),
         member_areas=member_areas,
         areas=sheet.areas[owners] / reference_area,
         reverses=reverses,
@@ -94,10 +100,14 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np
     from scipy.spatial import cKDTree
 
     size = len(among)
-    pairs = cKDTree(sheet.points[among]).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    if sheet.spacings is None:
+        pairs = cKDTree(sheet.points[among]).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    else:
+        pairs = _graded_pairs(sheet.points[among], sheet.spacings[among] * (horizon / sheet.spacing))
     incomplete = np.zeros(size, bool)
-    incomplete[pairs[cut_through(sheet, among[pairs])]] = True
-    pairs = pairs[~severed(sheet, among[pairs])]
+    if sheet.cuts or sheet.barriers is not None or sheet.bodies is not None:
+        incomplete[pairs[cut_through(sheet, among[pairs])]] = True
+        pairs = pairs[~severed(sheet, among[pairs])]
     half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
     graph = half + half.T
     sizes = np.diff(graph.indptr)
@@ -110,3 +120,16 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np
     reverses = np.zeros(exists.shape, np.int32)
     reverses[exists] = sparse.csr_array((slot, graph.indices, graph.indptr), shape=graph.shape).tocsc().data
     return neighbours, reverses, incomplete
+
+
+def _graded_pairs(points: np.ndarray, horizons: np.ndarray) -> np.ndarray:
+    """Pairs of points no further apart than the mean of their horizons [m], the lower index first, shape (B, 2)."""
+    from scipy.spatial import cKDTree
+
+    found = cKDTree(points).query_ball_point(points, horizons * (1.0 + TOLERANCE))
+    tail = np.repeat(np.arange(len(points)), [len(members) for members in found])
+    head = np.concatenate([np.asarray(members, np.int64) for members in found])
+    # Of two points, the one with the longer horizon finds the other.
+    pairs = np.unique(np.sort(np.column_stack([tail, head])[tail != head], axis=1), axis=0)
+    length = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
+    return np.asarray(pairs[length <= horizons[pairs].mean(axis=1) * (1.0 + TOLERANCE)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -16,19 +17,24 @@ from ..kernels.intersections import common_members, intersection_shapes
 ROWS = 4096
 
 
-def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float) -> np.ndarray:
+def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float, horizons: np.ndarray | None) -> np.ndarray:
     """Masks of the intersections, uint32, shape (R, n, words).
 
     Args:
-        bonds: X / horizon, shape (R, n, 2).
+        bonds: X / horizon, shape (R, n, 2) or (R, n, 3).
         exists: Which members exist, the first ones of each row, shape (R, n).
         tolerance: Relative tolerance of the horizon.
+        horizons: Of the members over the horizon, shape (R, n), on graded sheets.
     """
-    rows, n = exists.shape
+    (rows, n), dimension = exists.shape, bonds.shape[2]
     common = np.zeros((rows, n, -(-n // WORD)), np.uint32)
-    _run(common_members(), rows, [_on_host(bonds, wp.vec2d), _sizes(exists), (1.0 + tolerance) ** 2], [
-        _on_host(common, wp.uint32)
-    ])  # fmt: skip
+    read = [
+        _on_host(bonds, wp.types.vector(length=dimension, dtype=wp.float64)),
+        None if horizons is None else _on_host(horizons, wp.float64),
+        _sizes(exists),
+        (1.0 + tolerance) ** 2,
+    ]
+    _run(common_members(dimension, horizons is not None), rows, read, [_on_host(common, wp.uint32)])
     return common
 
 
@@ -71,7 +77,7 @@ def _run(kernel: Kernel, rows: int, read: list[Any], written: list[Any]) -> None
         wp.launch(
             kernel.kernel, dim=int(end - begin), inputs=[*read, int(begin), *written], device="cpu", record_cmd=True
         )
-        for begin, end in zip(bounds[:-1], bounds[1:], strict=True)
+        for begin, end in itertools.pairwise(bounds)
     ]
     for _ in cores().map(lambda command: command.launch(), commands):
         pass

@@ -1,4 +1,4 @@
-"""Pictures: surfaces in space, from above, and curves. matplotlib is imported here only."""
+"""Pictures of results: surfaces in space, from above, and curves. Matplotlib is imported here and in `sheet_plot`."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def surfaces(
     columns = _columns(len(frames))
     rows = -(-len(frames) // columns)
     colours, norm = _colours(frames, field, limits)
-    figure = _figure(5.2 * columns, 4.2 * rows)
+    figure = new_figure(5.2 * columns, 4.2 * rows)
     figure.get_layout_engine().set(wspace=0.1)
     axes_list = []
     bounds = np.array([_bounds(f) for f in frames])
@@ -114,7 +114,7 @@ def surfaces(
         axes.view_init(elev=view[0], azim=view[1])
         axes_list.append(axes)
     figure.colorbar(ScalarMappable(norm, colours), ax=axes_list, label=label, shrink=0.7, pad=0.12)
-    _save(figure, path)
+    save(figure, path)
 
 
 def from_above(
@@ -133,7 +133,7 @@ def from_above(
     margin = 0.03 * (high - low).max()
     width = 6.0 if columns == 1 else 4.2
     height = min(max(width * (high - low)[1] / (high - low)[0], 1.0), 1.5 * width)
-    figure = _figure(width * columns + 1.4, (height + 0.5) * rows + 0.4)
+    figure = new_figure(width * columns + 1.4, (height + 0.5) * rows + 0.4)
     axes_grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes, frame in zip(axes_grid.flat, frames, strict=False):
         order = np.argsort(frame.points[frame.triangles, 2].mean(axis=1))
@@ -150,7 +150,7 @@ def from_above(
     figure.supxlabel("x (m)")
     figure.supylabel("y (m)")
     figure.colorbar(ScalarMappable(norm, colours), ax=axes_grid, label=label)
-    _save(figure, path)
+    save(figure, path)
 
 
 def reference(
@@ -182,7 +182,7 @@ def curves(
         marks: Reference values (x, y).
         marks_label: What they are.
     """
-    figure = _figure(6.4, 4.0)
+    figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
     across = [row[against] for row in history]
     known = [name for name in names if all(name in row for row in history)]
@@ -196,19 +196,19 @@ def curves(
     axes.set(xlabel=xlabel, ylabel=ylabel)
     axes.grid(alpha=0.3)
     axes.legend()
-    _save(figure, path)
+    save(figure, path)
 
 
 def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]], xlabel: str, ylabel: str) -> None:
     """Curves (label, x, y, style of matplotlib), each with points of its own."""
-    figure = _figure(6.4, 4.0)
+    figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
     for label, x, y, style in lines:
         axes.plot(x, y, style, label=label, markersize=4, markevery=max(1, len(x) // 40))
     axes.set(xlabel=xlabel, ylabel=ylabel)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    _save(figure, path)
+    save(figure, path)
 
 
 def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
@@ -230,7 +230,7 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     largest, angle = frame.fields["principal_stress"][chosen][:, [0, 2]].T
     x, y = frame.reference[chosen, :2].T
     width = 8.0
-    figure = _figure(width + 1.5, max(2.5, width * size[1] / size[0]) + 0.6)
+    figure = new_figure(width + 1.5, max(2.5, width * size[1] / size[0]) + 0.6)
     axes = figure.subplots()
     length = np.sqrt(np.maximum(largest, 0.0) / (largest.max() if largest.max() > 0.0 else 1.0))
     drawn = axes.quiver(
@@ -239,7 +239,7 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     )  # fmt: skip
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
     figure.colorbar(drawn, ax=axes, label=label)
-    _save(figure, path)
+    save(figure, path)
 
 
 def _columns(panels: int) -> int:
@@ -254,7 +254,7 @@ def _colours(frames: Sequence[Shown], field: str, limits: tuple[float, float] | 
     return colormaps[COLOURS], Normalize(*(limits or _range(frames, field)))
 
 
-def _figure(width: float, height: float) -> Any:
+def new_figure(width: float, height: float) -> Any:
     """A figure that is drawn into files alone: pyplot, and the backend that a user chose for it, have no part in it."""
     from matplotlib.figure import Figure
 
@@ -305,7 +305,8 @@ def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:
     return low, high if high > low else low + 1.0
 
 
-def _save(figure: Any, path: Path) -> None:
+def save(figure: Any, path: Path, **options: Any) -> None:
+    """Write a picture, complete or not at all, in the format of its suffix."""
     aside = path.with_name(f".{path.name}.unfinished")
-    figure.savefig(aside, dpi=130, format="png")
+    figure.savefig(aside, dpi=130, format=path.suffix[1:].lower(), **options)
     os.replace(aside, path)

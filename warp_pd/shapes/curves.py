@@ -157,21 +157,21 @@ def spread_on_segment(start: np.ndarray, end: np.ndarray, spacing: Spacing) -> n
         return np.asarray(start + t[:, None] * (np.asarray(end) - start))
 
     # The last is the end itself, without round-off.
-    return np.vstack([at(_spread(at, spacing, 1)[:-1]), end])
+    return np.vstack([at(spread_evenly(at, spacing, 1)[:-1]), end])
 
 
 def spread_on_curve(
     at: Callable[[np.ndarray], np.ndarray], spacing: Spacing, multiple: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points of a smooth closed curve, and zeros: it has one side."""
-    t = _spread(at, spacing, multiple)[:-1]
+    t = spread_evenly(at, spacing, multiple)[:-1]
     if len(t) < 4:
         raise InputError(f"a curve has {len(t)} points at this spacing: expected 4 or more; take a finer spacing")
     return at(t), np.zeros(len(t), np.int64)
 
 
-def _spread(at: Callable[[np.ndarray], np.ndarray], spacing: Spacing, multiple: int) -> np.ndarray:
-    """Parameters 0 .. 1 whose points are about a spacing apart."""
+def spread_evenly(at: Callable[[np.ndarray], np.ndarray], spacing: Spacing, multiple: int) -> np.ndarray:
+    """Parameters 0 .. 1 whose points are about a spacing apart, a multiple of `multiple` pieces."""
     dense = np.linspace(0.0, 1.0, DENSE + 1)
     points = at(dense)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)

@@ -170,7 +170,7 @@ def boundary_edges(triangles: np.ndarray) -> np.ndarray:
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
     low, high = edges.min(axis=1), edges.max(axis=1)
     _, inverse, times = np.unique(low * (high.max(initial=0) + 1) + high, return_inverse=True, return_counts=True)
-    return edges[times[inverse] == 1].astype(np.int32)
+    return np.asarray(edges[times[inverse] == 1], np.int32)
 
 
 def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

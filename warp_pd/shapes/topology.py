@@ -1,0 +1,115 @@
+"""Edges and sides of triangulated surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+
+def directed_edges(triangles: np.ndarray) -> np.ndarray:
+    """The three edges of each triangle in its direction, shape (3 F, 2); edge e belongs to triangle e % F."""
+    return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+
+
+def undirected(edges: np.ndarray) -> np.ndarray:
+    """Number of each edge, whatever its direction, shape (E,)."""
+    low, high = np.sort(edges.astype(np.int64), axis=1).T
+    _, number = np.unique(low * (int(high.max(initial=0)) + 1) + high, return_inverse=True)
+    return np.asarray(number)
+
+
+def crowded_edges(triangles: np.ndarray) -> np.ndarray:
+    """Edges that belong to more than two triangles, shape (K, 2)."""
+    edges = directed_edges(triangles)
+    number = undirected(edges)
+    first = np.unique(number, return_index=True)[1]
+    return np.sort(edges[first[np.bincount(number, minlength=1) > 2]], axis=1)
+
+
+def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles that share an edge, shape (K, 2), and whether both run along it in one direction: opposite sides.
+
+    No edge may belong to more than two triangles.
+    """
+    edges = directed_edges(triangles)
+    number = undirected(edges)
+    order = np.argsort(number, kind="stable")
+    shared = np.flatnonzero(number[order[1:]] == number[order[:-1]])
+    one, other = order[shared], order[shared + 1]
+    return np.column_stack([one, other]) % len(triangles), edges[one, 0] == edges[other, 0]
+
+
+def pieces(triangles: np.ndarray) -> np.ndarray:
+    """Number of the connected piece of each triangle, shape (F,); pieces share no edge."""
+    pairs, _ = neighbours(triangles)
+    return _components(len(triangles), pairs)
+
+
+def flipped(triangles: np.ndarray) -> np.ndarray | None:
+    """Triangles that face the other side than most of their piece; None if a piece has one side, as Moebius' strip.
+
+    Each triangle is taken twice, as it is and turned around; neighbours are joined where they agree. A piece with two
+    sides falls into two copies, and its triangles as they are lie in one or in the other.
+    """
+    count = len(triangles)
+    pairs, opposite = neighbours(triangles)
+    turned = np.where(opposite, count, 0)
+    copies = np.concatenate(
+        [
+            np.column_stack([pairs[:, 0], pairs[:, 1] + turned]),
+            np.column_stack([pairs[:, 0] + count, pairs[:, 1] + count - turned]),
+        ]
+    )
+    label = _components(2 * count, copies)
+    upright, reverse = label[:count], label[count:]
+    if (upright == reverse).any():
+        return None
+    piece = np.minimum(upright, reverse)
+    first = upright == piece
+    votes = np.bincount(piece, np.where(first, 1.0, -1.0), minlength=2 * count)
+    return np.flatnonzero(np.where(votes[piece] >= 0.0, ~first, first))
+
+
+def boundary_rings(edges: np.ndarray) -> list[np.ndarray]:
+    """Closed rings of boundary edges, shape (B, 2): the points of each in order. A point may be in several."""
+    following: dict[int, list[int]] = {}
+    for start, end in edges.tolist():
+        following.setdefault(start, []).append(end)
+    rings = []
+    while following:
+        at = start = next(iter(following))
+        ring: list[int] = []
+        while not ring or at != start:
+            ring.append(at)
+            ends = following[at]
+            following_point = ends.pop()
+            if not ends:
+                del following[at]
+            at = following_point
+        rings.append(np.array(ring))
+    return rings
+
+
+def ring_names(points: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
+    """Points of the rings of a flat sheet's boundary by name: "outline" and "hole 1", "hole 2", ..., the largest first.
+
+    Several pieces have "outline 1", "outline 2", ...
+
+    Args:
+        points: [m], shape (N, 2).
+        edges: Boundary edges with the sheet on the left, shape (B, 2).
+    """
+    rings = boundary_rings(edges)
+    x, y = (([points[ring, c] for ring in rings]) for c in (0, 1))
+    areas = [float(np.sum(a * np.roll(b, -1) - b * np.roll(a, -1))) for a, b in zip(x, y, strict=True)]
+    outer = sorted((k for k, area in enumerate(areas) if area > 0.0), key=lambda k: -areas[k])
+    holes = sorted((k for k, area in enumerate(areas) if area <= 0.0), key=lambda k: areas[k])
+    names = ["outline"] if len(outer) == 1 else [f"outline {number}" for number in range(1, len(outer) + 1)]
+    names += [f"hole {number}" for number in range(1, len(holes) + 1)]
+    return {name: np.unique(rings[k]).astype(np.int32) for name, k in zip(names, outer + holes, strict=True)}
+
+
+def _components(count: int, pairs: np.ndarray) -> np.ndarray:
+    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])
