@@ -66,7 +66,7 @@ def intersection_shapes() -> Kernel:
     @kernel(MODULE)
     def sum_intersection_shapes(
         bonds: wp.array2d(dtype=wp.vec2d),
-        shares: wp.array2d(dtype=wp.float64),
+        influences: wp.array2d(dtype=wp.float64),
         areas: wp.array2d(dtype=wp.float64),
         sizes: wp.array(dtype=wp.int32),
         common: wp.array3d(dtype=wp.uint32),
@@ -85,7 +85,7 @@ def intersection_shapes() -> Kernel:
                         k = word * word_size + lowest_bit(members)
                         members = without_lowest_bit(members)
                         xi = bonds[i, k]
-                        c = shares[i, k]
+                        c = influences[i, k] * areas[i, k]
                         shape += wp.vec3d(c * xi[0] * xi[0], c * xi[0] * xi[1], c * xi[1] * xi[1])
                         total += areas[i, k]
             if determines_gradient(shape):

@@ -7,8 +7,9 @@ import numpy as np
 from ..checks import InputError
 from ..sheet import Sheet
 from .intersections import common_by_row
+from .neighbours import near_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
-from .visibility import cut_through, severed
+from .visibility import cut_through, nothing_severed, severed
 
 
 def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
@@ -55,7 +56,7 @@ def point_rows(
     def fill(part: slice) -> None:
         here, member = exists[part], np.maximum(neighbours[part], 0)
         bonds[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon
-        r = np.linalg.norm(bonds[part], axis=-1)
+        r = np.sqrt(bonds[part, :, 0] ** 2 + bonds[part, :, 1] ** 2)
         if horizons is not None and relative is not None:
             r /= 0.5 * (horizons[part] + relative[owners[part], None])
         r = np.minimum(r, 1.0)
@@ -96,6 +97,16 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np
         Their neighbours in ascending order, -1 where there is none, and reverse members, (P, n); which lost bonds to a
         cut, (P,).
     """
+    if sheet.spacings is None and nothing_severed(sheet):
+        near, reverses = near_by_row(sheet.points[among], horizon * (1.0 + TOLERANCE))
+        if len(among) < sheet.size:
+            near = np.where(near >= 0, among.astype(np.int32)[near], -1)
+        return near, reverses, np.zeros(len(among), bool)
+    return _neighbours_of_pairs(sheet, among, horizon)
+
+
+def _neighbours_of_pairs(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same where horizons differ, or some pairs within the horizon share no bond."""
     from scipy import sparse
     from scipy.spatial import cKDTree
 
@@ -105,9 +116,8 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np
     else:
         pairs = _graded_pairs(sheet.points[among], sheet.spacings[among] * (horizon / sheet.spacing))
     incomplete = np.zeros(size, bool)
-    if sheet.cuts or sheet.barriers is not None or sheet.bodies is not None:
-        incomplete[pairs[cut_through(sheet, among[pairs])]] = True
-        pairs = pairs[~severed(sheet, among[pairs])]
+    incomplete[pairs[cut_through(sheet, among[pairs])]] = True
+    pairs = pairs[~severed(sheet, among[pairs])]
     half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
     graph = half + half.T
     sizes = np.diff(graph.indptr)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from ..cores import available_cores, cores, start_warp
-from ..kernels.effects import Kernel
 from ..kernels.families import WORD
 from ..kernels.intersections import common_members, intersection_shapes
-
-# Fewest rows that are worth a thread.
-ROWS = 4096
+from .host_kernels import on_host, run_on_host
 
 
 def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float, horizons: np.ndarray | None) -> np.ndarray:
@@ -29,23 +24,23 @@ def common_by_row(bonds: np.ndarray, exists: np.ndarray, tolerance: float, horiz
     (rows, n), dimension = exists.shape, bonds.shape[2]
     common = np.zeros((rows, n, -(-n // WORD)), np.uint32)
     read = [
-        _on_host(bonds, wp.types.vector(length=dimension, dtype=wp.float64)),
-        None if horizons is None else _on_host(horizons, wp.float64),
+        on_host(bonds, wp.types.vector(length=dimension, dtype=wp.float64)),
+        None if horizons is None else on_host(horizons, wp.float64),
         _sizes(exists),
         (1.0 + tolerance) ** 2,
     ]
-    _run(common_members(dimension, horizons is not None), rows, read, [_on_host(common, wp.uint32)])
+    run_on_host(common_members(dimension, horizons is not None), rows, read, [on_host(common, wp.uint32)])
     return common
 
 
 def shapes_by_row(
-    bonds: np.ndarray, shares: np.ndarray, areas: np.ndarray, exists: np.ndarray, common: np.ndarray
+    bonds: np.ndarray, influence: np.ndarray, areas: np.ndarray, exists: np.ndarray, common: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Inverse shape tensors, shape (R, n, 3), and sizes, shape (R, n), as of `Families.inverse_shapes`.
 
     Args:
         bonds: X / horizon, shape (R, n, 2).
-        shares: c_k, shape (R, n).
+        influence: w, shape (R, n).
         areas: Areas of the members, shape (R, n).
         exists: Which members exist, the first ones of each row, shape (R, n).
         common: Masks of the intersections, shape (R, n, words).
@@ -53,31 +48,12 @@ def shapes_by_row(
     rows, n = exists.shape
     inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
     read = [
-        _on_host(bonds, wp.vec2d), _on_host(shares, wp.float64), _on_host(areas, wp.float64), _sizes(exists),
-        _on_host(common, wp.uint32),
+        on_host(bonds, wp.vec2d), on_host(influence, wp.float64), on_host(areas, wp.float64), _sizes(exists),
+        on_host(common, wp.uint32),
     ]  # fmt: skip
-    _run(intersection_shapes(), rows, read, [_on_host(inverse, wp.vec3d), _on_host(size, wp.float64)])
+    run_on_host(intersection_shapes(), rows, read, [on_host(inverse, wp.vec3d), on_host(size, wp.float64)])
     return inverse, size
 
 
-def _on_host(values: np.ndarray, dtype: Any) -> Any:
-    """The same memory as a Warp array."""
-    start_warp()
-    return wp.array(np.ascontiguousarray(values), dtype=dtype, device="cpu", copy=False)
-
-
 def _sizes(exists: np.ndarray) -> Any:
-    return _on_host(exists.sum(axis=1).astype(np.int32), wp.int32)
-
-
-def _run(kernel: Kernel, rows: int, read: list[Any], written: list[Any]) -> None:
-    parts = min(available_cores(), max(1, rows // ROWS))
-    bounds = np.linspace(0, rows, parts + 1).astype(int)
-    commands: list[Any] = [
-        wp.launch(
-            kernel.kernel, dim=int(end - begin), inputs=[*read, int(begin), *written], device="cpu", record_cmd=True
-        )
-        for begin, end in itertools.pairwise(bounds)
-    ]
-    for _ in cores().map(lambda command: command.launch(), commands):
-        pass
+    return on_host(exists.sum(axis=1).astype(np.int32), wp.int32)

@@ -198,7 +198,7 @@ class Families:
         """
         rows, n = self.exists.shape
         if self.bonds.ndim == 3:
-            return shapes_by_row(self.bonds, self.member_shares, self.member_areas, self.exists, self.common)
+            return shapes_by_row(self.bonds, self.influence, self.member_areas, self.exists, self.common)
         inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
 
         def fill(part: slice) -> None:
