@@ -69,7 +69,7 @@ class Case:
 
     def simulation(self) -> Simulation:
         """The sheet with its loads, supports and contact."""
-        solid = {"thickness": 1e-2, "density": 1000.0}
+        solid: dict[str, Any] = {"thickness": 1e-2, "density": 1000.0}
         if self.layout == "tube":
             around = (self.points, self.points)
             sheet = Sheet.tube(0.5 / np.pi, (self.points - 1) / self.points, points=around, **solid)
