@@ -218,7 +218,7 @@ class Families:
         return inverse, size
 
     def tilts(self, inverse: np.ndarray) -> np.ndarray:
-        """Slopes of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
+        """Tilts of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
 
         Args:
             inverse: K_ij^-1, shape (N, n, 3).
@@ -236,8 +236,9 @@ class Families:
             mask = unpack(self.common[part], self.members).astype(np.float64)
             moment = mask @ ((c * rises)[..., None] * self.bonds[part])
             a, b, d = np.moveaxis(inverse[part], -1, 0)
-            tilts[part, :, 0] = a * moment[..., 0] + b * moment[..., 1]
-            tilts[part, :, 1] = b * moment[..., 0] + d * moment[..., 1]
+            first, second = a * moment[..., 0] + b * moment[..., 1], b * moment[..., 0] + d * moment[..., 1]
+            s = np.sqrt(1.0 + first**2 + second**2)
+            tilts[part] = np.stack([first, second], axis=-1) / np.sqrt(s * (1.0 + s))[..., None]
 
         in_blocks(len(inverse), self.members**2, fill)
         return tilts
