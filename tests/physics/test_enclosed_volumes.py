@@ -126,3 +126,22 @@ def test_cut_triangles_carry_no_pressure(make):
     # On a grid the other cuts of squares have triangles of their own; all of a square that the crack crosses go.
     assert torn[:, 2].sum() == pytest.approx(5.0 * areas[whole].sum(), rel=1e-3 if make is jittered else 0.02)
     assert torn[:, 2].sum() < 0.99 * undamaged[:, 2].sum()
+
+
+@pytest.mark.parametrize("precision", [64, 32])
+def test_a_balloon_stretched_to_its_size_by_a_gas_is_at_rest(precision):
+    """Of the exact pressure 2 mu h / R (1/l - 1/l^7), R and h without stress; flat triangles lack volume, at h^2."""
+    stretch = 1.5
+    exact = 2.0 * 1e3 * THICKNESS * stretch / RADIUS * (1.0 / stretch - stretch**-7)
+    moved = []
+    for points in (8, 16):
+        sheet = Sheet.sphere(RADIUS, thickness=THICKNESS, density=1e3, points=points).prestretched(stretch)
+        law = BondAssociated(RUBBER, horizon=2.015, weights="corrected")
+        gas = EnclosedGas(gauge=exact, ambient=1e3)
+        result = Simulation(sheet, law, Explicit(0.3, frames=2, damping=20.0), loads=[gas]).run(
+            device="cpu", precision=precision
+        )
+        assert result.history[0]["pressure"] == pytest.approx(exact, rel=1e-6)
+        assert abs(result.history[-1]["balance_error"]) < 1e-3
+        moved.append(np.linalg.norm(result.frame.displacement, axis=1).max() / RADIUS)
+    assert moved[1] < 0.01 and moved[1] < 0.4 * moved[0]
