@@ -101,7 +101,7 @@ def energy_of_families(layout: str, bits: int, family_energy: wp.Function, modul
     """Kernel that fills `out` [points] with the energy of each family, J.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
             energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
@@ -146,7 +146,7 @@ def sums_of_bonds(
     without stiffness keeps the density `least`.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         breakable: Whether bonds can break.
         Constants: Type of the law's constants.
@@ -184,7 +184,7 @@ def sums_of_bonds(
                 members = without_lowest_bit(members)
                 m = f.neighbour(family, i, k)
                 U = inverse_horizon * (displacement[m] - ui)
-                pull += force_of(family, constants, i, k, m, f.bond(family, i, k), U)
+                pull += force_of(family, constants, i, k, m, f.chord(family, i, k), U)
         force[i] = unit_force * pull
 
     @kernel(module, gathers=("displacement", "constants.factors"))
@@ -205,7 +205,7 @@ def sums_of_bonds(
             if bonds.is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
                 U = inverse_horizon * (displacement[m] - displacement[i])
-                total += stiffness_of(family, constants, i, k, m, f.bond(family, i, k), U)
+                total += stiffness_of(family, constants, i, k, m, f.chord(family, i, k), U)
         density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
 
     return pair_force, row_sums

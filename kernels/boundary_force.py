@@ -27,7 +27,7 @@ def boundary_force(layout: str, bits: int, breakable: bool, form: str, module: s
     can, there is one thread per point, since any point may come to lie at a crack; `points` is then None.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         breakable: Whether bonds can break; points that lost one carry the force too.
         form: "normal" or "printed".

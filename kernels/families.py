@@ -1,10 +1,16 @@
-"""Families of bonds in two layouts, read through the same functions.
+"""Families of bonds in three layouts, read through the same functions.
 
 Lattice: all points share one stencil. Points with the same neighbourhood form a family class (`family_class`) and share
-one row of a small table: bits, shape tensors, weights, area. Cloud: every point has its own row.
+one row of a small table: bits, shape tensors, weights, area. Cloud: every point has its own row. Grid: the points deep
+inside a square grid, whose families and those of all their members are complete, share row 0; all others have a row of
+their own. A grid may have gaps, so index shifts are not constant; but the members of a deep point in one grid line are
+consecutive, and `centres` holds the one straight above or below the point.
 
-Either layout may come "with shares": bonds then lose their weight gradually, and a table holds the share that each bond
+Each layout may come "with shares": bonds then lose their weight gradually, and a table holds the share that each bond
 has left, 1 to 0. It is a factor on the influence and the weight of the bond, so that laws need not know of it.
+
+A cloud may be curved: its points lie on a surface in space. xi is then the projection of the bond on the tangent plane
+of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is the chord X = Q (xi, rise).
 
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
 area of a point. Every tabulated number is therefore of order one, in any system of units and in float32.
@@ -19,6 +25,7 @@ import warp as wp
 from .numeric import numeric
 
 WORD = 32
+CURVED = " curved"
 WITH_SHARES = " with shares"
 
 
@@ -39,6 +46,12 @@ class FamilyFunctions:
         area: (family, i) -> a_i divided by the reference area.
         family_area: (family, i) -> undamaged |H_i| divided by the reference area.
         share: (family, i, k) -> what the bond has left of its weight, 1 to 0.
+        chord: (family, i, k) -> X of the bond in space, divided by the horizon: vec3 if curved, otherwise xi, vec2.
+        rise: (family, i, k) -> height of the member over the tangent plane divided by the horizon; zero if flat.
+        tilt: (family, i, k) -> tilt of the undamaged intersection against the tangent plane, vec2, see
+            kernels/kinematics.py; zero if flat.
+        to_frame: (family, i, v) -> vector in space by its components in the frame of i; v itself if flat.
+        from_frame: (family, i, v) -> the inverse.
     """
 
     struct: Any
@@ -53,6 +66,11 @@ class FamilyFunctions:
     area: wp.Function
     family_area: wp.Function
     share: wp.Function
+    chord: wp.Function
+    rise: wp.Function
+    tilt: wp.Function
+    to_frame: wp.Function
+    from_frame: wp.Function
 
 
 @functools.cache
@@ -131,101 +149,200 @@ def lattice_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
     def family_area(family: LatticeFamily, i: int):
         return family.class_family_area[family.family_class[i]]
 
+    @wp.func(module=module)
+    def rise(family: LatticeFamily, i: int, k: int):
+        return real(0.0)
+
+    @wp.func(module=module)
+    def tilt(family: LatticeFamily, i: int, k: int):
+        return vec2(real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def same(family: LatticeFamily, i: int, v: vec3):
+        return v
+
     return FamilyFunctions(
-        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share
-    )
+        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
+        chord=bond, rise=rise, tilt=tilt, to_frame=same, from_frame=same,
+    )  # fmt: skip
 
 
 @functools.cache
-def cloud_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
-    """Functions of the cloud layout: tables [member, point]; `shares` as for the lattice."""
+def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved: bool = False) -> FamilyFunctions:
+    """Functions of the cloud and, with `gridded`, of the grid: tables [member, row]; `shares` as for the lattice."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
-    @functools.partial(wp.struct, module=module)
-    class CloudFamily:
-        members: wp.int32
-        words: wp.int32
-        neighbours: wp.array2d(dtype=wp.int32)
-        reverses: wp.array2d(dtype=wp.int32)
-        bonds: wp.array2d(dtype=vec2)
-        influences: wp.array2d(dtype=real)
-        commons: wp.array3d(dtype=wp.uint32)
-        initials: wp.array2d(dtype=wp.uint32)
-        shapes: wp.array2d(dtype=vec3)
-        weights: wp.array2d(dtype=real)
-        areas: wp.array(dtype=real)
-        family_areas: wp.array(dtype=real)
-        shares: wp.array2d(dtype=real)
+    if gridded:
+
+        @functools.partial(wp.struct, module=module)
+        class Family:
+            members: wp.int32
+            words: wp.int32
+            family_class: wp.array(dtype=wp.int32)
+            centres: wp.array2d(dtype=wp.int32)
+            stencil_line: wp.array(dtype=wp.int32)
+            stencil_right: wp.array(dtype=wp.int32)
+            neighbours: wp.array2d(dtype=wp.int32)
+            reverses: wp.array2d(dtype=wp.int32)
+            bonds: wp.array2d(dtype=vec2)
+            influences: wp.array2d(dtype=real)
+            commons: wp.array3d(dtype=wp.uint32)
+            initials: wp.array2d(dtype=wp.uint32)
+            shapes: wp.array2d(dtype=vec3)
+            weights: wp.array2d(dtype=real)
+            areas: wp.array(dtype=real)
+            family_areas: wp.array(dtype=real)
+            shares: wp.array2d(dtype=real)
+
+    else:
+
+        @functools.partial(wp.struct, module=module)
+        class Family:
+            members: wp.int32
+            words: wp.int32
+            neighbours: wp.array2d(dtype=wp.int32)
+            reverses: wp.array2d(dtype=wp.int32)
+            bonds: wp.array2d(dtype=vec2)
+            influences: wp.array2d(dtype=real)
+            commons: wp.array3d(dtype=wp.uint32)
+            initials: wp.array2d(dtype=wp.uint32)
+            shapes: wp.array2d(dtype=vec3)
+            weights: wp.array2d(dtype=real)
+            areas: wp.array(dtype=real)
+            family_areas: wp.array(dtype=real)
+            shares: wp.array2d(dtype=real)
+            frames: wp.array(dtype=types.mat33)
+            chords: wp.array2d(dtype=vec3)
+            tilts: wp.array2d(dtype=vec2)
 
     @wp.func(module=module)
-    def neighbour(family: CloudFamily, i: int, k: int):
-        return family.neighbours[k, i]
+    def row_of(family: Family, i: int):
+        if wp.static(gridded):
+            return family.family_class[i]
+        else:
+            return i
 
     @wp.func(module=module)
-    def reverse(family: CloudFamily, i: int, k: int):
-        return family.reverses[k, i]
+    def neighbour(family: Family, i: int, k: int):
+        if wp.static(gridded):
+            row = family.family_class[i]
+            if row == 0:
+                return family.centres[family.stencil_line[k], i] + family.stencil_right[k]
+            return family.neighbours[k, row]
+        else:
+            return family.neighbours[k, i]
 
     @wp.func(module=module)
-    def bond(family: CloudFamily, i: int, k: int):
-        return family.bonds[k, i]
+    def reverse(family: Family, i: int, k: int):
+        return family.reverses[k, row_of(family, i)]
 
     @wp.func(module=module)
-    def share(family: CloudFamily, i: int, k: int):
+    def bond(family: Family, i: int, k: int):
+        return family.bonds[k, row_of(family, i)]
+
+    @wp.func(module=module)
+    def share(family: Family, i: int, k: int):
         if wp.static(shares):
             return family.shares[k, i]
         else:
             return real(1.0)
 
     @wp.func(module=module)
-    def influence(family: CloudFamily, i: int, k: int):
+    def influence(family: Family, i: int, k: int):
         if wp.static(shares):
-            return family.influences[k, i] * family.shares[k, i]
+            return family.influences[k, row_of(family, i)] * family.shares[k, i]
         else:
-            return family.influences[k, i]
+            return family.influences[k, row_of(family, i)]
 
     @wp.func(module=module)
-    def common(family: CloudFamily, i: int, k: int, word: int):
-        return family.commons[k, word, i]
+    def common(family: Family, i: int, k: int, word: int):
+        return family.commons[k, word, row_of(family, i)]
 
     @wp.func(module=module)
-    def initial(family: CloudFamily, i: int, word: int):
-        return family.initials[word, i]
+    def initial(family: Family, i: int, word: int):
+        return family.initials[word, row_of(family, i)]
 
     @wp.func(module=module)
-    def shape(family: CloudFamily, i: int, k: int):
-        return family.shapes[k, i]
+    def shape(family: Family, i: int, k: int):
+        return family.shapes[k, row_of(family, i)]
 
     @wp.func(module=module)
-    def weight(family: CloudFamily, i: int, k: int):
+    def weight(family: Family, i: int, k: int):
         if wp.static(shares):
-            return family.weights[k, i] * family.shares[k, i]
+            return family.weights[k, row_of(family, i)] * family.shares[k, i]
         else:
-            return family.weights[k, i]
+            return family.weights[k, row_of(family, i)]
 
     @wp.func(module=module)
-    def area(family: CloudFamily, i: int):
-        return family.areas[i]
+    def area(family: Family, i: int):
+        return family.areas[row_of(family, i)]
 
     @wp.func(module=module)
-    def family_area(family: CloudFamily, i: int):
-        return family.family_areas[i]
+    def family_area(family: Family, i: int):
+        return family.family_areas[row_of(family, i)]
+
+    @wp.func(module=module)
+    def chord(family: Family, i: int, k: int):
+        return family.chords[k, i]
+
+    @wp.func(module=module)
+    def rise(family: Family, i: int, k: int):
+        if wp.static(curved):
+            Q = family.frames[i]
+            X = family.chords[k, i]
+            return Q[0, 2] * X[0] + Q[1, 2] * X[1] + Q[2, 2] * X[2]
+        else:
+            return real(0.0)
+
+    @wp.func(module=module)
+    def tilt(family: Family, i: int, k: int):
+        if wp.static(curved):
+            return family.tilts[k, i]
+        else:
+            return vec2(real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def to_frame(family: Family, i: int, v: vec3):
+        if wp.static(curved):
+            return wp.transpose(family.frames[i]) * v
+        else:
+            return v
+
+    @wp.func(module=module)
+    def from_frame(family: Family, i: int, v: vec3):
+        if wp.static(curved):
+            return family.frames[i] * v
+        else:
+            return v
 
     return FamilyFunctions(
-        CloudFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share
-    )
+        Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
+        chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
+    )  # fmt: skip
 
 
 @functools.cache
 def family_functions(layout: str, bits: int, module: str) -> FamilyFunctions:
-    """Functions of `layout`, "lattice" or "cloud", either of them perhaps `WITH_SHARES`."""
-    functions = lattice_functions if is_lattice(layout) else cloud_functions
-    return functions(bits, has_shares(layout), module)
+    """Functions of `layout`, "lattice", "grid" or "cloud"; a cloud perhaps `CURVED`, each perhaps `WITH_SHARES`."""
+    if is_lattice(layout):
+        return lattice_functions(bits, has_shares(layout), module)
+    return table_functions(bits, has_shares(layout), is_grid(layout), module, is_curved(layout))
 
 
 def is_lattice(layout: str) -> bool:
     """Whether all points share one stencil."""
     return layout.removesuffix(WITH_SHARES) == "lattice"
+
+
+def is_grid(layout: str) -> bool:
+    """Whether the points deep inside a grid share one stencil, and all others have rows of their own."""
+    return layout.removesuffix(WITH_SHARES) == "grid"
+
+
+def is_curved(layout: str) -> bool:
+    """Whether the points lie on a surface in space."""
+    return layout.removesuffix(WITH_SHARES).endswith(CURVED)
 
 
 def has_shares(layout: str) -> bool:

@@ -73,7 +73,7 @@ def neural(
     """Kernels of the law.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         breakable: Whether bonds can break.

@@ -54,7 +54,7 @@ def bond_kinematics(
     """Warp functions `family_frame` and `bond_motion`.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         breakable: Whether bonds can break.

@@ -117,7 +117,7 @@ def nodal(layout: str, bits: int, material: PairFactory, breakable: bool, module
     """Kernels of the nodal law.
 
     Args:
-        layout: "lattice" or "cloud".
+        layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         material: Factory of (stress, energy), called with `bits`.
         breakable: Whether bonds can break.

@@ -34,7 +34,7 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
     at the stretch `none_above`. The elongation of a bond shorter than the spacing counts over the spacing in both.
 
     Args:
-        layout: "lattice with shares" or "cloud with shares".
+        layout: "lattice with shares", "grid with shares" or "cloud with shares".
         bits: 32 or 64.
         spared: Whether the bonds of some points never soften.
         earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by

@@ -1,4 +1,4 @@
-"""Fast path of the variational bond-associated law: undamaged families inside a square lattice.
+"""Fast path of the variational bond-associated law: undamaged families inside a square lattice or grid.
 
 They are identical, so all data of their reference configuration are constants in the code. With
     F_ij = I + sum_k U_ik (x) b_jk,    b_jk = c_k K_ij^-1 X_ik,    t_ik = h sum_j W_ij P_ij b_jk
@@ -12,6 +12,7 @@ stays in registers, and the code in the instruction cache of a GPU. The material
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -51,7 +52,7 @@ class Stencil:
 
 @functools.cache
 def undamaged_lattice_force(
-    bits: int, near: FunctionFactory, stencil: Stencil, breakable: bool, listed: bool, module: str
+    bits: int, near: FunctionFactory, stencil: Stencil, gridded: bool, breakable: bool, listed: bool, module: str
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
 
@@ -61,6 +62,8 @@ def undamaged_lattice_force(
         bits: 32 or 64.
         near: Factory of stress_near, called with `bits`.
         stencil: Stencil.
+        gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
+            it is the number of columns.
         breakable: Whether families may be damaged; those count as others.
         listed: Whether the indices of all other points go to the list `others` (in any order).
         module: Name of the Warp module.
@@ -84,6 +87,9 @@ def undamaged_lattice_force(
     weights = [real(w) for w in stencil.weights]
     Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
     held = 6 * n * (bits // 32) <= MAX_REGISTERS
+    reach = max(up)
+    begins_line = [k == 0 or up[k] != up[k - 1] for k in range(n)]
+    Places: Any = wp.array2d(dtype=wp.int32) if gridded else int
 
     @wp.func(module=module)
     def turn(v: vec3):
@@ -102,7 +108,7 @@ def undamaged_lattice_force(
         inner: int,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        columns: int,
+        places: Places,
         turns: int,
         constants: parameters,
         inverse_horizon: real,
@@ -131,8 +137,15 @@ def undamaged_lattice_force(
         if wp.static(held):
             U = Vectors()
         if wp.static(held or large):
+            if wp.static(gridded):
+                centre = int(i)
             for k in range(wp.static(n)):
-                u = inverse_horizon * (displacement[i + wp.static(up[k]) * columns + wp.static(right[k])] - origin)
+                if wp.static(gridded):
+                    if wp.static(begins_line[k]):
+                        centre = places[wp.static(up[k] + reach), i]
+                    u = inverse_horizon * (displacement[centre + wp.static(right[k])] - origin)
+                else:
+                    u = inverse_horizon * (displacement[i + wp.static(up[k]) * places + wp.static(right[k])] - origin)
                 if wp.static(held):
                     U[k] = u
                 if wp.static(large):
@@ -149,9 +162,13 @@ def undamaged_lattice_force(
                     if wp.static(inside[j][k] != most[j]):
                         if wp.static(held):
                             u = U[k]
+                        elif wp.static(gridded):
+                            line = wp.static(reach) + cosine * wp.static(up[k]) + sine * wp.static(right[k])
+                            across = cosine * wp.static(right[k]) - sine * wp.static(up[k])
+                            u = inverse_horizon * (displacement[places[line, i] + across] - origin)
                         else:
-                            ahead = wp.static(up[k]) * columns + wp.static(right[k])
-                            aside = wp.static(right[k]) * columns - wp.static(up[k])
+                            ahead = wp.static(up[k]) * places + wp.static(right[k])
+                            aside = wp.static(right[k]) * places - wp.static(up[k])
                             u = inverse_horizon * (displacement[i + cosine * ahead + sine * aside] - origin)
                         if wp.static(most[j]):
                             G1 -= wp.static(c1[k]) * u

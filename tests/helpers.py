@@ -57,7 +57,8 @@ def sever(built, segment):
     """Break the bonds across a segment, as rupture would."""
     families, points = built.law.families, built.simulation.sheet.points
     tail = np.repeat(points[:, None], families.members, axis=1)
-    offsets = (families.bonds if families.bonds.ndim == 3 else families.bonds[None]) * families.horizon
+    bonds = families.rows_of_points(families.bonds) if families.bonds.ndim == 3 else families.bonds[None]
+    offsets = bonds * families.horizon
     lost = crosses(tail, tail + offsets, segment)
     intact = families.rows_of_points(families.exists) & ~lost
     built.law.intact.assign(np.ascontiguousarray(pack(intact).T))

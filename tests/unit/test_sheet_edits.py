@@ -15,6 +15,25 @@ def test_a_hole_shrinks_areas():
     assert holed.lattice is None and holed.size < complete.size
 
 
+def test_points_beside_holes_keep_their_places_on_the_grid():
+    complete = square(41)
+    holed = complete.hole((0.03, 0.05), 0.01).hole((0.07, 0.05), 0.01).cut((0.0, 0.011), (0.02, 0.011))
+    np.testing.assert_allclose(holed.spacing * holed.grid, holed.points, atol=1e-15)
+    assert holed.layout == "grid" and complete.layout == "lattice"
+    assert holed.as_cloud().grid is None and holed.turned(90.0).layout == "cloud"
+    oblong = square(size=0.1, points=(41, 40)).hole((0.05, 0.05), 0.02)
+    assert oblong.grid is None and oblong.layout == "cloud"
+
+
+def test_a_second_hole_leaves_whole_cells_around_points():
+    holed = square(41).hole((0.03, 0.05), 0.01).hole((0.07, 0.05), 0.01)
+    at_once = square(41).hole((0.07, 0.05), 0.01).hole((0.03, 0.05), 0.01)
+    cells = holed.areas / holed.spacing**2
+    assert set(np.round(cells, 9)) == {0.25, 0.5, 0.75, 1.0}
+    np.testing.assert_array_equal(holed.areas, at_once.areas)
+    np.testing.assert_array_equal(holed.triangles, at_once.triangles)
+
+
 def test_stiffness_goes_with_its_points():
     sheet = square(21).stiffened([0, 5], 2.0).stiffened([5], 3.0)
     assert sheet.stiffness[[0, 1, 5]].tolist() == [2.0, 1.0, 6.0]

@@ -7,6 +7,7 @@ import numpy as np
 from ..checks import InputError, finite
 from ..sheet import Sheet
 from .cloud import cloud_families
+from .grid import grid_families
 from .lattice import lattice_families
 from .tables import TOLERANCE, Families, InfluenceFunction, influence_function
 
@@ -20,11 +21,12 @@ def build_families(
     """Families of every point.
 
     Args:
-        sheet: The sheet; a lattice shares one stencil.
+        sheet: The sheet; on a lattice and deep inside a grid, points share one stencil.
         horizon: Horizon in spacings of the sheet [-].
         influence: Name of an influence function, or a function of r = |X| / horizon.
         depth: On a lattice, points up to this many spacings from an edge have separate rows, more than the families
-            alone would need (corrected weights differ that far inside).
+            alone would need (corrected weights differ that far inside). On a grid with gaps, any depth above zero keeps
+            rows apart that corrected weights change.
         intersections: Whether the law needs intersections of families; without them no masks are made, and
             the horizon may be as small as one spacing.
 
@@ -50,6 +52,8 @@ def build_families(
         require_diagonals(sheet, horizon)
     if sheet.lattice is not None:
         return lattice_families(sheet, ratio * sheet.spacing, function, depth, intersections)
+    if sheet.layout == "grid":
+        return grid_families(sheet, ratio * sheet.spacing, function, depth > 0, intersections)
     return cloud_families(sheet, ratio * sheet.spacing, function, intersections)
 
 

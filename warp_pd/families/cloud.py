@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import InputError
-from ..kernels.families import WORD
 from ..sheet import Sheet
-from .masks import pack
+from .intersections import common_by_row
+from .neighbours import near_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
-from .visibility import cut_through, severed
+from .visibility import cut_through, nothing_severed, severed
 
 
 def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
@@ -18,59 +18,122 @@ def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, in
     Raises:
         InputError: for a point without neighbours.
     """
-    points, (neighbours, reverses, incomplete) = sheet.points, _cloud_neighbours(sheet, horizon)
-    size, n = neighbours.shape
+    neighbours, reverses, incomplete = find_neighbours(sheet, np.arange(sheet.size), horizon)
+    refuse_lone_points(sheet, np.arange(sheet.size), neighbours, horizon)
+    return point_rows(sheet, np.arange(sheet.size), neighbours, reverses, incomplete, horizon, function, intersections)
+
+
+def point_rows(
+    sheet: Sheet,
+    owners: np.ndarray,
+    neighbours: np.ndarray,
+    reverses: np.ndarray,
+    incomplete: np.ndarray,
+    horizon: float,
+    function: InfluenceFunction,
+    intersections: bool,
+) -> Families:
+    """Rows of the families of some points, each its own.
+
+    Args:
+        sheet: The sheet.
+        owners: The points, shape (R,).
+        neighbours: Their members, -1 where there is none, shape (R, n).
+        reverses: Member indices of the reverse bonds, shape (R, n).
+        incomplete: Which families lost members to a cut, shape (R,).
+        horizon: [m].
+        function: Influence function.
+        intersections: As for `build_families`.
+    """
+    points, (rows, n) = sheet.points, neighbours.shape
     exists = neighbours >= 0
     reference_area = float(sheet.areas.mean())
-    bonds, influence, member_areas = np.empty((size, n, 2)), np.empty((size, n)), np.empty((size, n))
+    # Of the points, over the horizon that lengths are divided by.
+    relative = None if sheet.spacings is None else sheet.spacings / sheet.spacing
+    horizons = None if relative is None else np.where(exists, relative[neighbours], 1.0)
+    chords = np.empty((rows, n, points.shape[1]))
+    influence, member_areas = np.empty((rows, n)), np.empty((rows, n))
 
     def fill(part: slice) -> None:
         here, member = exists[part], np.maximum(neighbours[part], 0)
-        bonds[part] = np.where(here[..., None], points[member] - points[part, None], 0.0) / horizon
-        r = np.minimum(np.linalg.norm(bonds[part], axis=-1), 1.0)
+        chords[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon
+        r = np.sqrt(sum(x**2 for x in np.moveaxis(chords[part], -1, 0)))
+        if horizons is not None and relative is not None:
+            r /= 0.5 * (horizons[part] + relative[owners[part], None])
+        r = np.minimum(r, 1.0)
         influence[part] = np.where(here, function(np.where(here, r, 1.0)), 0.0)
         member_areas[part] = np.where(here, sheet.areas[member], 0.0) / reference_area
 
-    in_blocks(size, n, fill)
+    in_blocks(rows, n, fill)
+    frames = None if sheet.frames is None else whole_frames(sheet.frames[owners])
     return Families(
         horizon=horizon,
         reference_area=reference_area,
         exists=exists,
-        bonds=bonds,
+        bonds=chords if frames is None else chords @ frames[..., :2],
         influence=influence,
-        common=_cloud_common(bonds, exists) if intersections else np.zeros((0, 0, 0), np.uint32),
+        common=common_by_row(chords, exists, TOLERANCE, horizons) if intersections else np.zeros((0, 0, 0), np.uint32),
         member_areas=member_areas,
-        areas=sheet.areas / reference_area,
+        areas=sheet.areas[owners] / reference_area,
         reverses=reverses,
         neighbours=neighbours,
         severed=incomplete,
-        stiffness=sheet.stiffness,
+        stiffness=None if sheet.stiffness is None else sheet.stiffness[owners],
+        frames=frames,
+        chords=None if frames is None else chords,
     )
 
 
-def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Neighbours in ascending order and reverse members, (N, n); which points lost bonds to a cut, (N,)."""
+def whole_frames(frames: np.ndarray) -> np.ndarray:
+    """Tangent vectors e1 and e2, shape (N, 3, 2), and the normal e1 x e2, as columns, shape (N, 3, 3)."""
+    return np.concatenate([frames, np.cross(frames[..., 0], frames[..., 1])[..., None]], axis=-1)
+
+
+def refuse_lone_points(sheet: Sheet, owners: np.ndarray, neighbours: np.ndarray, horizon: float) -> None:
+    """Raise InputError for a point without neighbours; members never precede a gap, so the first tells."""
+    lone = owners[neighbours[:, 0] < 0] if neighbours.shape[1] else owners
+    if len(lone):
+        raise InputError(
+            f"points[{lone[0]}] at {sheet.points[lone[0]].tolist()} has no neighbour within the horizon "
+            f"{horizon:.6g} m: expected points with at least one; raise the horizon or remove the point"
+        )
+
+
+def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bonds among some points, shape (P,), ascending.
+
+    Returns:
+        Their neighbours in ascending order, -1 where there is none, and reverse members, (P, n); which lost bonds to a
+        cut, (P,).
+    """
+    if sheet.spacings is None and nothing_severed(sheet):
+        near, reverses = near_by_row(sheet.points[among], horizon * (1.0 + TOLERANCE))
+        if len(among) < sheet.size:
+            near = np.where(near >= 0, among.astype(np.int32)[near], -1)
+        return near, reverses, np.zeros(len(among), bool)
+    return _neighbours_of_pairs(sheet, among, horizon)
+
+
+def _neighbours_of_pairs(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same where horizons differ, or some pairs within the horizon share no bond."""
     from scipy import sparse
     from scipy.spatial import cKDTree
 
-    points, size = sheet.points, sheet.size
-    pairs = cKDTree(points).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    size = len(among)
+    if sheet.spacings is None:
+        pairs = cKDTree(sheet.points[among]).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+    else:
+        pairs = _graded_pairs(sheet.points[among], sheet.spacings[among] * (horizon / sheet.spacing))
     incomplete = np.zeros(size, bool)
-    incomplete[pairs[cut_through(sheet, pairs)]] = True
-    pairs = pairs[~severed(sheet, pairs)]
+    incomplete[pairs[cut_through(sheet, among[pairs])]] = True
+    pairs = pairs[~severed(sheet, among[pairs])]
     half = sparse.coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(size, size)).tocsr()
     graph = half + half.T
     sizes = np.diff(graph.indptr)
-    if (sizes == 0).any():
-        lone = int(np.flatnonzero(sizes == 0)[0])
-        raise InputError(
-            f"points[{lone}] at {points[lone].tolist()} has no neighbour within the horizon "
-            f"{horizon:.6g} m: expected points with at least one; raise the horizon or remove the point"
-        )
-    member = np.arange(int(sizes.max()), dtype=np.int32)
+    member = np.arange(int(sizes.max(initial=0)), dtype=np.int32)
     exists = member < sizes[:, None]
     neighbours = np.full(exists.shape, -1, np.int32)
-    neighbours[exists] = graph.indices
+    neighbours[exists] = among[graph.indices]
     # Bond (i, j) is entry e by rows; by columns, entry e is its reverse bond.
     slot = np.broadcast_to(member, exists.shape)[exists]
     reverses = np.zeros(exists.shape, np.int32)
@@ -78,16 +141,14 @@ def _cloud_neighbours(sheet: Sheet, horizon: float) -> tuple[np.ndarray, np.ndar
     return neighbours, reverses, incomplete
 
 
-def _cloud_common(bonds: np.ndarray, exists: np.ndarray) -> np.ndarray:
-    points, n = exists.shape
-    common = np.empty((points, n, -(-n // WORD)), np.uint32)
-    limit = (1.0 + TOLERANCE) ** 2
+def _graded_pairs(points: np.ndarray, horizons: np.ndarray) -> np.ndarray:
+    """Pairs of points no further apart than the mean of their horizons [m], the lower index first, shape (B, 2)."""
+    from scipy.spatial import cKDTree
 
-    def fill(part: slice) -> None:
-        x, y, here = bonds[part, :, 0], bonds[part, :, 1], exists[part]
-        apart = (x[:, :, None] - x[:, None]) ** 2
-        apart += (y[:, :, None] - y[:, None]) ** 2
-        common[part] = pack((apart <= limit) & here[:, :, None] & here[:, None])
-
-    in_blocks(points, n * n, fill)
-    return common
+    found = cKDTree(points).query_ball_point(points, horizons * (1.0 + TOLERANCE))
+    tail = np.repeat(np.arange(len(points)), [len(members) for members in found])
+    head = np.concatenate([np.asarray(members, np.int64) for members in found])
+    # Of two points, the one with the longer horizon finds the other.
+    pairs = np.unique(np.sort(np.column_stack([tail, head])[tail != head], axis=1), axis=0)
+    length = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
+    return np.asarray(pairs[length <= horizons[pairs].mean(axis=1) * (1.0 + TOLERANCE)])

@@ -93,7 +93,7 @@ def _severed(
         return None
     offsets = np.column_stack([ox * sheet.lattice.dx, oy * sheet.lattice.dy])
     reach = float(np.linalg.norm(offsets, axis=1).max())
-    touched = np.flatnonzero(_near_cuts(sheet, reach))
+    touched = np.flatnonzero(near_cuts(sheet, reach))
     tail = np.repeat(sheet.points[touched][:, None], len(offsets), axis=1)
     lost = np.zeros((len(touched), len(offsets)), bool)
     for segment in sheet.cuts:
@@ -101,7 +101,7 @@ def _severed(
     return touched, lost
 
 
-def _near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
+def near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
     """Which points lie within `reach` of a cut, shape (N,)."""
     near = np.zeros(sheet.size, bool)
     for start, end in sheet.cuts:

@@ -16,6 +16,7 @@ from ..checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..cores import cores
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE, SAMPLE
+from .intersections import shapes_by_row
 from .masks import unpack
 
 # Relative tolerance of lengths that are compared with the horizon.
@@ -51,7 +52,8 @@ def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
 class Families:
     """Rows of families: one per point on a cloud, one per family class (points with equal families) on a lattice.
 
-    There are R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
+    On a grid with gaps, row 0 is that of all points deep inside, and every other point has a row of its own. There are
+    R rows of n members; a member that does not exist has `exists` False and zeros elsewhere.
 
     Attributes:
         horizon: [m].
@@ -63,15 +65,22 @@ class Families:
             (R, n, words) or (n, words); empty for laws that do not read them.
         member_areas: Area of each member divided by the reference area, shape (R, n).
         areas: Area of the row's point divided by the reference area, shape (R,).
-        family_class: Row of each point, shape (N,), on a lattice; None on a cloud, where point i has row i.
-        neighbours: Index of each member, -1 if it does not exist, shape (N, n), on a cloud.
-        reverses: Member index of the reverse bond, the point in the family of its member, shape (N, n), or (n,) on a
+        family_class: Row of each point, shape (N,); None on a cloud, where point i has row i.
+        neighbours: Index of each member, -1 if it does not exist, shape (R, n), on a cloud or grid; -1 throughout row 0
+            of a grid.
+        reverses: Member index of the reverse bond, the point in the family of its member, shape (R, n), or (n,) on a
             lattice.
         shift: Index offset of each member, shape (n,), on a lattice.
-        steps: Lattice steps to each member, shape (n, 2), on a lattice.
-        first: A point of each row, shape (R,), on a lattice.
+        steps: Lattice steps to each member, shape (n, 2), on a lattice; on a grid those of row 0, which may be fewer
+            than n.
+        centres: Index of the grid point straight above or below each point of row 0, one entry for each line of the
+            stencil, from below, shape (lines, N), on a grid; meaningless for other points.
+        first: A point of each row, shape (R,), on a lattice or grid.
         severed: Whether the row lost members to a cut, shape (R,).
         stiffness: Factor on the moduli of the row's point, shape (R,), or None on a sheet of one material.
+        frames: Tangent vectors and normal of each point, in columns, shape (N, 3, 3), on a curved sheet. `bonds` are
+            then the projections on the tangent plane, in these.
+        chords: X / horizon in space, shape (N, n, 3), on a curved sheet.
     """
 
     horizon: float
@@ -87,14 +96,19 @@ class Families:
     neighbours: np.ndarray | None = None
     shift: np.ndarray | None = None
     steps: np.ndarray | None = None
+    centres: np.ndarray | None = None
     first: np.ndarray | None = None
     severed: np.ndarray | None = None
     stiffness: np.ndarray | None = None
+    frames: np.ndarray | None = None
+    chords: np.ndarray | None = None
 
     @property
     def layout(self) -> str:
-        """Layout: "lattice" or "cloud"."""
-        return "cloud" if self.family_class is None else "lattice"
+        """Layout: "lattice", "grid" or "cloud"."""
+        if self.family_class is None:
+            return "cloud"
+        return "lattice" if self.centres is None else "grid"
 
     @property
     def members(self) -> int:
@@ -110,6 +124,11 @@ class Families:
     def points(self) -> int:
         """Number of points."""
         return len(self.exists) if self.family_class is None else len(self.family_class)
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """|X| / horizon of each member, shape (R, n) or (n,)."""
+        return np.asarray(np.linalg.norm(self.bonds if self.chords is None else self.chords, axis=-1))
 
     @property
     def member_shares(self) -> np.ndarray:
@@ -128,14 +147,39 @@ class Families:
 
     def heads(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
         """Point indices of members of points, with shapes that broadcast; meaningless for bonds that do not exist."""
-        if self.neighbours is not None:
-            return np.asarray(self.neighbours[points, members], dtype=np.int64)
-        assert self.shift is not None
-        return np.asarray(np.asarray(points, dtype=np.int64) + self.shift[members])
+        if self.shift is not None:
+            return np.asarray(np.asarray(points, dtype=np.int64) + self.shift[members])
+        assert self.neighbours is not None
+        found = np.asarray(self.neighbours[self._rows(points), members], dtype=np.int64)
+        if self.family_class is None or self.centres is None or self.steps is None:
+            return found
+        step = self.steps[np.minimum(members, len(self.steps) - 1)]
+        line = step[..., 1] + len(self.centres) // 2
+        return np.asarray(np.where(self.family_class[points] > 0, found, self.centres[line, points] + step[..., 0]))
 
     def reverse_members(self, points: np.ndarray, members: np.ndarray) -> np.ndarray:
         """Member indices of the reverse bonds, with shapes that broadcast."""
-        return np.asarray(self.reverses[points, members] if self.reverses.ndim == 2 else self.reverses[members])
+        if self.reverses.ndim == 1:
+            return np.asarray(self.reverses[members])
+        return np.asarray(self.reverses[self._rows(points), members])
+
+    def _rows(self, points: np.ndarray) -> np.ndarray:
+        return points if self.family_class is None else np.asarray(self.family_class[points])
+
+    def index_reach(self) -> int:
+        """Largest difference of the indices of two points that share a bond."""
+        if self.shift is not None:
+            return int(np.abs(self.shift).max())
+        assert self.neighbours is not None
+        index = np.arange(self.points) if self.first is None else self.first
+        apart = np.where(self.neighbours >= 0, self.neighbours - index[:, None], 0)
+        reach = int(np.abs(apart).max())
+        if self.centres is not None and self.steps is not None:
+            deep = np.flatnonzero(self.family_class == 0)
+            for y, line in enumerate(self.centres, start=-(len(self.centres) // 2)):
+                widest = np.abs(self.steps[self.steps[:, 1] == y, 0]).max()
+                reach = max(reach, int(np.abs(line[deep] - deep).max(initial=0) + widest))
+        return reach
 
     def members_of(self, points: np.ndarray) -> np.ndarray:
         """Point indices of the members of some undamaged families.
@@ -147,7 +191,7 @@ class Families:
             shape (P, members); -1 where a member does not exist.
         """
         points = np.asarray(points, dtype=np.int64)
-        exists = self.exists[points] if self.family_class is None else self.exists[self.family_class[points]]
+        exists = self.exists[self._rows(points)]
         heads = self.heads(points[:, None], np.arange(self.members)[None])
         return np.where(exists, heads, -1)
 
@@ -163,6 +207,8 @@ class Families:
             reference area (zero where degenerate or where the bond does not exist), shape (R, n).
         """
         rows, n = self.exists.shape
+        if self.bonds.ndim == 3:
+            return shapes_by_row(self.bonds, self.influence, self.member_areas, self.exists, self.common)
         inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
 
         def fill(part: slice) -> None:
@@ -171,12 +217,36 @@ class Families:
         in_blocks(rows, n * n, fill)
         return inverse, size
 
+    def tilts(self, inverse: np.ndarray) -> np.ndarray:
+        """Tilts of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
+
+        Args:
+            inverse: K_ij^-1, shape (N, n, 3).
+
+        Returns:
+            shape (N, n, 2).
+        """
+        assert self.frames is not None and self.chords is not None
+        normals, chords = self.frames[..., 2], self.chords
+        tilts = np.empty((*inverse.shape[:2], 2))
+
+        def fill(part: slice) -> None:
+            rises = np.einsum("nka,na->nk", chords[part], normals[part])
+            c = np.where(self.exists[part], self.influence[part], 0.0) * self.member_areas[part]
+            mask = unpack(self.common[part], self.members).astype(np.float64)
+            moment = mask @ ((c * rises)[..., None] * self.bonds[part])
+            a, b, d = np.moveaxis(inverse[part], -1, 0)
+            first, second = a * moment[..., 0] + b * moment[..., 1], b * moment[..., 0] + d * moment[..., 1]
+            s = np.sqrt(1.0 + first**2 + second**2)
+            tilts[part] = np.stack([first, second], axis=-1) / np.sqrt(s * (1.0 + s))[..., None]
+
+        in_blocks(len(inverse), self.members**2, fill)
+        return tilts
+
     def _shapes_of(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
-        shared = self.bonds.ndim == 2
-        bonds = self.bonds[None] if shared else self.bonds[part]
-        c = np.where(self.exists[part], self.influence if shared else self.influence[part], 0.0)
-        c = c * self.member_areas[part]
-        mask = unpack(self.common if shared else self.common[part], self.members).astype(np.float64)
+        bonds = self.bonds[None]
+        c = np.where(self.exists[part], self.influence, 0.0) * self.member_areas[part]
+        mask = unpack(self.common, self.members).astype(np.float64)
         products = c[..., None] * np.stack(
             [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
         )

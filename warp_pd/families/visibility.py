@@ -8,21 +8,29 @@ import numpy as np
 
 from ..shapes.triangulation import crosses
 from ..sheet import Sheet
+from .surface_paths import apart_along
 
 # A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.
-DETOUR = 1.05
+DETOUR = 1.2
 # Relative size of what counts as zero, and angles [rad] that count as straight.
 ROUND_OFF, STRAIGHT = 1e-9, 1e-6
 # Bonds that are looked at together.
 BLOCK = 200_000
 
 
+def nothing_severed(sheet: Sheet) -> bool:
+    """Whether all points within the horizon of each other share a bond, so that nobody needs to look."""
+    return not sheet.cuts and all(part is None for part in (sheet.barriers, sheet.bodies, sheet.frames))
+
+
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,).
 
-    They lie on two sides of a cut, or the way between them leaves the sheet. A chord of a hole is a bond if the way
-    around is hardly longer.
+    They lie on two sides of a cut, a fold or a slit, or the way between them leaves the sheet. A chord of a hole is a
+    bond if the way around is hardly longer.
     """
+    if sheet.frames is not None:
+        return apart_along(sheet, pairs)
     lost = cut_through(sheet, pairs)
     if sheet.bodies is not None:
         lost |= sheet.bodies[pairs[:, 0]] != sheet.bodies[pairs[:, 1]]

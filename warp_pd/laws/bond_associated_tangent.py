@@ -256,9 +256,10 @@ def gradient_matrix(force: BondAssociatedLaw) -> tuple[csr_matrix, tuple[np.ndar
 def _coefficients(families: Families, intact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """c_k K_ij^-1 xi_ik by point, j, k, shape (N, n, n, 2), and which intersections are usable, shape (N, n)."""
     shared = families.bonds.ndim == 2
-    bonds = families.bonds[None] if shared else families.bonds
-    c = np.where(intact, families.influence, 0.0) * families.rows_of_points(families.member_areas)
-    common = unpack(families.common, families.members)
+    bonds = families.bonds[None] if shared else families.rows_of_points(families.bonds)
+    influence = families.influence if shared else families.rows_of_points(families.influence)
+    c = np.where(intact, influence, 0.0) * families.rows_of_points(families.member_areas)
+    common = unpack(families.common if shared else families.rows_of_points(families.common), families.members)
     weighted = np.where(common[None] if shared else common, c[:, None, :], 0.0)
     products = np.stack([bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1)
     shape = np.einsum("njk,nkc->njc", weighted, np.broadcast_to(products, (*c.shape, 3)), optimize=True)

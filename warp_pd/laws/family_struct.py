@@ -48,7 +48,7 @@ def family_struct(
     family_areas = families.member_areas.sum(axis=1)
     real = wp.dtype_to_numpy(types.real)
 
-    def put(name: str, values: np.ndarray, dtype: Any) -> Any:
+    def put(name: str, values: np.ndarray | None, dtype: Any) -> Any:
         return context.array(name, owner, dtype, values, per="table")
 
     if context.features.gradual:
@@ -71,6 +71,13 @@ def family_struct(
         s.class_family_area = put("class_family_area", family_areas, types.real)
         return s
     assert families.neighbours is not None
+    if families.centres is not None and families.steps is not None:
+        steps = np.zeros((families.members, 2), np.int32)
+        steps[: len(families.steps)] = families.steps
+        s.family_class = put("family_class", families.family_class, wp.int32)
+        s.centres = put("centres", families.centres, wp.int32)
+        s.stencil_line = put("stencil_line", steps[:, 1] + len(families.centres) // 2, wp.int32)
+        s.stencil_right = put("stencil_right", steps[:, 0], wp.int32)
     s.neighbours = put("neighbours", _by_member(families.neighbours, np.int32), wp.int32)
     s.reverses = put("reverses", _by_member(families.reverses, np.int32), wp.int32)
     s.bonds = put("bonds", _by_member(families.bonds, real, (1, 0, 2)), types.vec2)
@@ -83,4 +90,9 @@ def family_struct(
     s.weights = put("weights", _by_member(weights, real), types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", family_areas, types.real)
+    if families.frames is not None and families.chords is not None:
+        s.frames = put("frames", families.frames, types.mat33)
+        s.chords = put("chords", _by_member(families.chords, real, (1, 0, 2)), types.vec3)
+        if inverse is not None:
+            s.tilts = put("tilts", _by_member(families.tilts(inverse), real, (1, 0, 2)), types.vec2)
     return s

@@ -1,9 +1,9 @@
 """Fast kernels of the variational bond-associated law, and when they are used.
 
-Undamaged families inside a square lattice have a separate kernel, if the material is isotropic. On a GPU it puts all
-other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too small to
-fill a GPU with one thread per point, use only the second kernel. CPU threads have no shared memory: there all other
-points use the reference kernel.
+Undamaged families inside a square lattice or grid have a separate kernel, if the material is isotropic. On a GPU it
+puts all other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too
+small to fill a GPU with one thread per point, use only the second kernel. CPU threads have no shared memory: there all
+other points use the reference kernel.
 
 The bond forces of large lattices pass through a ring buffer, one strip of the sheet at a time: all of them would take
 most of the memory, and those of a strip stay in the cache of a GPU.
@@ -70,6 +70,7 @@ class FastPath:
         near: Factory of the material's stress_near.
         stencil: Stencil of undamaged inner families and the class that they share, or None.
         shared: Whether all other families use the second kernel, in which the bonds of a family share a block.
+        gridded: Whether the sheet is a grid with gaps.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class FastPath:
         w: Context = force.context
         vec3 = w.types.vec3
         self.listed = shared and stencil is not None
+        self.gridded = force.families.layout == "grid"
         self.module = self._undamaged_module()
         # The kernel of all others is compiled for its own block size.
         self.shared_module = f"{w.module}_shared_{force.families.members}"
@@ -103,7 +105,7 @@ class FastPath:
         _, bits, _, broken, _ = self.force.key
         stencil = None if self.stencil is None else self.stencil[0]
         near = (self.near.__module__, self.near.__qualname__)
-        key = (bits, near, stencil, broken is not None, self.listed, self.force.context.device.is_cuda)
+        key = (bits, near, stencil, self.gridded, broken is not None, self.listed, self.force.context.device.is_cuda)
         return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
@@ -118,8 +120,8 @@ class FastPath:
 
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete after it."""
-        assert self.force.families.shift is not None
-        points, reach = self.force.points, int(np.abs(self.force.families.shift).max())
+        points = self.force.points
+        reach = self.force.families.index_reach() if points > 2 * RING else 0
         size = RING - 2 * reach
         if points <= 2 * RING or size < RING // 2:
             return [Strip(0, points, 0, points)]
@@ -148,11 +150,13 @@ class FastPath:
     ) -> None:
         law = self.force
         _, bits, _, broken, _ = law.key
-        kernel = undamaged_lattice_force(bits, self.near, stencil, broken is not None, self.listed, self.module)
+        kernel = undamaged_lattice_force(
+            bits, self.near, stencil, self.gridded, broken is not None, self.listed, self.module
+        )
         stage.launch(
             law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
-            columns=law.lattice_columns,
+            places=law.struct.centres if self.gridded else law.lattice_columns,
             # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
             turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,

@@ -54,4 +54,4 @@ def _turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Counter-clockwise angle from one direction to the other, 0 to 2 pi, shape (P,)."""
     cross = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
     angle = np.arctan2(cross, (start * end).sum(axis=1))
-    return np.where(angle < 0.0, angle + 2.0 * np.pi, angle)
+    return np.asarray(np.where(angle < 0.0, angle + 2.0 * np.pi, angle))

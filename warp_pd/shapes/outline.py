@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -53,7 +54,7 @@ def outline(boundary: Any, holes: Named, cracks: Named, inclusions: Named, spaci
     triangles = _triangles(points, grid, region, least)
     _require_edges(triangles, number[edges], points)
     ends = np.cumsum([0, *(len(line.points) for line in lines)])
-    members = [number[which[a:b]] for a, b in zip(ends, ends[1:], strict=False)]
+    members = [number[which[a:b]] for a, b in itertools.pairwise(ends)]
     spacings = at(points) if callable(spacing) else None
     base = Shape(
         points=points, areas=np.zeros(len(points)), triangles=triangles, spacing=least, grid=grid, spacings=spacings
@@ -144,7 +145,7 @@ def _cracks(given: Named, region: Any, rings: Sequence[Line], at: Spacing) -> tu
             if shapely.distance(line, earlier) < 0.5 * float(at(corners[:1])[0]):
                 raise InputError(f"{name} meets {other.name}: expected cracks more than half a spacing apart")
         corners = _ended(name, corners, region, rings, at)
-        pieces = [spread_on_segment(a, b, at) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        pieces = [spread_on_segment(a, b, at) for a, b in itertools.pairwise(corners)]
         points = np.concatenate([*(piece[:-1] for piece in pieces), corners[-1:]])
         if len(points) < 3:
             raise InputError(
@@ -156,7 +157,7 @@ def _cracks(given: Named, region: Any, rings: Sequence[Line], at: Spacing) -> tu
 
 
 def _ended(name: str, corners: np.ndarray, region: Any, rings: list[Line], at: Spacing) -> np.ndarray:
-    """The corners of a crack, with ends at or beyond the edge of the sheet moved onto it; the rings get a point there."""
+    """The corners of a crack, its ends at or beyond the edge of the sheet moved onto it: rings get a point there."""
     import shapely
 
     corners = corners.copy()
@@ -254,8 +255,8 @@ def _triangles(points: np.ndarray, grid: np.ndarray, region: Any, least: float) 
     total = float(signed_areas(points, triangles).sum())
     if abs(total - region.area) > 1e-9 * region.area:
         raise InputError(
-            f"spacing: triangles cover {total:.6g} of {region.area:.6g} m^2; expected a finer spacing, with at least two "
-            "points across every gap between curves"
+            f"spacing: triangles cover {total:.6g} of {region.area:.6g} m^2; expected a finer spacing, with at least "
+            "two points across every gap between curves"
         )
     return triangles
 

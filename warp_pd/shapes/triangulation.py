@@ -128,7 +128,7 @@ def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
     return np.asarray(triangles[radius < 2.5 * spacing])
 
 
-def refuse_coincident(points: np.ndarray) -> None:
+def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
     """Raise InputError for two points at one place."""
     from scipy.spatial import cKDTree
 
@@ -136,7 +136,7 @@ def refuse_coincident(points: np.ndarray) -> None:
     pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
     if len(pairs):
         a, b = sorted(int(p) for p in pairs[0])
-        raise InputError(f"points[{a}] and points[{b}] coincide at {points[a].tolist()}: expected distinct points")
+        raise InputError(f"{name}[{a}] and {name}[{b}] coincide at {points[a].tolist()}: expected distinct points")
 
 
 def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, turn: float) -> np.ndarray:
@@ -165,26 +165,12 @@ def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segmen
     return gone
 
 
-def triangulation_without(
-    removed: np.ndarray, points: np.ndarray, triangles: np.ndarray, lattice: Lattice | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles that keep all corners when the points of a mask, shape (N,), go, and the areas of all points.
-
-    A cell of a lattice goes as a whole.
-    """
-    if lattice is None:
-        kept = triangles[~removed[triangles].any(axis=1)]
-        return kept, point_areas(points, kept)
-    intact_cells = whole_cells(lattice, removed)
-    return cell_triangles(lattice.columns, intact_cells), cell_areas(lattice, intact_cells)
-
-
 def boundary_edges(triangles: np.ndarray) -> np.ndarray:
     """Edges that belong to one triangle, with it on the left, int32, shape (B, 2)."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
     low, high = edges.min(axis=1), edges.max(axis=1)
     _, inverse, times = np.unique(low * (high.max(initial=0) + 1) + high, return_inverse=True, return_counts=True)
-    return edges[times[inverse] == 1].astype(np.int32)
+    return np.asarray(edges[times[inverse] == 1], np.int32)
 
 
 def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

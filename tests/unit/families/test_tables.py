@@ -20,7 +20,8 @@ def test_families_are_those_of_brute_force(horizon, make):
     exists = families.rows_of_points(families.exists)
     bonds = families.rows_of_points(families.bonds) if families.bonds.ndim == 3 else families.bonds[None]
     ends = sheet.points[:, None] + families.horizon * bonds
-    common = unpack(families.common, families.members)
+    common = families.common if families.common.ndim == 2 else families.rows_of_points(families.common)
+    common = unpack(common, families.members)
     for i in range(sheet.size):
         members = np.flatnonzero(exists[i])
         found = [int(np.argmin(np.linalg.norm(sheet.points - ends[i if bonds.shape[0] > 1 else 0, k] - (

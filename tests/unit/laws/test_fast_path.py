@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
+from grid_sheets import holed, partly_off_the_grid
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square
 
 from warp_pd import CriticalStretch, Explicit, Gent, TearingEnergy
@@ -72,7 +73,7 @@ def test_families_with_broken_bonds(broken):
 
 @pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-@pytest.mark.parametrize("sheet", [square(13), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052))])
+@pytest.mark.parametrize("sheet", [square(13), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052)), holed(19)])
 def test_one_thread_per_bond(blocks, sheet, cut, bits):
     """A GPU takes small sheets so."""
     quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
@@ -101,12 +102,13 @@ def test_softened_families_with_one_thread_per_bond(blocks, sheet, bits):
     compare_softened(sheet, 3.15 if bits == 64 else 2.015, bits)
 
 
-def test_softened_families_that_share_blocks(large_on_gpu):
-    compare_softened(square(13), 2.015, 64)
+@pytest.mark.parametrize("sheet", [square(13), holed(25, 0.006)], ids=["lattice", "grid"])
+def test_softened_families_that_share_blocks(large_on_gpu, sheet):
+    compare_softened(sheet, 2.015, 64)
 
 
 @pytest.mark.parametrize("broken", ["drop", "redistribute"])
-@pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
+@pytest.mark.parametrize("sheet", [square(13), jittered(13), holed(25, 0.006)], ids=["lattice", "cloud", "grid"])
 def test_families_that_share_blocks(large_on_gpu, sheet, broken):
     """A GPU takes the damaged and the outer families of large sheets so."""
     quick, _ = compare(sheet, 2.015, 64, cut=CUT, broken=broken)
@@ -120,12 +122,27 @@ def test_a_large_family(large_on_gpu):
 
 
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-def test_forces_through_a_ring(monkeypatch, large_on_gpu, cut):
+@pytest.mark.parametrize("sheet", [square(33), holed(33, 0.006)], ids=["lattice", "grid"])
+def test_forces_through_a_ring(monkeypatch, large_on_gpu, sheet, cut):
     """Large sheets are computed in strips; here the ring is small."""
     monkeypatch.setattr(fast_path, "RING", 300)
-    quick, _ = compare(square(33), 2.015, 64, cut=cut)
+    quick, _ = compare(sheet, 2.015, 64, cut=cut)
     assert quick.count("undamaged_family_force") > 4
     assert quick.count("gather_from_reverse_bonds") == quick.count("undamaged_family_force")
+
+
+@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
+def test_bonds_between_distant_indices_need_no_ring(monkeypatch, large_on_gpu, cut):
+    """The points off the grid come first, those around them much later."""
+    monkeypatch.setattr(fast_path, "RING", 300)
+    quick, _ = compare(partly_off_the_grid(33), 2.015, 64, cut=cut)
+    assert quick.count("undamaged_family_force") == 1
+
+
+def test_large_families_deep_inside_a_grid(large_on_gpu):
+    """In float64, displacements of a large family are read again for each quarter turn."""
+    quick, _ = compare(holed(41, 0.006), 3.15, 64)
+    assert "undamaged_family_force" in quick and "family_block_force" in quick
 
 
 def test_the_list_of_other_points_is_emptied(large_on_gpu):

@@ -1,0 +1,122 @@
+"""Solve the references anew, and write tests/references/stretch.json and tests/references/disc.json.
+
+    python tools/references                            # both; the sheets take two minutes
+    python tools/references --only disc
+    python tools/references --meshes 4 8 16 --out FOLDER
+
+scikit-fem is needed: `pip install -e .[references]`. Other solvers than ours, so that a test can tell an error of the
+law from an error of the reference:
+
+- membrane_fe.py: `stretch.json`, the sheet of scene `stretch` with a hole, a crack or a rigid inclusion. Each quantity
+  has its values on the meshes, Richardson's limit, the error estimate and the observed order. Forces in N, `opening_x`
+  and `opening_y` in m: how far the rim of the hole, or the middle and the tip of the crack, move from the centre.
+- shooting.py: `disc.json`, the inflated circular membrane. Tests may also call its functions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import importlib.metadata
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from study import ROOT, at_least_one, current_commit, study_parser
+
+from . import membrane_fe, shooting
+
+FOLDER = ROOT / "tests" / "references"
+STRETCHES = (1.5, 2.0, 2.5, 3.0)
+MESHES = (8, 16, 32)
+MATERIALS = {
+    "neo-Hookean": shooting.NEO_HOOKEAN,
+    "Mooney-Rivlin": shooting.Material(share=0.1),
+    "Gent": shooting.Material(limit=30.0),
+}
+CENTRES = (1.01, 1.05, 1.1, 1.2, 1.3, 1.5, 1.7, 2.0, 2.5, 3.0, 4.0)
+
+
+def made(commit: str | None) -> dict[str, str]:
+    """Where numbers come from."""
+    versions = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "scikit-fem")}
+    return {"commit": commit or current_commit(), "date": str(datetime.date.today()), **versions}
+
+
+def quantity(values: Sequence[float]) -> dict[str, Any]:
+    """A quantity with its values on all meshes."""
+    limit, error, order = membrane_fe.richardson(values)
+    return {
+        "value": limit,
+        "error": error,
+        "order": None if math.isnan(order) else round(order, 2),
+        "meshes": [*values],
+    }
+
+
+def sheets(meshes: Sequence[int]) -> dict[str, Any]:
+    """The stretched sheets, by defect, mode, stretch and name of the quantity."""
+    found: dict[str, Any] = {}
+    for defect in membrane_fe.DEFECTS[1:]:
+        for mode in membrane_fe.MODES:
+            solved = membrane_fe.converged(defect, mode, meshes, STRETCHES)
+            cases = {f"{s:g}": {name: quantity(v) for name, v in names.items()} for s, names in solved.items()}
+            found.setdefault(defect, {})[mode] = cases
+            for stretch, names in cases.items():
+                force = names["force_x"]
+                print(f"{defect} {mode} {stretch}: {force['value']:.3f} +- {force['error']:.1e} N", flush=True)
+    return found
+
+
+def discs() -> dict[str, Any]:
+    """The inflated discs: materials, their points of the curve, and the maximum of pressure where there is one."""
+    found: dict[str, Any] = {}
+    for name, material in MATERIALS.items():
+        curve = []
+        for stretch in CENTRES:
+            fine, coarse = (shooting.at_stretch(stretch, material, tolerance) for tolerance in (1e-11, 1e-9))
+            error = max(abs(coarse.pressure / fine.pressure - 1.0), abs(coarse.deflection / fine.deflection - 1.0))
+            curve.append({**numbers(fine), "error": error})
+        found[name] = {"share": material.share, "limit": material.limit if name == "Gent" else None, "curve": curve}
+    found["neo-Hookean"]["maximum"] = numbers(shooting.maximum())
+    return found
+
+
+def numbers(disc: shooting.Disc) -> dict[str, float]:
+    """A disc without its profile."""
+    return {name: getattr(disc, name) for name in ("pressure", "stretch", "deflection", "volume", "energy")}
+
+
+def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Options of the command line."""
+    parser = study_parser(__doc__, commit=None)
+    parser.add_argument("--only", choices=("stretch", "disc"), help="solve only these")
+    parser.add_argument("--meshes", type=at_least_one, nargs="+", default=MESHES, help="cells; each twice the last")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the numbers")
+    options = parser.parse_args(arguments)
+    doubled = all(b == 2 * a for a, b in zip(options.meshes, options.meshes[1:], strict=False))
+    if len(options.meshes) < 3 or not doubled:
+        parser.error("--meshes: expected three or more, each twice the last")
+    return options
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Solve and write."""
+    options = parsed(arguments)
+    options.out.mkdir(parents=True, exist_ok=True)
+    sheet = {
+        "side": 2.0 * membrane_fe.HALF, "thickness": membrane_fe.THICKNESS, "mu": membrane_fe.MU,
+        "radius": membrane_fe.RADIUS, "crack": membrane_fe.CRACK, "meshes": [*options.meshes],
+    }  # fmt: skip
+    if options.only != "disc":
+        write(options.out / "stretch.json", {"made": made(options.commit), **sheet, **sheets(options.meshes)})
+    if options.only != "stretch":
+        write(options.out / "disc.json", {"made": made(options.commit), **discs()})
+
+
+def write(path: Path, content: dict[str, Any]) -> None:
+    """Write numbers as JSON and say so."""
+    path.write_text(json.dumps(content, indent=1) + "\n")
+    print(f"wrote {path}")

@@ -1,0 +1,252 @@
+"""Families of a square grid with gaps: one row for all points deep inside it, and one for every other point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import InputError
+from ..sheet import Sheet
+from .cloud import find_neighbours, point_rows, refuse_lone_points
+from .lattice import near_cuts
+from .masks import pack
+from .tables import TOLERANCE, Families, InfluenceFunction
+
+# Relative difference of areas that counts as none.
+ALIKE = 1e-9
+# Distance from its place on the grid, in spacings, up to which a point is on it: less than `TOLERANCE` allows bonds.
+OFF_PLACE = 3e-10
+
+
+def grid_families(
+    sheet: Sheet, horizon: float, function: InfluenceFunction, corrected: bool, intersections: bool
+) -> Families:
+    """Families of a grid with gaps; arguments as for `build_families`, the horizon in meters.
+
+    Points are deep, and share row 0, if their family and those of all members are complete: every point of the stencil
+    exists and stands for one cell, and nothing else is near. The member of a deep point then has the number that the
+    stencil gives it, and so has the reverse bond.
+
+    Args:
+        sheet: The sheet.
+        horizon: [m].
+        function: Influence function.
+        corrected: Whether corrected weights, which change the families around unbalanced points too, need their rows:
+            the members of deep points must then be deep in the above sense.
+        intersections: As for `build_families`.
+
+    Raises:
+        InputError: for a point without neighbours, or a grid whose points are out of order.
+    """
+    stencil = Stencil.within(horizon / sheet.spacing)
+    image = _Image.of(sheet, stencil)
+    deep = _deep_points(sheet, image, stencil, horizon, corrected)
+    own, band = np.flatnonzero(~deep), image.around(~deep)
+    neighbours, reverses, incomplete = find_neighbours(sheet, band, horizon)
+    place = np.searchsorted(band, own)
+    neighbours, reverses, incomplete = neighbours[place], reverses[place], incomplete[place]
+    refuse_lone_points(sheet, own, neighbours, horizon)
+    members = max(len(stencil.steps), int((neighbours >= 0).sum(axis=1).max(initial=0)))
+    neighbours, reverses = _widened(neighbours, members, -1), _widened(reverses, members, 0)
+    # Most bonds of a deep point are not among those found: its members have the numbers of the stencil.
+    row, k = np.nonzero((neighbours >= 0) & deep[neighbours])
+    reverses[row, k] = stencil.number(image.grid[own[row]] - image.grid[neighbours[row, k]])
+    rows = point_rows(sheet, own, neighbours, reverses, incomplete, horizon, function, intersections)
+    return _with_stencil(rows, sheet, deep, own, image, stencil, function)
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Steps to the members of a complete family, row by row, shape (n, 2), and the largest of them."""
+
+    steps: np.ndarray
+    reach: int
+
+    @staticmethod
+    def within(ratio: float) -> Stencil:
+        """The stencil of a horizon in spacings."""
+        reach = int(ratio + 1e-6)
+        y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+        length = np.hypot(x, y)
+        inside = (length > 0.0) & (length <= ratio * (1.0 + TOLERANCE))
+        return Stencil(np.column_stack([x[inside], y[inside]]), reach)
+
+    def number(self, steps: np.ndarray) -> np.ndarray:
+        """Member numbers of steps, shape (..., 2), that all belong to the stencil."""
+        numbers = np.zeros((2 * self.reach + 1, 2 * self.reach + 1), np.int32)
+        numbers[tuple((self.steps + self.reach).T)] = np.arange(len(self.steps))
+        return np.asarray(numbers[steps[..., 0] + self.reach, steps[..., 1] + self.reach])
+
+
+@dataclass(frozen=True)
+class _Image:
+    """The grid as an image: the index of the point at each place, -1 where there is none, with a margin of `reach`.
+
+    Attributes:
+        index: int32, shape (rows + 2 reach, columns + 2 reach).
+        grid: Column and row in the image of the point nearest to each place, shape (N, 2); of points off the grid too.
+        on: Which points are on the grid, shape (N,).
+        reach: The margin.
+    """
+
+    index: np.ndarray
+    grid: np.ndarray
+    on: np.ndarray
+    reach: int
+
+    @staticmethod
+    def of(sheet: Sheet, stencil: Stencil) -> _Image:
+        assert sheet.grid is not None
+        on, spacing, reach = np.asarray((sheet.grid >= 0).all(axis=1)), sheet.spacing, stencil.reach
+        if not on.any():
+            return _Image(np.full((1, 1), -1, np.int32), np.zeros((sheet.size, 2), np.int64), on, reach)
+        origin = np.median(sheet.points[on] - spacing * sheet.grid[on], axis=0)
+        places = (sheet.points - origin) / spacing
+        on = on & (np.abs(places - sheet.grid).max(axis=1) <= OFF_PLACE)
+        low, high = sheet.grid[on].min(axis=0), sheet.grid[on].max(axis=0)
+        grid = np.rint(np.clip(places, low - reach, high + reach)).astype(np.int64) - low + reach
+        columns, rows = high - low + 1 + 2 * reach
+        if (np.diff(grid[on, 1] * columns + grid[on, 0]) <= 0).any():
+            raise InputError("sheet.grid: expected points on the grid in order, row by row, each at a place of its own")
+        index = np.full((rows, columns), -1, np.int32)
+        index[grid[on, 1], grid[on, 0]] = np.flatnonzero(on)
+        return _Image(index, grid, on, reach)
+
+    def at_points(self, image: np.ndarray) -> np.ndarray:
+        """Values of an image of this shape at each point, shape (N,); those off the grid have that of their cell."""
+        return np.asarray(image[self.grid[:, 1], self.grid[:, 0]])
+
+    def marked(self, points: np.ndarray) -> np.ndarray:
+        """Image of the places nearest to some points, bool."""
+        image = np.zeros(self.index.shape, bool)
+        image[self.grid[points, 1], self.grid[points, 0]] = True
+        return image
+
+    def step(self, image: np.ndarray, x: int, y: int) -> np.ndarray:
+        """The inner part of an image, a step away; a view."""
+        r, (rows, columns) = self.reach, image.shape
+        return image[r + y : rows - r + y, r + x : columns - r + x]
+
+    def around(self, points: np.ndarray) -> np.ndarray:
+        """Ascending indices of the points up to the reach of a family from those of a mask, and of all off the grid."""
+        near = dilated(self.marked(np.flatnonzero(points)), self.reach)
+        return np.flatnonzero(self.at_points(near) | ~self.on)
+
+
+def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: float, corrected: bool) -> np.ndarray:
+    """Mask of the points that share row 0, shape (N,)."""
+    if not image.on.any():
+        return image.on
+    cell = sheet.spacing**2
+    whole_cell = image.on & (np.abs(sheet.areas - cell) <= ALIKE * cell)
+    inner = image.marked(np.flatnonzero(whole_cell)) & (image.index >= 0)
+    apart = image.marked(np.flatnonzero(image.on & near_cuts(sheet, horizon)))
+    apart |= dilated(image.marked(np.flatnonzero(~image.on)), image.reach + 1)
+    if sheet.barriers is not None and len(sheet.barriers):
+        longest = np.linalg.norm(np.diff(sheet.points[sheet.barriers], axis=1), axis=-1).max() / sheet.spacing
+        apart |= dilated(image.marked(np.unique(sheet.barriers)), image.reach + 2 + int(np.ceil(longest)))
+    if sheet.bodies is not None:
+        body = np.zeros(image.index.shape, np.int32)
+        body[image.grid[image.on, 1], image.grid[image.on, 0]] = sheet.bodies[image.on]
+        for x, y in stencil.steps:
+            apart_here = image.step(apart, 0, 0)
+            apart_here |= image.step(body, x, y) != image.step(body, 0, 0)
+    complete = _eroded(image, inner, stencil.steps) & ~apart
+    for _ in range(2 if corrected else 1):
+        complete = _eroded(image, complete, stencil.steps)
+    deep = image.on & image.at_points(complete & _in_line(image, stencil.steps))
+    if sheet.stiffness is not None and deep.any():
+        factors, count = np.unique(sheet.stiffness[deep], return_counts=True)
+        deep &= sheet.stiffness == factors[count.argmax()]
+    return np.asarray(deep)
+
+
+def _eroded(image: _Image, inside: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """The places of a mask from which all steps lead to its places."""
+    kept = np.zeros_like(inside)
+    found = image.step(inside, 0, 0).copy()
+    for x, y in steps:
+        found &= image.step(inside, x, y)
+    image.step(kept, 0, 0)[...] = found
+    return kept
+
+
+def _in_line(image: _Image, steps: np.ndarray) -> np.ndarray:
+    """The places whose members in one line have consecutive indices."""
+    straight = np.zeros(image.index.shape, bool)
+    found = np.ones_like(image.step(straight, 0, 0))
+    for x, y in steps:
+        found &= image.step(image.index, x, y) == image.step(image.index, 0, y) + x
+    image.step(straight, 0, 0)[...] = found
+    return straight
+
+
+def dilated(mask: np.ndarray, distance: int) -> np.ndarray:
+    """A mask with all places up to a distance along x and y from its own."""
+    from scipy.ndimage import maximum_filter1d
+
+    for axis in range(2):
+        mask = maximum_filter1d(mask.view(np.uint8), 2 * distance + 1, axis=axis, mode="constant").view(bool)
+    return mask
+
+
+def _widened(table: np.ndarray, members: int, value: int) -> np.ndarray:
+    """A table with at least, or exactly, so many columns: what it loses is empty."""
+    table = table[:, :members]
+    return np.pad(table, ((0, 0), (0, members - table.shape[1])), constant_values=value)
+
+
+def _with_stencil(
+    rows: Families,
+    sheet: Sheet,
+    deep: np.ndarray,
+    own: np.ndarray,
+    image: _Image,
+    stencil: Stencil,
+    function: InfluenceFunction,
+) -> Families:
+    """The rows of a grid: that of its deep points before those of all others."""
+    steps, n, wide = stencil.steps, len(stencil.steps), rows.members
+    bonds = np.zeros((wide, 2))
+    bonds[:n] = steps * sheet.spacing / rows.horizon
+    exists = np.arange(wide) < n
+    influence, areas, reverses = np.zeros(wide), np.zeros(wide), np.zeros(wide, np.int32)
+    influence[:n] = function(np.minimum(np.linalg.norm(bonds[:n], axis=1), 1.0))
+    area = sheet.spacing**2 / rows.reference_area
+    areas[:n], reverses[:n] = area, stencil.number(-steps)
+    common = rows.common
+    if common.size:
+        apart = np.linalg.norm(bonds[:, None] - bonds[None], axis=-1)
+        common = _below(pack((apart <= 1.0 + TOLERANCE) & exists[:, None] & exists), common)
+    family_class = np.zeros(sheet.size, np.int32)
+    family_class[own] = 1 + np.arange(len(own))
+    centres = np.zeros((2 * stencil.reach + 1, sheet.size), np.int32)
+    inside = np.flatnonzero(deep)
+    for line, y in enumerate(range(-stencil.reach, stencil.reach + 1)):
+        centres[line, inside] = image.index[image.grid[inside, 1] + y, image.grid[inside, 0]]
+    stiffness = None if sheet.stiffness is None else sheet.stiffness[inside[:1]] if len(inside) else np.ones(1)
+    assert rows.neighbours is not None and rows.severed is not None
+    return Families(
+        horizon=rows.horizon,
+        reference_area=rows.reference_area,
+        exists=_below(exists, rows.exists),
+        bonds=_below(bonds, rows.bonds),
+        influence=_below(influence, rows.influence),
+        common=common,
+        member_areas=_below(areas, rows.member_areas),
+        areas=np.append(area, rows.areas),
+        reverses=_below(reverses, rows.reverses),
+        family_class=family_class,
+        neighbours=_below(np.full(wide, -1, np.int32), rows.neighbours),
+        steps=steps,
+        centres=centres,
+        first=np.append(inside[0] if len(inside) else 0, own),
+        severed=np.append(False, rows.severed),
+        stiffness=None if stiffness is None or rows.stiffness is None else np.append(stiffness, rows.stiffness),
+    )
+
+
+def _below(first: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """A row on top of others."""
+    return np.concatenate([first[None], others])
