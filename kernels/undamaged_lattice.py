@@ -12,6 +12,7 @@ stays in registers, and the code in the instruction cache of a GPU. The material
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -88,7 +89,7 @@ def undamaged_lattice_force(
     held = 6 * n * (bits // 32) <= MAX_REGISTERS
     reach = max(up)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(n)]
-    Places = wp.array2d(dtype=wp.int32) if gridded else int
+    Places: Any = wp.array2d(dtype=wp.int32) if gridded else int
 
     @wp.func(module=module)
     def turn(v: vec3):
