@@ -98,7 +98,7 @@ class _Image:
     @staticmethod
     def of(sheet: Sheet, stencil: Stencil) -> _Image:
         assert sheet.grid is not None
-        on: np.ndarray = (sheet.grid >= 0).all(axis=1)
+        on = np.asarray((sheet.grid >= 0).all(axis=1))
         spacing, reach = sheet.spacing, stencil.reach
         places = np.zeros(sheet.points.shape)
         if on.any():
