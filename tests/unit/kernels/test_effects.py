@@ -253,9 +253,11 @@ def _kernels_of_the_package():
 
 def test_every_kernel_is_looked_at(recorded):
     seen = {launch.name for _, launch in recorded}
-    # On a GPU alone: fast paths, linear iterations. In `warp-pd bench` and the training of a network alone: the rest.
+    # On a GPU alone: fast paths, linear iterations. In `warp-pd bench`, the training of a network and the set-up of
+    # families alone: the rest.
     elsewhere = {
         "family_block_force", "gather_from_reverse_bonds", "combine", "scale_blocks", "multiply_adds", "samples",
+        "list_near_points", "find_reverse_members", "mark_common_members", "sum_intersection_shapes",
     }  # fmt: skip
     missing = {name for _, name in _kernels_of_the_package()} - seen - elsewhere
     assert missing == set()
