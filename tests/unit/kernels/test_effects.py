@@ -58,7 +58,7 @@ def further():
     dead = [*in_plane, PointForce(plane.edges("right"), (1e-3, 0.0, 0.0), ramp=((0.0, 0.0), (1.0, 1.0)))]
     law = BondAssociated(NEO, horizon=2.015, weights="plain")
     clamp, drawn = Fixed(plane.edges("all")), square(25).prestretched(1.2)
-    gas = EnclosedGas(gauge=3.0, chamber=1e-3, amount=[(0.0, 1.0), (1.0, 2.0)])
+    gas = EnclosedGas(gauge=3.0, chamber=1e-3, amount=[(0.0, 1.0), (1.0, 2.0)], leak=0.8)
     volume = EnclosedVolume([(0.0, 1e-5)], stiffness=1e6)
     moves = [Motion(drawn.edges("right"), [0.0, 1.0], x=[0.0, 1e-3])]
     return {
