@@ -98,12 +98,12 @@ class _Image:
     @staticmethod
     def of(sheet: Sheet, stencil: Stencil) -> _Image:
         assert sheet.grid is not None
-        on: np.ndarray = (sheet.grid >= 0).all(axis=1)
+        on = np.asarray((sheet.grid >= 0).all(axis=1))
         spacing, reach = sheet.spacing, stencil.reach
         places = np.zeros(sheet.points.shape)
         if on.any():
             places = (sheet.points - np.median(sheet.points[on] - spacing * sheet.grid[on], axis=0)) / spacing
-            on &= np.abs(places - sheet.grid).max(axis=1) <= OFF_PLACE
+            on &= np.asarray(np.abs(places - sheet.grid).max(axis=1) <= OFF_PLACE)
         if not on.any():
             return _Image(np.full((1, 1), -1, np.int32), np.zeros((sheet.size, 2), np.int64), on, reach)
         low, high = sheet.grid[on].min(axis=0), sheet.grid[on].max(axis=0)
