@@ -34,7 +34,7 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state, energy_of_families, gather_pairs
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import WORD, family_functions, has_shares
+from .families import WORD, family_functions, has_shares, is_curved
 from .kinematics import kinematics
 from .numeric import numeric
 from .pointwise import Pointwise
@@ -49,8 +49,11 @@ class FamilyMechanics:
         is_undamaged: (family, intact, i) -> whether no bond of i is broken.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
         intersection: (family, intact, field, field, 0, i, j, undamaged) -> gradient of the field over D_ij times
-            horizon (two columns), K^-1, `size`: |D_ij|, or with shares the share of its stress that it carries.
-        green: (H1, H2) -> C - I.
+            horizon (two columns, in the frame of i), K^-1, `size`: |D_ij|, or with shares the share of its stress that
+            it carries; the tilt of D_ij, zero on a flat sheet.
+        green: (H1, H2, tilt) -> C - I.
+        gradient: (H1, H2, tilt) -> columns of F.
+        stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, with P R^-1 on a curved sheet.
         area_weight: (family, i, j, undamaged, size) -> W_ij divided by the reference area.
         family_scale: (family, i, undamaged, total) -> factor on the weights of a damaged family.
         damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
@@ -63,6 +66,8 @@ class FamilyMechanics:
     is_intact: wp.Function
     intersection: wp.Function
     green: wp.Function
+    gradient: wp.Function
+    stress_on_members: wp.Function
     area_weight: wp.Function
     family_scale: wp.Function
     damaged_inverse: wp.Function
@@ -102,7 +107,7 @@ def bond_associated(
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     parameters = types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
@@ -113,9 +118,43 @@ def bond_associated(
     word_size = WORD
     bonds = bond_state(layout, bits, damaged, module)
     intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
-    green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
-    remaining_inverse, fading_inverse = kinematics(bits).remaining_inverse, kinematics(bits).fading_inverse
-    gradual = has_shares(layout)
+    motion = kinematics(bits)
+    inverse_shape, remaining_inverse, fading_inverse = (
+        motion.inverse_shape,
+        motion.remaining_inverse,
+        motion.fading_inverse,
+    )
+    tilt_of, level, flat_green, flat_stress = motion.tilt_of, motion.level, motion.green, motion.stress_on_members
+    curved_green, curved_gradient, curved_stress = (
+        motion.curved_green,
+        motion.curved_gradient,
+        motion.curved_stress_on_members,
+    )
+    gradual, curved = has_shares(layout), is_curved(layout)
+
+    @wp.func(module=module)
+    def green(H1: vec3, H2: vec3, tilt: vec2):
+        if wp.static(curved):
+            return curved_green(H1, H2, tilt)
+        else:
+            return flat_green(H1, H2)
+
+    @wp.func(module=module)
+    def gradient(H1: vec3, H2: vec3, tilt: vec2):
+        if wp.static(curved):
+            F1, F2 = curved_gradient(H1, H2, tilt)
+            return F1, F2
+        else:
+            return H1 + vec3(real(1.0), real(0.0), real(0.0)), H2 + vec3(real(0.0), real(1.0), real(0.0))
+
+    @wp.func(module=module)
+    def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
+        if wp.static(curved):
+            A1, A2 = curved_stress(H1, H2, S, weight, inverse, tilt)
+            return A1, A2
+        else:
+            B1, B2 = flat_stress(H1, H2, S, weight, inverse)
+            return B1, B2
 
     @wp.func(module=module)
     def damaged_inverse(shape: vec3, undamaged_inverse: vec3, size: real):
@@ -139,7 +178,7 @@ def bond_associated(
             j: int,
             undamaged: bool,
         ):
-            """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|.
+            """Displacement gradient times horizon, K^-1 (zero if degenerate), |D_ij|, tilt.
 
             With `earlier`, for the displacement a time `back` ago.
             """
@@ -148,6 +187,7 @@ def bond_associated(
             second = vec3(real(0.0), real(0.0), real(0.0))
             shape = vec3(real(0.0), real(0.0), real(0.0))
             size = real(0.0)
+            moment = vec2(real(0.0), real(0.0))
             for word in range(family.words):
                 members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
                 while members != wp.uint32(0):
@@ -165,10 +205,22 @@ def bond_associated(
                     if not undamaged:
                         shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
                         size += a
+                        if wp.static(curved):
+                            moment += f.rise(family, i, k) * cxi
             inverse = f.shape(family, i, j)
+            tilt = f.tilt(family, i, j)
             if not undamaged:
                 inverse, size = damaged_inverse(shape, inverse, size)
-            return first * inverse[0] + second * inverse[1], first * inverse[1] + second * inverse[2], inverse, size
+                if wp.static(curved):
+                    slope = vec2(
+                        inverse[0] * moment[0] + inverse[1] * moment[1], inverse[1] * moment[0] + inverse[2] * moment[1]
+                    )
+                    tilt = tilt_of(slope)
+            G1 = first * inverse[0] + second * inverse[1]
+            G2 = first * inverse[1] + second * inverse[2]
+            if wp.static(curved):
+                G1, G2 = level(f.to_frame(family, i, G1), f.to_frame(family, i, G2), tilt)
+            return G1, G2, inverse, size, tilt
 
         return intersection
 
@@ -218,7 +270,7 @@ def bond_associated(
                 xi = f.bond(family, i, k)
                 bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
 
-    def declare_energy(name, gradient):
+    def declare_energy(name, gradient_of):
         @wp.func(module=module, name=name)
         def family_energy(
             family: Family,
@@ -236,12 +288,14 @@ def bond_associated(
             total = real(0.0)
             for j in range(family.members):
                 if is_intact(family, intact, i, j):
-                    G1, G2, inverse, size = gradient(family, intact, displacement, velocity, back, i, j, undamaged)
+                    G1, G2, inverse, size, tilt = gradient_of(
+                        family, intact, displacement, velocity, back, i, j, undamaged
+                    )
                     if inverse[0] > real(0.0):
                         H1 = inverse_horizon * G1
                         H2 = inverse_horizon * G2
                         weight = area_weight(family, i, j, undamaged, size)
-                        stored += weight * energy(green(H1, H2), constants)
+                        stored += weight * energy(green(H1, H2, tilt), constants)
                         total += weight
             return stored * family_scale(family, i, undamaged, total)
 
@@ -260,6 +314,8 @@ def bond_associated(
             is_intact,
             intersection,
             green,
+            gradient,
+            stress_on_members,
             area_weight,
             family_scale,
             damaged_inverse,
@@ -286,7 +342,7 @@ def reference_force(
     law = bond_associated(layout, bits, material, breakable, form, module).mechanics
     is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
-    add_to_members, stress_on_members = law.add_to_members, kinematics(bits).stress_on_members
+    add_to_members, stress_on_members = law.add_to_members, law.stress_on_members
 
     if form == "published":
 
@@ -319,14 +375,14 @@ def reference_force(
             for j in range(family.members):
                 force = vec3(real(0.0), real(0.0), real(0.0))
                 if is_intact(family, intact, i, j):
-                    G1, G2, inverse, size = intersection(
+                    G1, G2, inverse, size, tilt = intersection(
                         family, intact, displacement, displacement, real(0.0), i, j, undamaged
                     )
                     if inverse[0] > real(0.0):
                         H1 = inverse_horizon * G1
                         H2 = inverse_horizon * G2
-                        S = stress(green(H1, H2), constants)
-                        A1, A2 = stress_on_members(H1, H2, S, real(1.0), inverse)
+                        S = stress(green(H1, H2, tilt), constants)
+                        A1, A2 = stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
                         xi = f.bond(family, i, j)
                         m = f.neighbour(family, i, j)
                         if undamaged:
@@ -335,7 +391,7 @@ def reference_force(
                         pair = (own_area + present_area(family, intact, m)) / (real(2.0) * own_area)
                         c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
                         force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
-                bond_force[j, i] = force
+                bond_force[j, i] = f.from_frame(family, i, force)
 
         return published_force
 
@@ -361,21 +417,21 @@ def reference_force(
         total = real(0.0)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, size = intersection(
+                G1, G2, inverse, size, tilt = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
-                    S = stress(green(H1, H2), constants)
+                    S = stress(green(H1, H2, tilt), constants)
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
-                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
+                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
                     add_to_members(family, intact, i, j, A1, A2, bond_force)
         scale = unit_force * family_scale(family, i, undamaged, total)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                bond_force[k, i] = scale * c * bond_force[k, i]
+                bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
 
     return variational_force

@@ -155,13 +155,13 @@ def bond_associated_tangent(
             stress[j, i] = vec3(real(0.0), real(0.0), real(0.0))
             moduli[j, i] = vec6()
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, size = intersection(
+                G1, G2, inverse, size, tilt = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
-                    G = green(H1, H2)
+                    G = green(H1, H2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     S, T = response_of(G, constants)
@@ -192,7 +192,9 @@ def bond_associated_tangent(
         undamaged = is_undamaged(family, intact, i)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, _size = intersection(family, intact, direction, direction, real(0.0), i, j, undamaged)
+                G1, G2, inverse, _size, _tilt = intersection(
+                    family, intact, direction, direction, real(0.0), i, j, undamaged
+                )
                 if inverse[0] > real(0.0):
                     D1 = inverse_horizon * G1
                     D2 = inverse_horizon * G2
@@ -238,7 +240,7 @@ def bond_associated_tangent(
             if undamaged:
                 result = f.shape(family, i, j)
             else:
-                _G1, _G2, inverse, _size = intersection(
+                _G1, _G2, inverse, _size, _tilt = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 result = inverse

@@ -17,13 +17,14 @@ and its stiffness (IM eq. 21)
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
 from .bond_state import bond_state, energy_of_families, sums_of_bonds
 from .effects import Kernel, kernel
 from .factories import PairwiseFactory
-from .families import family_functions
+from .families import family_functions, is_curved
 from .numeric import numeric
 
 # Smallest |Y| / horizon to divide by: a bond of zero length has no direction.
@@ -67,28 +68,57 @@ class BondBasedTangentKernels:
     inverse_blocks: Kernel
 
 
+@dataclass(frozen=True)
+class BondFunctions:
+    """Warp functions of one bond.
+
+    Attributes:
+        is_intact: (family, intact, i, k) -> whether it is intact.
+        strain: (xi, U) -> |Y|/|X| - 1.
+        image: (xi, U) -> Y divided by the horizon.
+        growth: (xi, U) -> |Y|^2 - |X|^2, divided by the square of the horizon.
+        chord: Type of xi: vec2, on a curved sheet vec3.
+    """
+
+    is_intact: wp.Function
+    strain: wp.Function
+    image: wp.Function
+    growth: wp.Function
+    chord: Any
+
+
 @functools.cache
-def bond_functions(
-    layout: str, bits: int, breakable: bool, module: str
-) -> tuple[wp.Function, wp.Function, wp.Function]:
-    """Warp functions of one bond: `is_intact` (family, intact, i, k), and `strain` and `image`, which take xi and U."""
+def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> BondFunctions:
+    """Functions of one bond; on a curved sheet xi is the chord, in space."""
     types = numeric(bits)
-    real, vec2, vec3 = types.real, types.vec2, types.vec3
+    real, vec3 = types.real, types.vec3
+    curved = is_curved(layout)
+    Chord = vec3 if curved else types.vec2
     is_intact = bond_state(layout, bits, breakable, module).is_intact
 
     @wp.func(module=module)
-    def image(xi: vec2, U: vec3):
+    def image(xi: Chord, U: vec3):
         """Y divided by the horizon."""
-        return vec3(xi[0] + U[0], xi[1] + U[1], U[2])
+        if wp.static(curved):
+            return xi + U
+        else:
+            return vec3(xi[0] + U[0], xi[1] + U[1], U[2])
 
     @wp.func(module=module)
-    def strain(xi: vec2, U: vec3):
+    def growth(xi: Chord, U: vec3):
+        """|Y|^2 - |X|^2, divided by the square of the horizon."""
+        if wp.static(curved):
+            return real(2.0) * wp.dot(xi, U) + wp.dot(U, U)
+        else:
+            return real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
+
+    @wp.func(module=module)
+    def strain(xi: Chord, U: vec3):
         """|Y|/|X| - 1 from the displacement, without adding and subtracting one."""
         length = wp.length(xi)
-        grown = real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
-        return grown / (length * (length + wp.length(image(xi, U))))
+        return growth(xi, U) / (length * (length + wp.length(image(xi, U))))
 
-    return is_intact, strain, image
+    return BondFunctions(is_intact, strain, image, growth, Chord)
 
 
 @functools.cache
@@ -103,26 +133,27 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    is_intact, strain, image = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout, bits, breakable, module)
+    is_intact, strain, image, growth, Chord = bond.is_intact, bond.strain, bond.image, bond.growth, bond.chord
     tension_of, slope_of, energy_of = pairwise(bits)
     tiny = TINY
 
     @wp.func(module=module)
-    def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: vec2, U: vec3):
+    def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
         Y = image(xi, U)
         length = wp.length(xi)
         stretched = wp.length(Y)
         # On a CPU the cost of a bond is its two divisions and two square roots.
         share = real(1.0) / (length * wp.max(stretched, real(tiny)))
-        s = (real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)) / (length * (length + stretched))
+        s = growth(xi, U) / (length * (length + stretched))
         weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
         return (weight * tension_of(s, constants) * share) * Y
 
     @wp.func(module=module)
-    def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: vec2, U: vec3):
+    def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
         """Stiffness for the stiffer of the two signs of strain: a slack bond may become taut in the next step."""
         s = wp.abs(strain(xi, U))
         stiffest = wp.max(wp.abs(slope_of(s, constants)), wp.abs(slope_of(-s, constants)))
@@ -146,7 +177,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
             if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
                 U = displacement[m] - displacement[i] - back * (velocity[m] - velocity[i])
-                s = strain(f.bond(family, i, k), inverse_horizon * U)
+                s = strain(f.chord(family, i, k), inverse_horizon * U)
                 stored += f.weight(family, i, k) * energy_of(s, constants)
         return stored
 
@@ -168,7 +199,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
         for k in range(family.members):
             if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
-                xi = f.bond(family, i, k)
+                xi = f.chord(family, i, k)
                 U = inverse_horizon * (displacement[m] - displacement[i])
                 Y = image(xi, U)
                 tension = tension_of(strain(xi, U), constants)
@@ -200,7 +231,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
             if is_intact(family, intact, i, k):
                 U = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
                 bonds += wp.float32(1.0)
-                if strain(f.bond(family, i, k), U) < real(0.0):
+                if strain(f.chord(family, i, k), U) < real(0.0):
                     compressed += wp.float32(1.0)
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
@@ -228,7 +259,8 @@ def bond_based_tangent(
     real, vec3, mat33, vec6, parameters = types.real, types.vec3, types.mat33, types.vec6, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    is_intact, strain, image = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout, bits, breakable, module)
+    is_intact, strain, image = bond.is_intact, bond.strain, bond.image
     tension_of, slope_of, _energy_of = pairwise(bits)
 
     @kernel(module, gathers=("displacement",))
@@ -249,7 +281,7 @@ def bond_based_tangent(
             block = vec6()
             if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
-                xi = f.bond(family, i, k)
+                xi = f.chord(family, i, k)
                 U = inverse_horizon * (displacement[m] - displacement[i])
                 s = strain(xi, U)
                 along = slope_of(s, constants)

@@ -184,7 +184,7 @@ def sums_of_bonds(
                 members = without_lowest_bit(members)
                 m = f.neighbour(family, i, k)
                 U = inverse_horizon * (displacement[m] - ui)
-                pull += force_of(family, constants, i, k, m, f.bond(family, i, k), U)
+                pull += force_of(family, constants, i, k, m, f.chord(family, i, k), U)
         force[i] = unit_force * pull
 
     @kernel(module, gathers=("displacement", "constants.factors"))
@@ -205,7 +205,7 @@ def sums_of_bonds(
             if bonds.is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
                 U = inverse_horizon * (displacement[m] - displacement[i])
-                total += stiffness_of(family, constants, i, k, m, f.bond(family, i, k), U)
+                total += stiffness_of(family, constants, i, k, m, f.chord(family, i, k), U)
         density[i] = wp.max(real(2.0) * unit_stiffness * total, least)
 
     return pair_force, row_sums

@@ -98,3 +98,34 @@ def clock(bits: int, module: str) -> ClockKernels:
                 a.velocity[i] = v
 
     return ClockKernels(tick, prescribe)
+
+
+@functools.cache
+def prescribe_from(bits: int, module: str) -> Pointwise:
+    """Pointwise stage `prescribe` of a sheet stretched before it was clamped: motions begin at `origins` [m]."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @functools.partial(wp.struct, module=module)
+    class PrescribedFrom:
+        rows: wp.array(dtype=wp.int32)
+        schedules: wp.array(dtype=wp.vec3i)
+        scheduled: wp.array(dtype=vec3)
+        origins: wp.array(dtype=vec3)
+        step: wp.array(dtype=real)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+
+    @pointwise(module, PrescribedFrom, writes=("velocity",))
+    def prescribe_from(begin: int, end: int, a: PrescribedFrom):
+        for i in range(begin, end):
+            row = a.rows[i]
+            if row >= 0:
+                v = a.velocity[i]
+                for c in range(3):
+                    s = a.schedules[row][c]
+                    if s >= 0:
+                        v[c] = (a.scheduled[s][c] + (a.origins[i][c] - a.displacement[i][c])) / a.step[0]
+                a.velocity[i] = v
+
+    return prescribe_from

@@ -76,13 +76,14 @@ class ContactKernels:
 
 @functools.cache
 def rigid_contact(
-    bits: int, shape: ShapeFactory, held: bool, loaded: bool, damped: bool, tracked: bool, module: str
+    bits: int, shape: ShapeFactory, curved: bool, held: bool, loaded: bool, damped: bool, tracked: bool, module: str
 ) -> ContactKernels:
     """Stages of contact with a body.
 
     Args:
         bits: 32 or 64.
         shape: Factory of the shape, called with `bits`.
+        curved: Whether the reference positions have a z.
         held: Whether any component is held; held points do not feel the body.
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
@@ -95,7 +96,7 @@ def rigid_contact(
 
     @functools.partial(wp.struct, module=module)
     class Contact:
-        reference: wp.array(dtype=types.vec2)
+        reference: wp.array(dtype=vec3 if curved else types.vec2)
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
         centre: wp.array(dtype=vec3)
@@ -142,7 +143,10 @@ def rigid_contact(
         """From the centre of the body to the point; reference minus centre first, as both are small near contact."""
         X = a.reference[i]
         c = a.centre[a.schedule]
-        return vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
+        if wp.static(curved):
+            return X - c + a.displacement[i]
+        else:
+            return vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
 
     @wp.func(module=module)
     def free(i: int, a: Contact):

@@ -9,6 +9,9 @@ consecutive, and `centres` holds the one straight above or below the point.
 Each layout may come "with shares": bonds then lose their weight gradually, and a table holds the share that each bond
 has left, 1 to 0. It is a factor on the influence and the weight of the bond, so that laws need not know of it.
 
+A cloud may be curved: its points lie on a surface in space. xi is then the projection of the bond on the tangent plane
+of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is the chord X = Q (xi, rise).
+
 Lengths are in units of the horizon: xi = X / horizon. Areas are in units of one reference area, the mean
 area of a point. Every tabulated number is therefore of order one, in any system of units and in float32.
 """
@@ -22,6 +25,7 @@ import warp as wp
 from .numeric import numeric
 
 WORD = 32
+CURVED = " curved"
 WITH_SHARES = " with shares"
 
 
@@ -42,6 +46,12 @@ class FamilyFunctions:
         area: (family, i) -> a_i divided by the reference area.
         family_area: (family, i) -> undamaged |H_i| divided by the reference area.
         share: (family, i, k) -> what the bond has left of its weight, 1 to 0.
+        chord: (family, i, k) -> X of the bond in space, divided by the horizon: vec3 if curved, otherwise xi, vec2.
+        rise: (family, i, k) -> height of the member over the tangent plane divided by the horizon; zero if flat.
+        tilt: (family, i, k) -> tilt of the undamaged intersection against the tangent plane, vec2, see
+            kernels/kinematics.py; zero if flat.
+        to_frame: (family, i, v) -> vector in space by its components in the frame of i; v itself if flat.
+        from_frame: (family, i, v) -> the inverse.
     """
 
     struct: Any
@@ -56,6 +66,11 @@ class FamilyFunctions:
     area: wp.Function
     family_area: wp.Function
     share: wp.Function
+    chord: wp.Function
+    rise: wp.Function
+    tilt: wp.Function
+    to_frame: wp.Function
+    from_frame: wp.Function
 
 
 @functools.cache
@@ -134,13 +149,26 @@ def lattice_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
     def family_area(family: LatticeFamily, i: int):
         return family.class_family_area[family.family_class[i]]
 
+    @wp.func(module=module)
+    def rise(family: LatticeFamily, i: int, k: int):
+        return real(0.0)
+
+    @wp.func(module=module)
+    def tilt(family: LatticeFamily, i: int, k: int):
+        return vec2(real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def same(family: LatticeFamily, i: int, v: vec3):
+        return v
+
     return FamilyFunctions(
-        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share
-    )
+        LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
+        chord=bond, rise=rise, tilt=tilt, to_frame=same, from_frame=same,
+    )  # fmt: skip
 
 
 @functools.cache
-def table_functions(bits: int, shares: bool, gridded: bool, module: str) -> FamilyFunctions:
+def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved: bool = False) -> FamilyFunctions:
     """Functions of the cloud and, with `gridded`, of the grid: tables [member, row]; `shares` as for the lattice."""
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
@@ -184,6 +212,9 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str) -> Fami
             areas: wp.array(dtype=real)
             family_areas: wp.array(dtype=real)
             shares: wp.array2d(dtype=real)
+            frames: wp.array(dtype=types.mat33)
+            chords: wp.array2d(dtype=vec3)
+            tilts: wp.array2d(dtype=vec2)
 
     @wp.func(module=module)
     def row_of(family: Family, i: int):
@@ -251,17 +282,52 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str) -> Fami
     def family_area(family: Family, i: int):
         return family.family_areas[row_of(family, i)]
 
+    @wp.func(module=module)
+    def chord(family: Family, i: int, k: int):
+        return family.chords[k, i]
+
+    @wp.func(module=module)
+    def rise(family: Family, i: int, k: int):
+        if wp.static(curved):
+            Q = family.frames[i]
+            X = family.chords[k, i]
+            return Q[0, 2] * X[0] + Q[1, 2] * X[1] + Q[2, 2] * X[2]
+        else:
+            return real(0.0)
+
+    @wp.func(module=module)
+    def tilt(family: Family, i: int, k: int):
+        if wp.static(curved):
+            return family.tilts[k, i]
+        else:
+            return vec2(real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def to_frame(family: Family, i: int, v: vec3):
+        if wp.static(curved):
+            return wp.transpose(family.frames[i]) * v
+        else:
+            return v
+
+    @wp.func(module=module)
+    def from_frame(family: Family, i: int, v: vec3):
+        if wp.static(curved):
+            return family.frames[i] * v
+        else:
+            return v
+
     return FamilyFunctions(
-        Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share
-    )
+        Family, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
+        chord=chord if curved else bond, rise=rise, tilt=tilt, to_frame=to_frame, from_frame=from_frame,
+    )  # fmt: skip
 
 
 @functools.cache
 def family_functions(layout: str, bits: int, module: str) -> FamilyFunctions:
-    """Functions of `layout`, "lattice", "grid" or "cloud", each of them perhaps `WITH_SHARES`."""
+    """Functions of `layout`, "lattice", "grid" or "cloud"; a cloud perhaps `CURVED`, each perhaps `WITH_SHARES`."""
     if is_lattice(layout):
         return lattice_functions(bits, has_shares(layout), module)
-    return table_functions(bits, has_shares(layout), is_grid(layout), module)
+    return table_functions(bits, has_shares(layout), is_grid(layout), module, is_curved(layout))
 
 
 def is_lattice(layout: str) -> bool:
@@ -272,6 +338,11 @@ def is_lattice(layout: str) -> bool:
 def is_grid(layout: str) -> bool:
     """Whether the points deep inside a grid share one stencil, and all others have rows of their own."""
     return layout.removesuffix(WITH_SHARES) == "grid"
+
+
+def is_curved(layout: str) -> bool:
+    """Whether the points lie on a surface in space."""
+    return layout.removesuffix(WITH_SHARES).endswith(CURVED)
 
 
 def has_shares(layout: str) -> bool:

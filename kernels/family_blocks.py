@@ -20,7 +20,7 @@ import warp as wp
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_grid, is_lattice
+from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
@@ -77,10 +77,11 @@ def block_force(
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
     intact_members, is_undamaged, is_intact = law.intact_members, law.is_undamaged, law.is_intact
     green, damaged_inverse = law.green, law.damaged_inverse
+    tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     area_weight, family_scale = law.area_weight, law.family_scale
-    stress_near, stress_on_members = near(bits), kinematics(bits).stress_on_members
+    stress_near, stress_on_members = near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
-    by_row, gradual = is_lattice(layout) or is_grid(layout), has_shares(layout)
+    by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
     n, half, word_size = members, threads_of_family(members), WORD
     together = families_together(n)
     threads = half * together
@@ -100,7 +101,10 @@ def block_force(
         k: int,
         here: bool,
     ):
-        """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik."""
+        """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
+
+        On a curved sheet U_k is in the frame of the point.
+        """
         intact_here = bool(False)
         stretch = vec3(real(0.0), real(0.0), real(0.0))
         moment = vec3(real(0.0), real(0.0), real(0.0))
@@ -115,7 +119,9 @@ def block_force(
                 if wp.static(gradual):
                     share = f.share(family, i, k)
                     moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
-                stretch = inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                stretch = f.to_frame(
+                    family, i, inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
+                )
                 for word in range(wp.static(words)):
                     common[word] = f.common(family, i, k, wp.static(word)) & intact_members(
                         family, intact, i, wp.static(word)
@@ -132,24 +138,33 @@ def block_force(
         undamaged: bool,
         shape: vec3,
         size: real,
+        rises: vec2,
         G1: vec3,
         G2: vec3,
     ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape` and `size` are those of a damaged family."""
+        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family."""
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
         if intact_here:
             inverse = f.shape(family, i, k)
+            tilt = f.tilt(family, i, k)
             if wp.static(damaged):
                 if not undamaged:
                     inverse, size = damaged_inverse(shape, inverse, size)
+                    if wp.static(curved):
+                        slope = vec2(
+                            inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
+                        )
+                        tilt = tilt_of(slope)
             if inverse[0] > real(0.0):
                 H1 = G1 * inverse[0] + G2 * inverse[1]
                 H2 = G1 * inverse[1] + G2 * inverse[2]
-                S, _guess = stress_near(green(H1, H2), constants, real(0.0))
+                if wp.static(curved):
+                    H1, H2 = level(H1, H2, tilt)
+                S, _guess = stress_near(green(H1, H2, tilt), constants, real(0.0))
                 weight = area_weight(family, i, k, undamaged, size)
-                A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
+                A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
         return A1, A2, weight
 
     @kernel(fast_module, per="list", launch_bounds=(threads, resident))
@@ -216,6 +231,8 @@ def block_force(
             far_shape = vec3(real(0.0), real(0.0), real(0.0))
             size = real(0.0)
             far_size = real(0.0)
+            rises = vec2(real(0.0), real(0.0))
+            far_rises = vec2(real(0.0), real(0.0))
             if wp.static(damaged):
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
@@ -237,15 +254,21 @@ def block_force(
                             if wp.static(redistribute):
                                 if (near_bit | far_bit) != wp.uint32(0):
                                     area = f.area(family, f.neighbour(family, i, other))
+                            moment = vec2(real(0.0), real(0.0))
+                            if wp.static(curved):
+                                if (near_bit | far_bit) != wp.uint32(0):
+                                    moment = f.rise(family, i, other) * vec2(x, arm[0])
                             if near_bit != wp.uint32(0):
                                 shape += part
                                 size += area
+                                rises += moment
                             if far_bit != wp.uint32(0):
                                 far_shape += part
                                 far_size += area
-            A1, A2, weight = answer(family, constants, i, k, intact_here, undamaged, shape, size, G1, G2)
+                                far_rises += moment
+            A1, A2, weight = answer(family, constants, i, k, intact_here, undamaged, shape, size, rises, G1, G2)
             far_A1, far_A2, far_weight = answer(
-                family, constants, i, far_k, far_intact_here, undamaged, far_shape, far_size, far_G1, far_G2
+                family, constants, i, far_k, far_intact_here, undamaged, far_shape, far_size, far_rises, far_G1, far_G2
             )
             firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
             far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
@@ -278,8 +301,8 @@ def block_force(
                 )
                 far_T1 += share * vec3(a[0], a[1], a[2])
                 far_T2 += share * vec3(a[3], b[0], b[1])
-            pull = scale * (u[3] * T1 + m[0] * T2)
-            far_pull = scale * (far_u[3] * far_T1 + far_m[0] * far_T2)
+            pull = f.from_frame(family, i, scale * (u[3] * T1 + m[0] * T2))
+            far_pull = f.from_frame(family, i, scale * (far_u[3] * far_T1 + far_m[0] * far_T2))
             pulls = wp.tile(pull + far_pull, preserve_type=True)
             if here:
                 column = i % bond_force.shape[1]

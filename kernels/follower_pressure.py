@@ -7,7 +7,7 @@ import warp as wp
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, family_functions, is_curved
 from .kinematics import kinematics
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
@@ -17,16 +17,18 @@ from .pointwise import Pointwise, pointwise
 def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.Function:
     """Warp function of F e1 x F e2, with F of the complete family of a point: normal times area ratio (Nanson).
 
+    On a curved sheet F = O + H (kernels/kinematics.py), and at rest the vector is a unit normal.
     It is zero where the intact bonds determine no F. The loop over members has no branches: a GPU thread issues the
     loads of several members at once.
     """
     types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
     intact_members = bond_state(layout, bits, breakable, module).intact_members
-    word_size = WORD
-    determines_gradient = kinematics(bits).determines_gradient
+    word_size, curved = WORD, is_curved(layout)
+    determines_gradient, level = kinematics(bits).determines_gradient, kinematics(bits).level
+    curved_gradient, tilt_of = kinematics(bits).curved_gradient, kinematics(bits).tilt_of
 
     @wp.func(module=module)
     def surface(
@@ -40,6 +42,7 @@ def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.F
         G1 = vec3(real(0.0), real(0.0), real(0.0))
         G2 = vec3(real(0.0), real(0.0), real(0.0))
         shape = vec3(real(0.0), real(0.0), real(0.0))
+        rises = vec2(real(0.0), real(0.0))
         for word in range(family.words):
             members = intact_members(family, intact, i, word)
             first = word * word_size
@@ -52,13 +55,26 @@ def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.F
                 G1 += (c * xi[0]) * stretch
                 G2 += (c * xi[1]) * stretch
                 shape += c * vec3(xi[0] * xi[0], xi[0] * xi[1], xi[1] * xi[1])
+                if wp.static(curved):
+                    rises += (c * f.rise(family, i, k)) * xi
         determinant = shape[0] * shape[2] - shape[1] * shape[1]
         answer = vec3(real(0.0), real(0.0), real(0.0))
         if determines_gradient(shape):
             scale = inverse_horizon / determinant
-            F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
-            F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
-            answer = wp.cross(F1, F2)
+            if wp.static(curved):
+                slope = vec2(shape[2] * rises[0] - shape[1] * rises[1], shape[0] * rises[1] - shape[1] * rises[0])
+                tilt = tilt_of(slope / determinant)
+                H1, H2 = level(
+                    f.to_frame(family, i, scale * (shape[2] * G1 - shape[1] * G2)),
+                    f.to_frame(family, i, scale * (shape[0] * G2 - shape[1] * G1)),
+                    tilt,
+                )
+                T1, T2 = curved_gradient(H1, H2, tilt)
+                answer = f.from_frame(family, i, wp.cross(T1, T2))
+            else:
+                F1 = scale * (shape[2] * G1 - shape[1] * G2) + vec3(real(1.0), real(0.0), real(0.0))
+                F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
+                answer = wp.cross(F1, F2)
         return answer
 
     return surface

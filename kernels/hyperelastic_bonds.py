@@ -61,7 +61,8 @@ def hyperelastic_bonds(
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    _is_intact, strain, image = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout, bits, breakable, module)
+    strain, image = bond.strain, bond.image
 
     @functools.partial(wp.struct, module=module)
     class Constants:

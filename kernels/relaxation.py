@@ -45,7 +45,7 @@ def row_sums(
         law.is_intact,
         law.intersection,
     )
-    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
+    green, gradient, area_weight, family_scale = law.green, law.gradient, law.area_weight, law.family_scale
     response_of = response(bits)
     word_size = WORD
 
@@ -69,17 +69,16 @@ def row_sums(
         centre_row = real(0.0)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, size = intersection(
+                G1, G2, inverse, size, tilt = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
-                    S, T = response_of(green(H1, H2), constants)
+                    S, T = response_of(green(H1, H2, tilt), constants)
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
-                    F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                    F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+                    F1, F2 = gradient(H1, H2, tilt)
                     stretch = wp.dot(F1, F1) + wp.dot(F2, F2)
                     bound = wp.abs(S[0, 0]) + real(2.0) * wp.abs(S[0, 1]) + wp.abs(S[1, 1])
                     bound += stretch * (wp.abs(T[0]) + wp.abs(T[1]) + wp.abs(T[3]) + wp.abs(T[5]))

@@ -15,7 +15,7 @@ from typing import Any
 import warp as wp
 
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, family_functions, is_curved
 from .numeric import numeric
 
 
@@ -40,17 +40,23 @@ CriterionFactory = Callable[[str, int, str], Criterion]
 
 @functools.cache
 def reference_and_deformed(layout: str, bits: int, module: str) -> wp.Function:
-    """Function (family, displacement, horizon, i, k, m) -> X and Y of bond k of point i, to point m [m]."""
+    """Function (family, displacement, horizon, i, k, m) -> X and Y of bond k of point i, to point m [m].
+
+    X is a vec2, on a curved sheet the chord, a vec3: minus that of the reverse bond, to the last bit.
+    """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     f = family_functions(layout, bits, module)
-    Family = f.struct
+    Family, curved = f.struct, is_curved(layout)
 
     @wp.func(module=module)
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), horizon: real, i: int, k: int, m: int):
-        X = horizon * f.bond(family, i, k)
+        X = horizon * f.chord(family, i, k)
         U = displacement[m] - displacement[i]
-        return X, vec3(X[0] + U[0], X[1] + U[1], U[2])
+        if wp.static(curved):
+            return X, X + U
+        else:
+            return X, vec3(X[0] + U[0], X[1] + U[1], U[2])
 
     return bond_vectors
 

@@ -28,7 +28,6 @@ from .effects import Kernel, kernel
 from .factories import PairFactory
 from .families import family_functions
 from .incompressible import incompressible, yeoh
-from .kinematics import kinematics
 from .numeric import numeric
 
 # Steps of the search for C_q, and its tolerance; the search is convex and takes a few steps.
@@ -82,7 +81,7 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
     is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
-    add_to_members, stress_on_members = law.add_to_members, kinematics(bits).stress_on_members
+    add_to_members, stress_on_members = law.add_to_members, law.stress_on_members
     retained = relaxation_factors(bits)
     conjugate, energies = prony_energy(module), material(64)[1]
 
@@ -124,11 +123,11 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
         work = wp.float64(0.0)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, size = intersection(
+                G1, G2, inverse, size, tilt = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 if inverse[0] > real(0.0):
-                    G = green(inverse_horizon * G1, inverse_horizon * G2)
+                    G = green(inverse_horizon * G1, inverse_horizon * G2, tilt)
                     old = tensor(strain[j, i])
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
@@ -173,13 +172,13 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
         total = real(0.0)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, size = intersection(
+                G1, G2, inverse, size, tilt = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 if inverse[0] > real(0.0):
                     H1 = inverse_horizon * G1
                     H2 = inverse_horizon * G2
-                    G = green(H1, H2)
+                    G = green(H1, H2, tilt)
                     old = tensor(strain[j, i])
                     S = stress(G, constants)
                     for p in range(prony.shape[0]):
@@ -188,13 +187,13 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
                         S += prony_stress(G, own) - prony_stress(old, own)
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
-                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse)
+                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
                     add_to_members(family, intact, i, j, A1, A2, bond_force)
         scale = unit_force * family_scale(family, i, undamaged, total)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
                 share = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                bond_force[k, i] = (scale * share) * bond_force[k, i]
+                bond_force[k, i] = f.from_frame(family, i, (scale * share) * bond_force[k, i])
 
     @kernel(module, gathers=("displacement",))
     def stored_energy(
@@ -219,11 +218,11 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
         total = real(0.0)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, size = intersection(
+                G1, G2, inverse, size, tilt = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 if inverse[0] > real(0.0):
-                    G = green(inverse_horizon * G1, inverse_horizon * G2)
+                    G = green(inverse_horizon * G1, inverse_horizon * G2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))

@@ -62,7 +62,8 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
-    is_intact, strain_of, image = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout, bits, breakable, module)
+    is_intact, strain_of, image = bond.is_intact, bond.strain, bond.image
     retained = relaxation_factors(bits)
 
     @wp.func(module=module)

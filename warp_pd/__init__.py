@@ -36,6 +36,8 @@ if TYPE_CHECKING:
         BoundaryForce,
         CriticalEnergy,
         CriticalStretch,
+        EnclosedGas,
+        EnclosedVolume,
         Fixed,
         Motion,
         PointForce,
@@ -68,8 +70,8 @@ else:
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
             "output.sheet_plot": "draw_sheet",
-            "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch Fixed Motion PointForce Pressure "
-            "RigidBall TearingEnergy",
+            "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch EnclosedGas "
+            "EnclosedVolume Fixed Motion PointForce Pressure RigidBall TearingEnergy",
             "run.runner": "Result",
             "scene": "Measure Outcome",
             "shapes.files": "read_mesh",
@@ -97,6 +99,8 @@ __all__ = [
     "Built",
     "CriticalEnergy",
     "CriticalStretch",
+    "EnclosedGas",
+    "EnclosedVolume",
     "Explicit",
     "Fixed",
     "Frame",

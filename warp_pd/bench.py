@@ -27,7 +27,7 @@ from .simulation import Simulation
 from .solvers import Explicit
 
 FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
-LAYOUTS = ("lattice", "hole", "cloud")
+LAYOUTS = ("lattice", "hole", "cloud", "tube")
 # Radius of the hole [m] in a square of 1 m.
 HOLE = 0.15
 # With a step this short the displacement does not change within round-off.
@@ -39,11 +39,11 @@ class Case:
     """A case to be timed.
 
     Attributes:
-        points: Points along a side of a square sheet.
+        points: Points along a side of a square sheet, or around and along a tube.
         horizon: Horizon in spacings.
         precision: 32 or 64.
         features: A selection from FEATURES.
-        layout: One of LAYOUTS; "hole" is a grid with a hole in its middle.
+        layout: One of LAYOUTS; "hole" is a grid with a hole in its middle, "tube" a curved cloud, the square rolled up.
         weights: As for `BondAssociated`.
         damaged: Fraction of the points that have lost a bond, with "rupture".
         fast: Whether to use the fast kernels.
@@ -72,7 +72,12 @@ class Case:
 
     def simulation(self) -> Simulation:
         """The sheet with its loads, supports and contact."""
-        sheet = Sheet.rectangle(1.0, 1.0, thickness=1e-2, density=1000.0, points=self.points)
+        solid: dict[str, Any] = {"thickness": 1e-2, "density": 1000.0}
+        if self.layout == "tube":
+            around = (self.points, self.points)
+            sheet = Sheet.tube(0.5 / np.pi, (self.points - 1) / self.points, points=around, **solid)
+        else:
+            sheet = Sheet.rectangle(1.0, 1.0, points=self.points, **solid)
         if self.layout == "cloud":
             sheet = sheet.as_cloud()
         if self.layout == "hole":
@@ -336,5 +341,7 @@ def _time(seconds: float) -> str:
 
 def _rough(sheet: Sheet) -> np.ndarray:
     noise = np.random.default_rng(0).uniform(-0.02, 0.02, (sheet.size, 3)) * sheet.spacing
+    if sheet.frames is not None:
+        return 0.2 * sheet.points + 0.05 * np.sin(7.0 * sheet.points[:, [1, 2, 0]]) + noise
     x, y = sheet.points.T
     return np.column_stack([0.3 * x + 0.05 * np.sin(7.0 * y), -0.1 * y, 0.1 * np.sin(5.0 * x * y)]) + noise

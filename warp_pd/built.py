@@ -133,6 +133,7 @@ def _context(
 ) -> Context:
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
+    start, placement = scene.initial("initial_displacement"), sheet.placement()
     features = Features(
         held=bool(held.any()),
         loaded=any(part.adds_force for part in parts),
@@ -143,18 +144,18 @@ def _context(
         contact=scene.contact is not None,
     )
     return Context(
-        sheet=sheet, device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),
-        features=features, held=held, initial_displacement=scene.initial("initial_displacement"),
+        sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),
+        features=features, held=held, initial_displacement=start if placement is None else start + placement,
         fields=FieldRegister(device), clock=Clock(solver.duration, solver.default_ramp),
-        block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
+        placement=placement, block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip
 
 
 def _state(scene: Scene, context: Context, external: ExternalForce, energy: EnergyBalance) -> State:
-    sheet, types, features, solver = scene.sheet, context.types, context.features, scene.solver
+    sheet, types, features, solver = context.sheet, context.types, context.features, scene.solver
     n, real, vec3 = sheet.size, types.real, types.vec3
     mass = sheet.areas * sheet.thickness * sheet.density
-    u, v = scene.initial("initial_displacement"), scene.initial("initial_velocity")
+    u, v = context.initial_displacement, scene.initial("initial_velocity")
     return State(
         displacement=context.array(
             "displacement", OWNER, vec3, u, restart=True, halo=True, output="displacement"

@@ -133,15 +133,15 @@ def counts(name: str, value: Any, least: int) -> tuple[int, int]:
     return count(f"{name}[0]", value[0], least), count(f"{name}[1]", value[1], least)
 
 
-def positions(name: str, value: Any, least: int = 3) -> np.ndarray:
-    """`value` as positions in the plane [m], float64, shape (N, 2), of three points or more.
+def positions(name: str, value: Any, least: int = 3, components: int = 2) -> np.ndarray:
+    """`value` as positions in the plane or in space [m], float64, shape (N, 2) or (N, 3), of `least` points or more.
 
     Raises:
         InputError: for another shape, or numbers that are not finite.
     """
     found = numbers(name, value)
-    if found.ndim != 2 or found.shape[1] != 2 or len(found) < least:
-        raise InputError(f"{name} has shape {found.shape}: expected (N, 2) with N of {least} or more")
+    if found.ndim != 2 or found.shape[1] != components or len(found) < least:
+        raise InputError(f"{name} has shape {found.shape}: expected (N, {components}) with N of {least} or more")
     return found.copy()
 
 

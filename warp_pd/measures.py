@@ -45,7 +45,10 @@ class TearLine:
         corners = sheet.points[sheet.triangles]
         self.centres = corners.mean(axis=1)
         side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        self.areas = 0.5 * np.abs(side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0])
+        if sheet.frames is None:
+            self.areas = 0.5 * np.abs(side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0])
+        else:
+            self.areas = 0.5 * np.linalg.norm(np.cross(side, other), axis=1)
         self._edges, self._beside = _shared_edges(sheet.triangles)
 
     def length(self, intact: np.ndarray) -> float:
@@ -57,7 +60,11 @@ class TearLine:
 
         1: all along the axes and diagonals of a square grid turned by `turn` degrees; -1: all halfway between
         them; 0: no preference.
+
+        Raises:
+            InputError: on a curved sheet.
         """
+        self._require_flat("alignment")
         along = self._crack_faces(intact)
         length = np.linalg.norm(along, axis=1)
         if length.sum() == 0.0:
@@ -71,8 +78,13 @@ class TearLine:
         free = self._edges[whole[self._beside].sum(axis=1) == 1]
         return _smoothed_edges(self.sheet.points, free)
 
+    def _require_flat(self, what: str) -> None:
+        if self.sheet.frames is not None:
+            raise InputError(f"TearLine.{what}: expected a flat sheet, got a curved one")
+
     def direction(self, intact: np.ndarray) -> float:
         """Angle of the cracks' principal axis to the x axis [degrees], in (-90, 90]; NaN while nothing is torn."""
+        self._require_flat("direction")
         torn = ~self.without_specks(intact)
         if not torn.any():
             return float("nan")
@@ -84,6 +96,7 @@ class TearLine:
 
     def deviation(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
         """Root mean square distance of the torn faces from a straight line [m]; 0 while nothing is torn."""
+        self._require_flat("deviation")
         torn = ~self.without_specks(intact)
         if not torn.any():
             return 0.0
@@ -94,6 +107,7 @@ class TearLine:
 
     def reach(self, intact: np.ndarray, start: tuple[float, float], towards: tuple[float, float]) -> float:
         """How far the torn faces reach from `start` in the direction of `towards` [m]; 0 while nothing is torn."""
+        self._require_flat("reach")
         torn = ~self.without_specks(intact)
         if not torn.any():
             return 0.0
@@ -144,7 +158,7 @@ def _shared_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Vectors of a net of edges after each of its points with two neighbours was averaged with them."""
     if len(edges) == 0:
-        return np.zeros((0, 2))
+        return np.zeros((0, points.shape[1]))
     used, local = np.unique(edges, return_inverse=True)
     a, b = local.reshape(edges.shape).T
     place = points[used].copy()
@@ -168,7 +182,7 @@ def virial_stress(built: Built, point: int) -> np.ndarray:
 
     Half the sum of (force of the pair) (x) X over the volume of the point; for laws that keep `bond_force`.
     """
-    force, sheet = built.law, built.simulation.sheet
+    force, sheet = built.law, built.context.sheet
     families, halves = force.families, built.to_numpy(force.bond_force())[:, :, :2]
     exists = families.rows_of_points(families.exists)[point]
     k = np.flatnonzero(exists)

@@ -43,7 +43,7 @@ def distance_from_local_plane(built: Built, frame: Frame, points: Any) -> np.nda
     if built.law.intact is not None:
         words = built.law.intact.numpy()[-families.words :, chosen].T
         present &= unpack(words, families.members)
-    position = np.column_stack([sheet.points, np.zeros(sheet.size)]) + np.asarray(frame.displacement, np.float64)
+    position = sheet.positions + np.asarray(frame.displacement, np.float64)
     # About the point itself, so that a sheet far from the origin keeps its digits.
     arm = np.where(present[..., None], position[np.maximum(members, 0)] - position[chosen, None], 0.0)
     number = present.sum(axis=1)

@@ -26,6 +26,8 @@ def rough_surface(sheet: Sheet, roughness: float, seed: int, flat: np.ndarray | 
     bumps = np.zeros((sheet.size, 3))
     height = not_negative("roughness", roughness) * sheet.spacing
     bumps[:, 2] = height * np.random.default_rng(seed).uniform(-1.0, 1.0, sheet.size)
+    if sheet.frames is not None:
+        bumps = bumps[:, 2:] * sheet.normals
     if flat is not None:
         bumps[flat] = 0.0
     return bumps

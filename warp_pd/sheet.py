@@ -13,12 +13,15 @@ from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
 from .regions import region_of
 from .shapes.clouds import cloud
+from .shapes.edges import edge_points
+from .shapes.edits import punched, slit, turned
 from .shapes.files import flat_shape, read_mesh
-from .shapes.holes import square_grid, triangulation_without
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.shape import Shape
-from .shapes.triangulation import Segment, crossed_triangles
+from .shapes.stretching import before_stretch
+from .shapes.surfaces import sphere, surface, tube
+from .shapes.triangulation import Segment
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,11 +34,14 @@ class Sheet(Shape):
         thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
         density: Mass per reference volume [kg/m^3].
         stiffness: Factor on the moduli of the material at each point, shape (N,), or None: one everywhere.
+        stretch: Deformation gradient in the plane that took the sheet without stress to this one, shape (2, 2), or
+            None: this one has no stress.
     """
 
     thickness: float
     density: float
     stiffness: np.ndarray | None = None
+    stretch: np.ndarray | None = None
 
     @staticmethod
     def of(shape: Shape, *, thickness: float, density: float) -> Sheet:
@@ -212,7 +218,7 @@ class Sheet(Shape):
 
         A mesh whose points all have one z is a flat sheet; its z is dropped. No bond crosses its boundary, whose rings
         are the parts "outline" and "hole 1", "hole 2", ..., the largest first. Named groups of points and lines of a
-        .msh file are parts, too.
+        .msh file are parts, too. Any other mesh is a curved sheet, as from `from_surface`.
 
         Args:
             path: The file, as for `warp_pd.shapes.files.read_mesh`, which says what it refuses.
@@ -228,49 +234,100 @@ class Sheet(Shape):
         """
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
-            raise InputError(f"path = {str(path)!r}: the surface is curved: expected a flat mesh, all points at one z")
+            return Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
         return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
+
+    @staticmethod
+    def from_surface(
+        vertices: np.ndarray, triangles: np.ndarray, *, thickness: float, density: float, spacing: float | None = None
+    ) -> Sheet:
+        """A curved sheet: a surface of triangles in space, free of stress as it is.
+
+        Its open edges are the part "rim". A third of each triangle belongs to each of its corners.
+
+        Args:
+            vertices: Positions [m], shape (N, 3).
+            triangles: Counter-clockwise seen from outside, shape (F, 3).
+            thickness: [m].
+            density: [kg/m^3].
+            spacing: Reference spacing [m]; by default the root of the mean area of the points.
+
+        Raises:
+            InputError: for coincident vertices, or one without a triangle, triangles without area, or of different
+                orientation, or wrong shapes.
+        """
+        return Sheet.of(surface(vertices, triangles, spacing), thickness=thickness, density=density)
+
+    @staticmethod
+    def tube(
+        radius: float, length: float, *, thickness: float, density: float, points: int | tuple[int, int] = 80
+    ) -> Sheet:
+        """A tube along z from z = 0, a rolled square lattice; its ends are the parts "bottom" and "top".
+
+        Args:
+            radius: [m].
+            length: [m].
+            thickness: [m].
+            density: [kg/m^3].
+            points: Points around, or around and along; by default the spacing along is as near to that around as
+                whole points allow.
+
+        Raises:
+            InputError: for a size, thickness or density that is not above zero, fewer than 6 points around or 3 along.
+        """
+        return Sheet.of(tube(radius, length, points), thickness=thickness, density=density)
+
+    @staticmethod
+    def sphere(radius: float, *, thickness: float, density: float, points: int = 20) -> Sheet:
+        """A sphere about the origin, a geodesic grid of triangles almost alike; its areas sum to that of the sphere.
+
+        Args:
+            radius: [m].
+            thickness: [m].
+            density: [kg/m^3].
+            points: Points on a quarter of the circumference, about.
+
+        Raises:
+            InputError: for a size, thickness or density that is not above zero, or fewer than 2 points.
+        """
+        return Sheet.of(sphere(radius, points), thickness=thickness, density=density)
 
     def as_cloud(self) -> Sheet:
         """The same sheet, its lattice or grid forgotten: bonds are then stored in a table."""
         return replace(self, lattice=None, grid=None)
 
     def edges(self, *names: str) -> np.ndarray:
-        """Indices of the points on the named edges of the bounding box: left, right, bottom, top, or all.
+        """Indices of the points on named edges; "all" is the outline and all holes.
 
-        On a cloud, an edge holds the points within a quarter of a spacing of it.
+        Names are those of `parts`, and on a flat sheet the sides of the bounding box: left, right, bottom, top. On a
+        cloud, a side holds the points within a quarter of a spacing of it.
 
         Raises:
             InputError: for another name.
         """
-        tolerance = self.spacing * (1e-6 if self.lattice else 0.25)
-        low, high = self.points.min(axis=0), self.points.max(axis=0)
-        near = {
-            "left": self.points[:, 0] < low[0] + tolerance,
-            "right": self.points[:, 0] > high[0] - tolerance,
-            "bottom": self.points[:, 1] < low[1] + tolerance,
-            "top": self.points[:, 1] > high[1] - tolerance,
-        }
-        chosen = np.zeros(self.size, bool)
-        for name in names or ("all",):
-            if name == "all":
-                chosen |= np.any(list(near.values()), axis=0)
-            elif name in near:
-                chosen |= near[name]
-            else:
-                raise InputError(f"edge = {name!r}: expected 'left', 'right', 'bottom', 'top', 'all'")
-        return region_of(np.flatnonzero(chosen), self.points)
+        return region_of(edge_points(self, names), self.points)
 
-    def nearest(self, x: float, y: float) -> int:
-        """Index of the point nearest to (x, y)."""
-        offset = self.points - (finite("x", x), finite("y", y))
-        return int(np.argmin((offset**2).sum(axis=1)))
+    def nearest(self, x: float, y: float, z: float | None = None) -> int:
+        """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).
 
-    def within(self, centre: tuple[float, float], radius: float) -> np.ndarray:
-        """Indices of the points no further than `radius` [m] from `centre`."""
-        offset = self.points - vector("centre", centre, 2)
+        Raises:
+            InputError: for a z on a flat sheet, or none on a curved one.
+        """
+        if (z is None) != (self.frames is None):
+            expected = "a number on a curved sheet" if z is None else "None on a flat sheet"
+            raise InputError(f"z = {z!r}: expected {expected}")
+        place = (finite("x", x), finite("y", y), *([] if z is None else [finite("z", z)]))
+        return int(np.argmin(((self.points - place) ** 2).sum(axis=1)))
+
+    def within(self, centre: tuple[float, ...], radius: float) -> np.ndarray:
+        """Indices of the points no further than `radius` [m] from `centre`, (x, y), on a curved sheet (x, y, z)."""
+        offset = self.points - vector("centre", centre, self.points.shape[1])
         reach = positive("radius", radius) * (1.0 + 1e-9)
-        return region_of(np.flatnonzero(np.hypot(offset[:, 0], offset[:, 1]) <= reach), self.points)
+        return region_of(np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach), self.points)
+
+    def _require_flat(self, what: str) -> None:
+        if self.frames is not None:
+            raise InputError(f"{what}: expected a flat sheet, got a curved one")
 
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].
@@ -279,19 +336,11 @@ class Sheet(Shape):
         itself belong to its left side. The triangles that it crosses are gone, from pictures too.
 
         Raises:
-            InputError: for a segment of no length, or one that crosses no triangle of the sheet.
+            InputError: for a segment of no length, one that crosses no triangle of the sheet, or a curved sheet.
         """
+        self._require_flat("cut")
         segment: Segment = (tuple(vector("start", start, 2)), tuple(vector("end", end, 2)))  # type: ignore[assignment]
-        if segment[0] == segment[1]:
-            raise InputError(f"cut from {start!r} to {end!r}: expected a segment of some length")
-        gone = crossed_triangles(self.points, self.triangles, segment)
-        if not gone.any():
-            low, high = self.points.min(axis=0), self.points.max(axis=0)
-            raise InputError(
-                f"cut from {start!r} to {end!r} crosses no bond: expected segments inside the sheet, "
-                f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
-            )
-        return replace(self, triangles=self.triangles[~gone], cuts=(*self.cuts, segment))
+        return slit(self, segment, f"cut from {start!r} to {end!r}")
 
     def hole(self, centre: tuple[float, float], radius: float) -> Sheet:
         """A copy without the points nearer than `radius` [m] to `centre`; the others keep their places on a grid.
@@ -299,31 +348,15 @@ class Sheet(Shape):
         On a grid, the cells that lost a corner go too, and the areas of the points around them shrink.
 
         Raises:
-            InputError: if the hole holds no point or leaves no sheet.
+            InputError: if the hole holds no point or leaves no sheet, or the sheet is curved.
         """
+        self._require_flat("hole")
         offset = self.points - vector("centre", centre, 2)
         inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
-        if not inside.any():
-            raise InputError(f"hole at {centre!r} of radius {radius!r} holds no point: expected a larger one")
-        kept_triangles, areas = triangulation_without(inside, self)
-        grid = self.grid if self.lattice is None else square_grid(self.lattice)
-        kept = np.zeros(self.size, bool)
-        kept[kept_triangles] = True
-        if not kept.any():
-            raise InputError(f"hole at {centre!r} of radius {radius!r} leaves no sheet: expected a smaller one")
-        renumber = np.cumsum(kept) - 1
-        return replace(
-            self,
-            points=self.points[kept],
-            areas=areas[kept],
-            triangles=renumber[kept_triangles].astype(np.int32),
-            lattice=None,
-            grid=None if grid is None else grid[kept],
-            inclusions=tuple(renumber[i[kept[i]]].astype(np.int32) for i in self.inclusions),
-            stiffness=None if self.stiffness is None else self.stiffness[kept],
-        )
+        smaller, kept = punched(self, inside, f"hole at {centre!r} of radius {radius!r}")
+        return replace(smaller, stiffness=None if self.stiffness is None else self.stiffness[kept])
 
-    def inclusion(self, centre: tuple[float, float], radius: float) -> Sheet:
+    def inclusion(self, centre: tuple[float, ...], radius: float) -> Sheet:
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.
 
         Raises:
@@ -351,20 +384,52 @@ class Sheet(Shape):
         stiffness[point_indices("points", points, self.size)] *= positive("factor", factor)
         return replace(self, stiffness=stiffness)
 
+    def prestretched(self, first: float, second: float | None = None) -> Sheet:
+        """A copy that was stretched before it was clamped, such as the skin of a drum.
+
+        Points, selections and displacements are those of this sheet, as it is clamped. Its state without stress is
+        smaller by the stretches; thickness, density and areas of the mass are those of that state.
+
+        Args:
+            first: Stretch along x [-], more than 1 for tension.
+            second: Stretch along y [-]; by default as along x.
+
+        Raises:
+            InputError: for a stretch that is not above zero, a bar, rigid inclusions, or two stretches of a curved
+                sheet.
+        """
+        stretches = positive("first", first), positive("second", first if second is None else second)
+        before = np.eye(2) if self.stretch is None else self.stretch
+        stretched = replace(self, stretch=np.diag(stretches) @ before)
+        stretched.unstretched()
+        return stretched
+
+    def unstretched(self) -> Sheet:
+        """The sheet before it was stretched, without stress: the reference of strains.
+
+        Raises:
+            InputError: for rigid inclusions, which were made after the sheet was stretched.
+        """
+        return self if self.stretch is None else replace(before_stretch(self, self.stretch), stretch=None)
+
+    def placement(self) -> np.ndarray | None:
+        """Displacement of the points when the sheet was stretched and clamped [m], shape (N, 3), or None."""
+        return None if self.stretch is None else self.positions - self.unstretched().positions
+
     def turned(self, degrees: float) -> Sheet:
-        """A copy whose points are turned about the middle of the sheet; it forgets its lattice."""
-        angle = np.deg2rad(finite("degrees", degrees))
-        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        middle = 0.5 * (self.points.min(axis=0) + self.points.max(axis=0))
+        """A copy whose points are turned about the middle of the sheet; it forgets its lattice.
 
-        def turn(p: np.ndarray) -> np.ndarray:
-            return np.asarray((p - middle) @ rotation.T + middle)
+        Raises:
+            InputError: for an angle that is no number, or a curved sheet.
+        """
+        self._require_flat("turned")
+        sheet, rotation = turned(self, finite("degrees", degrees))
+        return replace(sheet, stretch=None if self.stretch is None else rotation @ self.stretch @ rotation.T)
 
-        cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in self.cuts)
-        return replace(self, points=turn(self.points), lattice=None, grid=None, cuts=cuts)
+    def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
+        """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.
 
-    def where(self, condition: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Indices of the points for which `condition(x, y)` holds; all three have shape (N,).
+        Its arguments and its value have shape (N,).
 
         Raises:
             InputError: for a condition that is no function, or gives anything but N truth values.

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from curved_sheets import SHEETS, STATES, rotation, rough_motion, tear
 from grid_sheets import holed, partly_off_the_grid
-from helpers import GENT, NEO, build, internal_force, rough, sever, square
+from helpers import GENT, NEO, build, internal_force, rough, sever, soften, square
 
 from warp_pd import (
     BondAssociated,
@@ -51,6 +52,23 @@ def test_fast_kernels_are_the_reference_kernels(device, monkeypatch, size, cloud
         assert bool(taken) == (fast and (device != "cpu" or not cloud))
         forces.append(internal_force(built, rough(sheet)))
     close(*forces, TOLERANCE[precision])
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("kind", SHEETS)
+def test_fast_kernels_of_curved_sheets_are_the_reference_kernels(device, kind, state, precision):
+    sheet, values, forces = SHEETS[kind](), STATES[state], []
+    for fast in (True, False):
+        law = {"fast": fast, **values.get("law", {})}
+        built = build(sheet, horizon=2.2, material=GENT, precision=precision, device=device, **{**values, "law": law})
+        if "damage" in values:
+            assert soften(built).any() if built.context.features.gradual else tear(built).any()
+        names = [name for launch in built.context.stages["step"] for name in launch.parts]
+        assert ("family_block_force" in names) == (fast and device != "cpu")
+        forces.append(internal_force(built, rough_motion(sheet)))
+        assert np.abs(internal_force(built, sheet.points @ rotation().T - sheet.points)).max() < TOLERANCE[precision]
+    close(*forces, 5.0 * TOLERANCE[precision])
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 
 from warp_pd import Explicit, InputError
 from warp_pd.cli import build_scene, load_scene, scene_names
+from warp_pd.shapes.enclosure import volume_of
 
 SMALL = {
     "bimodular_bar": {"points": 60},
@@ -17,7 +18,9 @@ SMALL = {
     "kapton_shear": {"points": 38, "tolerance": 1e-6},
     "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
     "square_wrinkles": {"points": 24},
+    "balloon": {"points": 8, "stretch": 1.6, "frames": 4},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
+    "drum": {"points": 21},
     "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12},
     "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40},
@@ -33,6 +36,7 @@ SMALL = {
     "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
     "pressure_static": {"points": 21, "horizon": 2.015},
     "tension": {"points": 11},
+    "tube": {"points": 24, "frames": 3},
     "visco_sheet": {"points": 13, "horizon": 2.015},
     "visco_hole": {"points": 17, "horizon": 2.015, "stretch": 2.0, "load_steps": 3},
     "visco_crack": {"points": 16, "horizon": 2.015, "law": "published", "failure": True, "energy": 3e6},
@@ -70,6 +74,20 @@ def test_a_scene_runs_to_its_end_says_what_it_rebuilds_and_draws(name):
     assert result.summary["section"].split()[1] in inspect.getdoc(load_scene(name))
     assert result.summary["pictures"]
     assert all((result.folder / picture).stat().st_size > 5000 for picture in result.summary["pictures"])
+
+
+def test_balloon_and_tube_have_the_exact_pressures():
+    """Up to the volume that their flat triangles lack."""
+    balloon, tube = ran("balloon"), ran("tube")
+    sphere, angle = balloon.built.simulation.sheet, 2.0 * np.pi / 24
+    lacking = volume_of(sphere.points, sphere.triangles) / (4.0 / 3.0 * np.pi * 0.1**3)
+    found, exact = column(balloon, "pressure")[1:], column(balloon, "exact_pressure")[1:]
+    assert found * lacking == pytest.approx(exact, rel=1e-3)
+    assert found.argmax() not in (0, len(found) - 1)
+    assert value(balloon, "roundness") < 0.03
+    exact = value(tube, "exact_pressure") * angle / np.sin(angle)
+    assert value(tube, "last_pressure") == pytest.approx(exact, rel=6e-3)
+    assert value(tube, "end_force") == pytest.approx(value(tube, "exact_end_force"), rel=0.02)
 
 
 @pytest.mark.parametrize("name", BREAKING)

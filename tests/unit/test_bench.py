@@ -58,6 +58,13 @@ def test_rates_are_points_and_bonds_over_the_time_of_a_step():
     assert (timing.point_steps, timing.bond_steps) == (450.0, 5000.0)
 
 
+def test_a_tube_has_the_bonds_of_its_square_and_more_across_the_seam():
+    square, tube = (Case(15, 2.015, 64, layout=layout).simulation().build("cpu", 64) for layout in ("cloud", "tube"))
+    # In each row one bond of a spacing and two of two, between rows two diagonals; each counted from both ends.
+    seam = 2 * (15 + 2 * 15 + 2 * 14)
+    assert tube.law.families.bond_count == square.law.families.bond_count + seam
+
+
 def test_a_feature_that_is_left_out_takes_no_bytes():
     bare, torn = (Case(15, 1.5, 64, features=f).simulation().build("cpu", 64) for f in ((), ("rupture",)))
     assert bare.context.fields.nbytes < torn.context.fields.nbytes

@@ -12,7 +12,7 @@ import warp as wp
 
 from ..checks import InputError
 from ..cores import start_warp
-from ..kernels.families import WITH_SHARES
+from ..kernels.families import CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
 from ..sheet import Sheet
 from .clock import Clock
@@ -40,6 +40,11 @@ def find_device(name: str | None) -> wp.Device:
     if name != "cuda" and name not in present:
         raise InputError(f"device = {name!r}: expected one of {known}")
     return wp.get_device(name)
+
+
+def layout_of(sheet: Sheet) -> str:
+    """Layout of the families of a sheet whose bonds keep their weight."""
+    return sheet.layout if sheet.frames is None else sheet.layout + CURVED
 
 
 @dataclass(frozen=True)
@@ -98,15 +103,17 @@ class Context:
     """The arrays and launches of the parts.
 
     Attributes:
-        sheet: The sheet.
+        sheet: The sheet, without stress.
         device: The Warp device.
         types: Types of the precision.
         module: Name of the Warp module that holds every kernel of this configuration.
         features: Requirements of the parts on common kernels.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
-        initial_displacement: [m], shape (N, 3).
+        initial_displacement: From the state without stress [m], shape (N, 3).
         fields: All arrays.
         clock: Time and schedules.
+        placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
+            frames are counted from there; or None.
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
@@ -122,6 +129,7 @@ class Context:
     initial_displacement: np.ndarray
     fields: FieldRegister
     clock: Clock
+    placement: np.ndarray | None = None
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
@@ -134,8 +142,9 @@ class Context:
 
     @property
     def layout(self) -> str:
-        """Layout of the families, as of the sheet; "with shares" if bonds lose their weight gradually."""
-        return self.sheet.layout + WITH_SHARES if self.features.gradual else self.sheet.layout
+        """Layout of the families, see `family_functions`."""
+        layout = layout_of(self.sheet)
+        return layout + WITH_SHARES if self.features.gradual else layout
 
     def array(
         self,
@@ -176,6 +185,7 @@ class Context:
         start = np.zeros((sheet.size, 3))
         return replace(
             self, sheet=sheet, prefix=prefix, features=features, held=held, initial_displacement=start,
+            placement=None,
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:

@@ -51,12 +51,13 @@ def point_rows(
     # Of the points, over the horizon that lengths are divided by.
     relative = None if sheet.spacings is None else sheet.spacings / sheet.spacing
     horizons = None if relative is None else np.where(exists, relative[neighbours], 1.0)
-    bonds, influence, member_areas = np.empty((rows, n, 2)), np.empty((rows, n)), np.empty((rows, n))
+    chords = np.empty((rows, n, points.shape[1]))
+    influence, member_areas = np.empty((rows, n)), np.empty((rows, n))
 
     def fill(part: slice) -> None:
         here, member = exists[part], np.maximum(neighbours[part], 0)
-        bonds[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon
-        r = np.sqrt(bonds[part, :, 0] ** 2 + bonds[part, :, 1] ** 2)
+        chords[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon
+        r = np.sqrt(sum(x**2 for x in np.moveaxis(chords[part], -1, 0)))
         if horizons is not None and relative is not None:
             r /= 0.5 * (horizons[part] + relative[owners[part], None])
         r = np.minimum(r, 1.0)
@@ -64,20 +65,28 @@ def point_rows(
         member_areas[part] = np.where(here, sheet.areas[member], 0.0) / reference_area
 
     in_blocks(rows, n, fill)
+    frames = None if sheet.frames is None else whole_frames(sheet.frames[owners])
     return Families(
         horizon=horizon,
         reference_area=reference_area,
         exists=exists,
-        bonds=bonds,
+        bonds=chords if frames is None else chords @ frames[..., :2],
         influence=influence,
-        common=common_by_row(bonds, exists, TOLERANCE, horizons) if intersections else np.zeros((0, 0, 0), np.uint32),
+        common=common_by_row(chords, exists, TOLERANCE, horizons) if intersections else np.zeros((0, 0, 0), np.uint32),
         member_areas=member_areas,
         areas=sheet.areas[owners] / reference_area,
         reverses=reverses,
         neighbours=neighbours,
         severed=incomplete,
         stiffness=None if sheet.stiffness is None else sheet.stiffness[owners],
+        frames=frames,
+        chords=None if frames is None else chords,
     )
+
+
+def whole_frames(frames: np.ndarray) -> np.ndarray:
+    """Tangent vectors e1 and e2, shape (N, 3, 2), and the normal e1 x e2, as columns, shape (N, 3, 3)."""
+    return np.concatenate([frames, np.cross(frames[..., 0], frames[..., 1])[..., None]], axis=-1)
 
 
 def refuse_lone_points(sheet: Sheet, owners: np.ndarray, neighbours: np.ndarray, horizon: float) -> None:

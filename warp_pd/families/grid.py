@@ -161,7 +161,7 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: float, 
     if sheet.stiffness is not None and deep.any():
         factors, count = np.unique(sheet.stiffness[deep], return_counts=True)
         deep &= sheet.stiffness == factors[count.argmax()]
-    return deep
+    return np.asarray(deep)
 
 
 def _eroded(image: _Image, inside: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -78,6 +78,9 @@ class Families:
         first: A point of each row, shape (R,), on a lattice or grid.
         severed: Whether the row lost members to a cut, shape (R,).
         stiffness: Factor on the moduli of the row's point, shape (R,), or None on a sheet of one material.
+        frames: Tangent vectors and normal of each point, in columns, shape (N, 3, 3), on a curved sheet. `bonds` are
+            then the projections on the tangent plane, in these.
+        chords: X / horizon in space, shape (N, n, 3), on a curved sheet.
     """
 
     horizon: float
@@ -97,6 +100,8 @@ class Families:
     first: np.ndarray | None = None
     severed: np.ndarray | None = None
     stiffness: np.ndarray | None = None
+    frames: np.ndarray | None = None
+    chords: np.ndarray | None = None
 
     @property
     def layout(self) -> str:
@@ -119,6 +124,11 @@ class Families:
     def points(self) -> int:
         """Number of points."""
         return len(self.exists) if self.family_class is None else len(self.family_class)
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """|X| / horizon of each member, shape (R, n) or (n,)."""
+        return np.asarray(np.linalg.norm(self.bonds if self.chords is None else self.chords, axis=-1))
 
     @property
     def member_shares(self) -> np.ndarray:
@@ -206,6 +216,32 @@ class Families:
 
         in_blocks(rows, n * n, fill)
         return inverse, size
+
+    def tilts(self, inverse: np.ndarray) -> np.ndarray:
+        """Tilts of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
+
+        Args:
+            inverse: K_ij^-1, shape (N, n, 3).
+
+        Returns:
+            shape (N, n, 2).
+        """
+        assert self.frames is not None and self.chords is not None
+        normals, chords = self.frames[..., 2], self.chords
+        tilts = np.empty((*inverse.shape[:2], 2))
+
+        def fill(part: slice) -> None:
+            rises = np.einsum("nka,na->nk", chords[part], normals[part])
+            c = np.where(self.exists[part], self.influence[part], 0.0) * self.member_areas[part]
+            mask = unpack(self.common[part], self.members).astype(np.float64)
+            moment = mask @ ((c * rises)[..., None] * self.bonds[part])
+            a, b, d = np.moveaxis(inverse[part], -1, 0)
+            first, second = a * moment[..., 0] + b * moment[..., 1], b * moment[..., 0] + d * moment[..., 1]
+            s = np.sqrt(1.0 + first**2 + second**2)
+            tilts[part] = np.stack([first, second], axis=-1) / np.sqrt(s * (1.0 + s))[..., None]
+
+        in_blocks(len(inverse), self.members**2, fill)
+        return tilts
 
     def _shapes_of(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
         bonds = self.bonds[None]

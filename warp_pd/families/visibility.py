@@ -8,6 +8,7 @@ import numpy as np
 
 from ..shapes.triangulation import crosses
 from ..sheet import Sheet
+from .surface_paths import apart_along
 
 # A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.
 DETOUR = 1.2
@@ -25,9 +26,11 @@ def nothing_severed(sheet: Sheet) -> bool:
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,).
 
-    They lie on two sides of a cut, or the way between them leaves the sheet. A chord of a hole is a bond if the way
-    around is hardly longer.
+    They lie on two sides of a cut, a fold or a slit, or the way between them leaves the sheet. A chord of a hole is a
+    bond if the way around is hardly longer.
     """
+    if sheet.frames is not None:
+        return apart_along(sheet, pairs)
     lost = cut_through(sheet, pairs)
     if sheet.bodies is not None:
         lost |= sheet.bodies[pairs[:, 0]] != sheet.bodies[pairs[:, 1]]

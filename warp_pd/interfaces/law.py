@@ -24,7 +24,17 @@ class Solve(Protocol):
 
 
 class SparseTangent(Protocol):
-    """A tangent as a sparse matrix on the host, for a direct factorisation."""
+    """A tangent as a sparse matrix on the host, for a direct factorisation.
+
+    Attributes:
+        free: Which components are free, shape (3 N,).
+    """
+
+    free: np.ndarray
+
+    def matrix(self) -> Any:
+        """K of the free components [N/m], a sparse matrix of SciPy."""
+        ...
 
     def factorise(self) -> Solve | None:
         """Solver of K x = b on arrays of shape (N, 3); None if K is singular."""

@@ -105,8 +105,10 @@ class System:
             if constraint.motion is not None:
                 for c in range(3):
                     if constraint.components & (1 << c):
-                        knots = constraint.motion
-                        target[constraint.points, c] = np.interp(time, knots.times, knots.values[:, c])
+                        knots, points = constraint.motion, constraint.points
+                        target[points, c] = np.interp(time, knots.times, knots.values[:, c])
+                        if self.context.placement is not None:
+                            target[points, c] += self.context.placement[points, c]
         return target
 
 

@@ -111,6 +111,7 @@ class BondAssociatedForce(FamilyLaw):
 
     has_energy = True
     coarsens = True
+    takes_curved = True
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         breakable, sheet = context.features.breakable, context.sheet
@@ -210,6 +211,8 @@ class BondAssociatedForce(FamilyLaw):
             )
         if not geometric:
             raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
+        if self.families.frames is not None:
+            raise InputError("solver = Newton: expected Relaxation or Explicit on a curved sheet")
         return BondAssociatedTangent(self, context)
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:

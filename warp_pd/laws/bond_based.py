@@ -79,6 +79,7 @@ class BondBasedForce(FamilyLaw):
     weights = "pairwise"
     has_energy = True
     breaks_at_rest = True
+    takes_curved = True
     offered_fields = FIELDS
 
     def __init__(self, law: BondBased, context: Context) -> None:
@@ -93,7 +94,7 @@ class BondBasedForce(FamilyLaw):
         weights = families.stiffened(_bond_weights(families, STIFFNESS[law.state]))
         super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
-        self.kernels = bond_based(families.layout, context.bits, law.material.pairwise, breakable, context.module)
+        self.kernels = bond_based(context.layout, context.bits, law.material.pairwise, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy
         self._shown: dict[str, Array] = {}
 
@@ -145,16 +146,18 @@ class BondBasedForce(FamilyLaw):
                 largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,).
 
         Raises:
-            InputError: for another name.
+            InputError: for another name, or the principal stress of a curved sheet.
         """
         for name in names:
             one_of("fields", name, FIELDS)
+            if name == "principal_stress" and self.families.frames is not None:
+                raise InputError("fields: 'principal_stress': expected a flat sheet, got a curved one")
             dtype = self.context.types.vec3 if name == "principal_stress" else wp.float32
             self._shown[name] = self.context.array(name, self.owner, dtype, shape=self.points, output=name)
 
 
 def _bond_weights(families: Families, stiffness: float) -> np.ndarray:
     """W_ik = (g/2) a_i a_k |xi_ik| / sum_k |xi_ik| a_k by row, areas divided by the reference area, shape (R, n)."""
-    length = np.where(families.exists, np.linalg.norm(families.bonds, axis=-1), 0.0)
+    length = np.where(families.exists, families.lengths, 0.0)
     share = length * families.member_areas
     return np.asarray(0.5 * stiffness * families.areas[:, None] * share / share.sum(axis=1, keepdims=True))

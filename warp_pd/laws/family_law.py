@@ -44,6 +44,7 @@ class FamilyLaw(BuiltLaw):
         depends_on_time: Whether the force depends on more than the present displacement.
         thickness: Thickness of the sheet [m].
         fields: Further point fields that the law offers for frames.
+        takes_curved: Whether it works on curved sheets.
     """
 
     owner: str
@@ -53,6 +54,7 @@ class FamilyLaw(BuiltLaw):
     coarsens: bool = False
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
+    takes_curved: bool = False
 
     def __init__(
         self,
@@ -70,7 +72,14 @@ class FamilyLaw(BuiltLaw):
             families: The families.
             inverse: K^-1 by row, shape (R, n, 3), or None for laws without intersections.
             weights: Weights by row, shape (R, n).
+
+        Raises:
+            InputError: for a curved sheet, if the law works on flat ones alone.
         """
+        if context.sheet.frames is not None and not self.takes_curved:
+            raise InputError(
+                f"force = {type(law).__name__}: expected BondAssociated, Visco or BondBased on a curved sheet"
+            )
         self.owner = type(law).__name__
         self.label, self.context, self.families = f"force = {self.owner}", context, families
         self.horizon = law.horizon

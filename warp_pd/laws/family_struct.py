@@ -90,4 +90,9 @@ def family_struct(
     s.weights = put("weights", _by_member(weights, real), types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", family_areas, types.real)
+    if families.frames is not None and families.chords is not None:
+        s.frames = put("frames", families.frames, types.mat33)
+        s.chords = put("chords", _by_member(families.chords, real, (1, 0, 2)), types.vec3)
+        if inverse is not None:
+            s.tilts = put("tilts", _by_member(families.tilts(inverse), real, (1, 0, 2)), types.vec2)
     return s

@@ -122,6 +122,7 @@ def _correction(families: Families, sheet: Sheet, plain: np.ndarray) -> tuple[np
         frozen=severed | rigid | ~own[at],
         unbalanced=reached_points(neighbours, severed) | severed | rigid | ~balanced[at],
         length=float(np.sqrt(sheet.areas.mean())),
+        frames=None if families.frames is None else by_point(families.frames),
     )
     at_rows = plain * families.reference_area
     mine = own[at[here]]
@@ -130,8 +131,10 @@ def _correction(families: Families, sheet: Sheet, plain: np.ndarray) -> tuple[np
 
 
 def _edges(sheet: Sheet) -> np.ndarray:
-    from ..weights import edge_vectors, edge_vectors_of
+    from ..weights import edge_vectors, edge_vectors_of, rim_vectors
 
+    if sheet.frames is not None:
+        return rim_vectors(sheet.points, sheet.triangles, sheet.frames)
     if sheet.barriers is None:
         return edge_vectors(sheet.points, sheet.triangles)
     return edge_vectors_of(sheet.points, sheet.barriers)

@@ -2,6 +2,7 @@
 
 from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
+from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
 from .loads import BodyForce, PointForce, Pressure
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .supports import Fixed, Motion, stretching_edges
@@ -13,6 +14,9 @@ __all__ = [
     "BoundaryForce",
     "CriticalEnergy",
     "CriticalStretch",
+    "Enclosed",
+    "EnclosedGas",
+    "EnclosedVolume",
     "Fixed",
     "Motion",
     "PointForce",

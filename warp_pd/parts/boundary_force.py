@@ -90,6 +90,8 @@ class BuiltBoundaryForce(BuiltLoad):
 
     def __init__(self, load: BoundaryForce, context: Context, law: BuiltLaw) -> None:
         self.label, self.context, self.law, self.load = f"loads: {OWNER}", context, law, load
+        if context.sheet.frames is not None:
+            raise InputError("loads: BoundaryForce: expected a flat sheet, got a curved one")
         self.breakable = law.intact is not None
         n, families = context.sheet.size, law.families
         carriers = load.carriers(context.sheet, families.horizon)

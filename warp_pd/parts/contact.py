@@ -95,7 +95,10 @@ class RigidContact(BuiltContact):
         last = max(context.clock.duration, 1e-300)
         path = Schedule(np.array([0.0, last]), np.vstack([start, start + last * velocity]))
         self._path = context.clock.register(path)
-        self._reference = context.array("reference", owner, types.vec2, context.sheet.points)
+        self._curved = context.sheet.frames is not None
+        self._reference = context.array(
+            "reference", owner, types.vec3 if self._curved else types.vec2, context.sheet.points
+        )
         self.impulse = context.array("impulse", owner, types.vec3, shape=context.sheet.size, restart=True)
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -104,7 +107,9 @@ class RigidContact(BuiltContact):
             return
         context, state, clock = self.context, self.context.state, self.context.clock
         f = context.features
-        kernels = rigid_contact(context.bits, self.shape, f.held, f.loaded, f.damped, f.tracked, context.module)
+        kernels = rigid_contact(
+            context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, context.module
+        )
         assert self._path is not None
         project = phase is Phase.PROJECT
         stage.pointwise(
@@ -154,7 +159,7 @@ class BuiltBall(RigidContact):
             InputError: for the first point inside it.
         """
         sheet, radius = self.context.sheet, 0.5 * self.body.diameter
-        place = np.column_stack([sheet.points, np.zeros(sheet.size)]) + self.context.initial_displacement
+        place = sheet.positions + self.context.initial_displacement
         depth = radius - np.linalg.norm(place - self.body.centre(0.0), axis=1)
         deepest = int(depth.argmax())
         if depth[deepest] > TOUCHING * radius:

@@ -24,12 +24,12 @@ Ramp = Sequence[tuple[float, float]] | None
 
 @dataclass(frozen=True)
 class Pressure(Load):
-    """Pressure on one side of the sheet, positive towards the side of +z.
+    """Pressure on one side of the sheet, positive towards the side of +z, outward on a curved sheet.
 
     Attributes:
         value: [Pa].
-        follower: Whether it turns and grows with the surface (F e1 x F e2), or stays vertical on the
-            reference area (dead).
+        follower: Whether it turns and grows with the surface (F e1 x F e2), or stays along the reference normal on
+            the reference area (dead).
         ramp: Pairs (time [s], factor), or None for a constant pressure from the start.
     """
 
@@ -50,8 +50,7 @@ class Pressure(Load):
         if self.follower:
             ramp = factor_schedule("Pressure", self.ramp) or context.clock.default_ramp
             return FollowerPressure(self.value, context.clock.register(ramp), context, law)
-        force = np.zeros((context.sheet.size, 3))
-        force[:, 2] = self.value * context.sheet.areas
+        force = (self.value * context.sheet.areas)[:, None] * context.sheet.normals
         return DeadLoad("Pressure", context, np.arange(context.sheet.size, dtype=np.int32), force, self.ramp)
 
 

@@ -50,7 +50,7 @@ class BuiltInclusions(BuiltPart):
         mass = sheet.areas * sheet.thickness * sheet.density
         arms, masses, inertia = [], [], []
         for members in groups:
-            m, X = mass[members], np.column_stack([sheet.points[members], np.zeros(len(members))])
+            m, X = mass[members], sheet.positions[members]
             arm = X - m @ X / m.sum()
             arms.append(arm)
             masses.append(m.sum())

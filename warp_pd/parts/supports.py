@@ -13,7 +13,7 @@ from ..checks import InputError, numbers, point_indices, said
 from ..device.context import Context
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
-from ..kernels.clock import clock
+from ..kernels.clock import clock, prescribe_from
 from ..kernels.integrate import RIGID
 from ..phases import Phase
 from ..schedules import Schedule, schedule
@@ -165,11 +165,11 @@ def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
     """
     if name == "rigid inclusion":
         raise InputError("two rigid inclusions share a point: expected inclusions apart from each other")
-    x, y = sheet.points[point]
+    place = ", ".join(f"{x:.4g}" for x in sheet.points[point])
     other = "a rigid inclusion" if clash & RIGID else "another support or motion"
     what = "" if clash & RIGID else f" component {next(c for k, c in enumerate(AXES) if clash & 1 << k)} of"
     raise InputError(
-        f"{name}.points holds point {point} at ({x:.4g}, {y:.4g}) m, but {other} has{what} it already: "
+        f"{name}.points holds point {point} at ({place}) m, but {other} has{what} it already: "
         f"expected one part per component; leave shared points, such as corners, out with numpy.setdiff1d"
     )
 
@@ -192,6 +192,8 @@ class MovedPoints(BuiltPart):
             InputError: if that is further than a horizon from where their points are: no step can take them there.
         """
         there = self.context.initial_displacement
+        if self.context.placement is not None:
+            there = there - self.context.placement
         for constraint, motion in self._moving:
             begin = motion.at(0.0)
             for c in (c for c in range(3) if constraint.components & (1 << c)):
@@ -216,10 +218,14 @@ class MovedPoints(BuiltPart):
             schedules[at[:, None], moved] = context.clock.soon(index)
         rows = np.full(context.sheet.size, -1, np.int32)
         rows[points] = np.arange(len(points))
-        stage.pointwise(
-            "Motion", clock(context.bits, context.module).prescribe, len(rows),
-            rows=context.array("moved_rows", "Motion", wp.int32, rows),
-            schedules=context.array("moved_schedules", "Motion", wp.vec3i, schedules, per="table"),
-            scheduled=context.clock.scheduled, step=state.step, displacement=state.displacement,
-            velocity=state.velocity,
-        )  # fmt: skip
+        arguments: dict[str, Any] = {
+            "rows": context.array("moved_rows", "Motion", wp.int32, rows),
+            "schedules": context.array("moved_schedules", "Motion", wp.vec3i, schedules, per="table"),
+            "scheduled": context.clock.scheduled, "step": state.step, "displacement": state.displacement,
+            "velocity": state.velocity,
+        }  # fmt: skip
+        prescribe = clock(context.bits, context.module).prescribe
+        if context.placement is not None:
+            prescribe = prescribe_from(context.bits, context.module)
+            arguments["origins"] = context.array("moved_origins", "Motion", context.types.vec3, context.placement)
+        stage.pointwise("Motion", prescribe, len(rows), **arguments)

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from ..built import Built
 from ..checks import InputError, kind_and_text, user_code
 from ..frame import Frame, format_time
@@ -163,6 +165,12 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
         raise InputError(f"{what} gives {value!r}: expected a number") from None
 
 
+def _from_the_clamped_sheet(built: Built, displacement: np.ndarray) -> np.ndarray:
+    """The displacement from the sheet as it was clamped [m], in the same precision."""
+    placement = built.context.placement
+    return displacement if placement is None else (displacement - placement).astype(displacement.dtype)
+
+
 def snapshot(built: Built, index: int, now: float) -> Frame:
     """The state as a frame; the launches of the stage "frame" have run."""
     shown = {}
@@ -173,7 +181,7 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
     return Frame(
         index=index,
         time=now,
-        displacement=shown.pop("displacement"),
+        displacement=_from_the_clamped_sheet(built, shown.pop("displacement")),
         velocity=shown.pop("velocity"),
         intact_faces=None if rupture is None else built.to_host(rupture.intact_faces).view(bool),
         damage=None if rupture is None else built.to_host(rupture.damage),

@@ -14,8 +14,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
 from ..built import Built, compose
 from ..checks import InputError, kind_and_text, user_code
 from ..frame import Frame, Surface
@@ -266,7 +264,7 @@ def surface_of(built: Built) -> Surface:
     scene, sheet = built.simulation, built.simulation.sheet
     static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
     return Surface(
-        points=np.column_stack([sheet.points, np.zeros(sheet.size)]),
+        points=sheet.positions,
         faces=sheet.triangles,
         ball_diameter=None if built.contact is None else built.contact.ball_diameter(),
         title=scene.scene,

@@ -39,6 +39,7 @@ def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks:
     parts: dict[str, np.ndarray] = {}
     for ring in rings:
         parts |= _ring_parts(ring)
+    parts["all"] = np.unique(np.concatenate([ring.points for ring in rings]))
     opened = base
     edge = np.unique(boundary_edges(base.triangles))
     for crack in cracks:

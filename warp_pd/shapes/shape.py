@@ -65,3 +65,10 @@ class Shape:
     def positions(self) -> np.ndarray:
         """Reference positions [m], shape (N, 3); z is zero on a flat sheet."""
         return np.column_stack([self.points, np.zeros((self.size, 3 - self.points.shape[1]))])
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals [-], shape (N, 3): +z on a flat sheet, outward on a curved one."""
+        if self.frames is None:
+            return np.tile([0.0, 0.0, 1.0], (self.size, 1))
+        return np.cross(self.frames[..., 0], self.frames[..., 1])

@@ -128,7 +128,7 @@ def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
     return np.asarray(triangles[radius < 2.5 * spacing])
 
 
-def refuse_coincident(points: np.ndarray) -> None:
+def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
     """Raise InputError for two points at one place."""
     from scipy.spatial import cKDTree
 
@@ -136,7 +136,7 @@ def refuse_coincident(points: np.ndarray) -> None:
     pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
     if len(pairs):
         a, b = sorted(int(p) for p in pairs[0])
-        raise InputError(f"points[{a}] and points[{b}] coincide at {points[a].tolist()}: expected distinct points")
+        raise InputError(f"{name}[{a}] and {name}[{b}] coincide at {points[a].tolist()}: expected distinct points")
 
 
 def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, turn: float) -> np.ndarray:

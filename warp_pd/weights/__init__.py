@@ -23,7 +23,15 @@ The bond-associated family is that of Yang, Chen & Liu (Eng. Fract. Mech. 2024, 
 uses other weights and has no energy; the energy, the plain weights and the correction are this project's own.
 """
 
-from .balance import CorrectedWeights, corrected_weights, edge_vectors, edge_vectors_of, plain_weights, reached_points
+from .balance import (
+    CorrectedWeights,
+    corrected_weights,
+    edge_vectors,
+    edge_vectors_of,
+    plain_weights,
+    reached_points,
+    rim_vectors,
+)
 from .rectangle import RectangleWeights, rectangle_corrected
 
 __all__ = [
@@ -35,4 +43,5 @@ __all__ = [
     "plain_weights",
     "reached_points",
     "rectangle_corrected",
+    "rim_vectors",
 ]

@@ -83,6 +83,31 @@ def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return vectors
 
 
+def rim_vectors(points: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """The same on a surface in space: half of each adjacent open edge times its outward normal in the surface.
+
+    Args:
+        points: Reference positions [m], shape (N, 3).
+        triangles: Counter-clockwise seen from outside, shape (F, 3).
+        frames: Tangent vectors at the points, shape (N, 3, 2).
+
+    Returns:
+        Components along the tangent vectors [m], shape (N, 2).
+    """
+    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].astype(np.int64)
+    there, back = (sides[..., a] * len(points) + sides[..., b] for a, b in ((0, 1), (1, 0)))
+    face, side = np.nonzero(~np.isin(there, back))
+    ends = sides[face, side]
+    along = points[ends[:, 1]] - points[ends[:, 0]]
+    corners = points[triangles[face]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    half = 0.5 * np.cross(along, normal / np.linalg.norm(normal, axis=1)[:, None])
+    vectors = np.zeros_like(points)
+    for end in range(2):
+        np.add.at(vectors, ends[:, end], half)
+    return np.asarray(np.einsum("nc,nca->na", vectors, frames))
+
+
 def plain_weights(
     areas: np.ndarray, neighbours: np.ndarray, common: np.ndarray, usable: np.ndarray | None = None
 ) -> np.ndarray:
@@ -141,6 +166,7 @@ def corrected_weights(
     floor: float = FLOOR,
     degenerate: float = DEGENERATE,
     length: float | None = None,
+    frames: np.ndarray | None = None,
 ) -> CorrectedWeights:
     """Positive weights next to the plain ones for which a uniform stress is in equilibrium at every point.
 
@@ -148,12 +174,12 @@ def corrected_weights(
     change. They are few unless the sheet is narrow or its points very irregular; the others stay balanced.
 
     Args:
-        points: Reference positions [m], shape (N, 2).
+        points: Reference positions [m], shape (N, 2); of a curved sheet (N, 3).
         areas: Area of each point [m^2], shape (N,).
         neighbours: Index of each family member, -1 where there is none, shape (N, n).
         influence: w_ij, shape (N, n), or (n,) for all points of a lattice.
         common: Membership of the intersections, shape (N, n, n) [i, j, k], or (n, n) for a lattice.
-        edge_vectors: Force of a unit stress on each point [m], shape (N, 2), see `edge_vectors`.
+        edge_vectors: Force of a unit stress on each point [m], shape (N, 2), see `edge_vectors` and `rim_vectors`.
         strip: Points whose bonds may change, shape (N,); by default those that take part in a balance which
             the starting weights leave open: near edges and holes, and everywhere in an irregular cloud.
         kind: Points of one kind get one row of weights, shape (N,); they must have equal starting weights.
@@ -163,6 +189,8 @@ def corrected_weights(
         floor: Least ratio of corrected to starting weights, at least 0 and below 1.
         degenerate: det K / (tr K / 2)^2 below which a bond gets no weight.
         length: Unit of lengths [m]; by default the root of the mean area of the points.
+        frames: Tangent vectors and normals of a curved sheet, in columns, shape (N, 3, 3). The stress is then an equal
+            tension in all directions, and the balance that along the surface.
 
     Raises:
         InputError: for a floor outside [0, 1) or arrays whose shapes do not fit.
@@ -182,7 +210,7 @@ def corrected_weights(
         frozen=(frozen, ()),
         unbalanced=(unbalanced, ()),
     )
-    table = _Table(points, areas, neighbours, influence, common, degenerate)
+    table = _Table(points, areas, neighbours, influence, common, degenerate, frames)
     usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
     start = plain_weights(areas, neighbours, common, usable) if start is None else np.where(usable, start, 0.0)
     length = float(np.sqrt(areas.mean())) if length is None else length
@@ -197,7 +225,13 @@ def corrected_weights(
     matrix = _balance_matrix(table, column, len(unknown_start)) * length
     plain = unknown_start / length**2
     rows = np.flatnonzero(np.repeat(asked, 2) & (np.diff(matrix.indptr) > 0))
-    ratio = closest_balanced(matrix[rows], plain, gap.ravel()[rows], floor)
+    asked_matrix, asked_gap = matrix[rows], gap.ravel()[rows]
+    if frames is not None and len(unknown_start):
+        # On a flat sheet the balance keeps the sum of the weights; on a curved one nothing else would.
+        counts = np.bincount(column[column >= 0], minlength=len(unknown_start))
+        same_sum = sparse.csr_matrix(counts / np.sqrt(len(unknown_start)))
+        asked_matrix, asked_gap = sparse.vstack([asked_matrix, same_sum], format="csr"), np.append(asked_gap, 0.0)
+    ratio = closest_balanced(asked_matrix, plain, asked_gap, floor)
 
     weights = start.copy()
     changed = column >= 0
@@ -224,6 +258,7 @@ class _Table(NamedTuple):
     influence: np.ndarray
     common: np.ndarray
     degenerate: float
+    frames: np.ndarray | None
 
 
 def _check_shapes(size: int, **arrays: tuple[np.ndarray | None, tuple[int, ...]]) -> None:
@@ -241,12 +276,17 @@ def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vectors G_ij,k of the bonds of the P points `at`; that of the point itself is minus their sum over k.
 
     Returns:
-        Vectors [1/m], shape (P, n, n, 2) [i, j, k]; whether the intersection spans an area, shape (P, n).
+        Vectors [1/m], shape (P, n, n, 2) [i, j, k], on a curved sheet in space, (P, n, n, 3); whether the intersection
+        spans an area, shape (P, n).
     """
     member = table.neighbours[at]
     exists = member >= 0
     influence = table.influence if table.influence.ndim == 1 else table.influence[at]
     bonds = np.where(exists[..., None], table.points[member] - table.points[at][:, None], 0.0)
+    rises = None
+    if table.frames is not None:
+        bonds = bonds @ table.frames[at]
+        bonds, rises = bonds[..., :2], bonds[..., 2]
     coefficient = np.where(exists, table.areas[member] * influence, 0.0)
     common = table.common[None] if table.common.ndim == 2 else table.common[at]
     inside = common & exists[:, :, None] & exists[:, None, :]
@@ -257,17 +297,29 @@ def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     usable = exists & (determinant > table.degenerate * (0.5 * trace) ** 2)
     inverse = np.linalg.inv(np.where(usable[..., None, None], shape, np.eye(2)))
     vectors = np.einsum("ijab,ik,ikb->ijka", inverse, coefficient, bonds, optimize=True)
+    if table.frames is not None and rises is not None:
+        tilts = np.einsum("ijka,ik,ijk->ija", vectors, rises, inside)
+        vectors = np.einsum("icd,ijkd->ijkc", table.frames[at], _tilted(vectors, tilts), optimize=True)
     return np.where((inside & usable[..., None])[..., None], vectors, 0.0), usable
 
 
+def _tilted(vectors: np.ndarray, tilts: np.ndarray) -> np.ndarray:
+    """O R^-1 v = (I; g) C0^-1 v (kernels/kinematics.py) of vectors v, shape (P, n, n, 2), and tilts g, (P, n, 2)."""
+    g = tilts[:, :, None]
+    along = (g * vectors).sum(axis=-1, keepdims=True) / (1.0 + (g * g).sum(axis=-1, keepdims=True))
+    return np.concatenate([vectors - along * g, along], axis=-1)
+
+
 def _forces(table: _Table, weights: np.ndarray) -> np.ndarray:
-    """sum_ij W_ij G_ij,m of every point m [m], shape (N, 2)."""
+    """sum_ij W_ij G_ij,m of every point m [m], shape (N, 2); of a curved sheet along its tangent vectors."""
     total = np.zeros_like(table.points)
     for part in _parts(np.arange(len(total)), table.neighbours):
         on_members = np.einsum("ij,ijka->ika", weights[part], _gradients(table, part)[0])
         exists = table.neighbours[part] >= 0
         np.add.at(total, table.neighbours[part][exists], on_members[exists])
         total[part] -= on_members.sum(axis=1)
+    if table.frames is not None:
+        return np.asarray(np.einsum("nc,nca->na", total, table.frames[..., :2]))
     return total
 
 
@@ -293,8 +345,11 @@ def _balance_matrix(table: _Table, column: np.ndarray, unknowns: int) -> sparse.
         vectors = np.concatenate([vectors, own], axis=2)
         keep = (np.abs(vectors).max(axis=-1) > 0.0) & (column[part] >= 0)[..., None]
         i, j, k = np.nonzero(keep)
+        entries = vectors[keep]
+        if table.frames is not None:
+            entries = np.einsum("ec,eca->ea", entries, table.frames[target[i, k]][..., :2])
         row = 2 * target[i, k][:, None] + np.arange(2)
         col = np.repeat(column[part][i, j][:, None], 2, axis=1)
-        total += sparse.csr_matrix((vectors[keep].ravel(), (row.ravel(), col.ravel())), shape=extent)
+        total += sparse.csr_matrix((entries.ravel(), (row.ravel(), col.ravel())), shape=extent)
     total.sum_duplicates()
     return total

@@ -19,8 +19,12 @@ from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    CriticalStretch,
+    EnclosedGas,
+    EnclosedVolume,
     Explicit,
     Fixed,
+    Motion,
     Newton,
     PointForce,
     Pressure,
@@ -53,7 +57,14 @@ def further():
     in_plane = [Fixed(plane.edges("left")), Fixed(plane.where(lambda x, y: x > 0.0), "z")]
     dead = [*in_plane, PointForce(plane.edges("right"), (1e-3, 0.0, 0.0), ramp=((0.0, 0.0), (1.0, 1.0)))]
     law = BondAssociated(NEO, horizon=2.015, weights="plain")
+    clamp, drawn = Fixed(plane.edges("all")), square(25).prestretched(1.2)
+    gas = EnclosedGas(gauge=3.0, chamber=1e-3, amount=[(0.0, 1.0), (1.0, 2.0)])
+    volume = EnclosedVolume([(0.0, 1e-5)], stiffness=1e6)
+    moves = [Motion(drawn.edges("right"), [0.0, 1.0], x=[0.0, 1e-3])]
     return {
+        "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
+        "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
+        "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),
         "softening": Simulation(plane, law, Explicit(1.0), damage=TearingEnergy(1.0, spared=plane.edges("left"))),
         "newton multigrid": Simulation(plane, law, Newton(preconditioner="multigrid"), loads=[*dead, Pressure(2.0)]),
         "relaxed bonds": Simulation(plane, bonds, Relaxation(), loads=in_plane),

@@ -1,0 +1,203 @@
+"""A closed volume: its size, the pressure in it, and the force of that pressure on the points of the sheet.
+
+    V = 1/6 sum over triangles x_a . (x_b x x_c)
+    f_a = p dV/dx_a = p/6 sum over triangles of a (x_b - x_a) x (x_c - x_a)
+
+with the corners of triangles counter-clockwise seen from outside (the divergence theorem, exact for the triangulated
+surface). Where rectangles are cut along both diagonals in turn, V is the mean of both volumes: `share` is 1/12 then.
+Volumes are summed in float64, in blocks of triangles in a fixed order, so they repeat bit for bit.
+"""
+
+import functools
+from collections.abc import Callable
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .numeric import numeric
+from .pointwise import Pointwise, pointwise
+
+# Triangles that one thread sums, and block sums that one thread of the next launch sums.
+BLOCK = 64
+
+# Factory of a law of pressure: Warp function (volume [m^3], factor, constants) -> p and dp/dV, all in float64.
+PressureLaw = Callable[[str], wp.Function]
+
+
+@functools.cache
+def polytropic_gas(module: str) -> wp.Function:
+    """Gas with (p + ambient) / density^n constant; constants: absolute pressure, volume, ambient pressure, n."""
+
+    @wp.func(module=module)
+    def gas(volume: wp.float64, amount: wp.float64, constants: wp.vec4d):
+        absolute = constants[0] * wp.pow(amount * constants[1] / volume, constants[3])
+        return wp.vec2d(absolute - constants[2], -constants[3] * absolute / volume)
+
+    return gas
+
+
+@functools.cache
+def prescribed_volume(module: str) -> wp.Function:
+    """Pressure in proportion to the volume that is missing; constants: stiffness [Pa/m^3]."""
+
+    @wp.func(module=module)
+    def spring(volume: wp.float64, target: wp.float64, constants: wp.vec4d):
+        return wp.vec2d(constants[0] * (target - volume), -constants[0])
+
+    return spring
+
+
+@functools.cache
+def enclosed_volume(bits: int, rate: bool, module: str) -> tuple[Kernel, Kernel]:
+    """Kernels `sum_triangles` and `sum_sums`.
+
+    sum_triangles fills row 0 of `sums` [2, blocks] with six times the volume of blocks of triangles and, with `rate`,
+    row 1 with six times its change along a direction; sum_sums adds up BLOCK blocks each.
+    """
+    vec3 = numeric(bits).vec3
+    block = BLOCK
+
+    @wp.func(module=module)
+    def double(v: vec3):
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @kernel(module, per="block")
+    def sum_triangles(
+        triangles: wp.array(dtype=wp.vec3i),
+        positions: wp.array(dtype=wp.vec3d),
+        displacement: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        first: int,
+        sums: wp.array2d(dtype=wp.float64),
+    ):
+        block_index = wp.tid() + first
+        volume = wp.float64(0.0)
+        change = wp.float64(0.0)
+        for t in range(block_index * block, wp.min((block_index + 1) * block, triangles.shape[0])):
+            a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
+            xa = positions[a] + double(displacement[a])
+            xb = positions[b] + double(displacement[b])
+            xc = positions[c] + double(displacement[c])
+            volume += wp.dot(xa, wp.cross(xb, xc))
+            if wp.static(rate):
+                moved = double(direction[a]) + double(direction[b]) + double(direction[c])
+                change += wp.dot(moved, wp.cross(xb - xa, xc - xa))
+        sums[0, block_index] = volume
+        sums[1, block_index] = change
+
+    @kernel(module, per="block")
+    def sum_sums(blocks: wp.array2d(dtype=wp.float64), first: int, sums: wp.array2d(dtype=wp.float64)):
+        block_index = wp.tid() + first
+        volume = wp.float64(0.0)
+        change = wp.float64(0.0)
+        for b in range(block_index * block, wp.min((block_index + 1) * block, blocks.shape[1])):
+            volume += blocks[0, b]
+            change += blocks[1, b]
+        sums[0, block_index] = volume
+        sums[1, block_index] = change
+
+    return sum_triangles, sum_sums
+
+
+@functools.cache
+def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, module: str) -> Kernel:
+    """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the change of the pressure."""
+    vec3 = numeric(bits).vec3
+    pressure_at = law(module)
+
+    @kernel(module, per="once")
+    def set_pressure(
+        sums: wp.array2d(dtype=wp.float64),
+        share: wp.float64,
+        chamber: wp.float64,
+        constants: wp.vec4d,
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        enclosed: wp.array(dtype=wp.float64),
+    ):
+        volume = wp.float64(0.0)
+        change = wp.float64(0.0)
+        for b in range(sums.shape[1]):
+            volume += sums[0, b]
+            change += sums[1, b]
+        volume = share * volume + chamber
+        factor = wp.float64(1.0)
+        if wp.static(scheduled):
+            factor = wp.float64(factors[schedule][0])
+        found = pressure_at(volume, factor, constants)
+        enclosed[0] = found[0]
+        enclosed[1] = volume
+        enclosed[2] = found[1] * share * change
+
+    return set_pressure
+
+
+@functools.cache
+def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, Kernel]:
+    """Pointwise stage that adds the force of the pressure, and the kernel that adds its change along a direction.
+
+    A triangle that a crack has cut carries no pressure. Entries begins[i] to begins[i + 1] - 1 of `corners` are the
+    other two corners of the triangles of a point, those of `faces` their numbers.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.func(module=module)
+    def single(v: wp.vec3d):
+        return vec3(real(v[0]), real(v[1]), real(v[2]))
+
+    @functools.partial(wp.struct, module=module)
+    class EnclosedForce:
+        begins: wp.array(dtype=wp.int32)
+        corners: wp.array(dtype=wp.vec2i)
+        faces: wp.array(dtype=wp.int32)
+        intact_faces: wp.array(dtype=wp.uint8)
+        positions: wp.array(dtype=wp.vec3d)
+        displacement: wp.array(dtype=vec3)
+        share: wp.float64
+        enclosed: wp.array(dtype=wp.float64)
+        external: wp.array(dtype=vec3)
+
+    @pointwise(module, EnclosedForce, writes=("external",), gathers=("displacement", "positions"))
+    def add_enclosed_force(begin: int, end: int, a: EnclosedForce):
+        for i in range(begin, end):
+            total = vec3(real(0.0), real(0.0), real(0.0))
+            X = a.positions[i]
+            u = a.displacement[i]
+            for entry in range(a.begins[i], a.begins[i + 1]):
+                presses = bool(True)
+                if wp.static(breakable):
+                    presses = a.intact_faces[a.faces[entry]] != wp.uint8(0)
+                if presses:
+                    b, c = a.corners[entry][0], a.corners[entry][1]
+                    side = single(a.positions[b] - X) + (a.displacement[b] - u)
+                    other = single(a.positions[c] - X) + (a.displacement[c] - u)
+                    total += wp.cross(side, other)
+            a.external[i] = a.external[i] + real(a.share * a.enclosed[0]) * total
+
+    @kernel(module, gathers=("displacement", "positions", "direction"))
+    def add_enclosed_tangent(
+        begins: wp.array(dtype=wp.int32),
+        corners: wp.array(dtype=wp.vec2i),
+        positions: wp.array(dtype=wp.vec3d),
+        displacement: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+        share: wp.float64,
+        enclosed: wp.array(dtype=wp.float64),
+        first: int,
+        change: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        area = vec3(real(0.0), real(0.0), real(0.0))
+        turn = vec3(real(0.0), real(0.0), real(0.0))
+        X = positions[i]
+        for entry in range(begins[i], begins[i + 1]):
+            b, c = corners[entry][0], corners[entry][1]
+            side = single(positions[b] - X) + (displacement[b] - displacement[i])
+            other = single(positions[c] - X) + (displacement[c] - displacement[i])
+            area += wp.cross(side, other)
+            turn += wp.cross(direction[b] - direction[i], other) + wp.cross(side, direction[c] - direction[i])
+        change[i] = change[i] + real(share * enclosed[2]) * area + real(share * enclosed[0]) * turn
+
+    return add_enclosed_force, add_enclosed_tangent

@@ -1,0 +1,80 @@
+"""Which points of a curved sheet are near each other in space but not along the sheet, as across a fold or a slit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..sheet import Sheet
+
+# Longest path along the edges of the triangles between points that share a bond, over their distance: a square lattice
+# without one of its diagonals has 1.42.
+LONGEST_PATH = 1.5
+# A pair of points is looked at if its normals turn by more than 60 degrees, or if it leaves a tangent plane by more
+# than 30 degrees.
+LEAST_COSINE, MOST_RISE = 0.5, 0.5
+# Entries of the table of distances that is held at once.
+BLOCK = 4_000_000
+
+
+def apart_along(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs of points, shape (B, 2), are apart along the sheet; bool, shape (B,).
+
+    Only pairs near open edges, and near points where the sheet comes close to itself, are looked at.
+    """
+    reach = float(np.linalg.norm(sheet.points[pairs[:, 1]] - sheet.points[pairs[:, 0]], axis=1).max(initial=0.0))
+    looked_at = np.flatnonzero(_near_suspects(sheet, pairs)[pairs].all(axis=1))
+    lost = np.zeros(len(pairs), bool)
+    if len(looked_at):
+        chosen = pairs[looked_at]
+        chord = np.linalg.norm(sheet.points[chosen[:, 1]] - sheet.points[chosen[:, 0]], axis=1)
+        lost[looked_at] = _paths(sheet, chosen, LONGEST_PATH * reach) > LONGEST_PATH * chord
+    return lost
+
+
+def _near_suspects(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which points are on an open edge, in a suspicious pair, or in a pair with one of these, shape (N,)."""
+    normals = sheet.normals
+    chord = sheet.points[pairs[:, 1]] - sheet.points[pairs[:, 0]]
+    most = MOST_RISE * np.linalg.norm(chord, axis=1)
+    suspicious = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) < LEAST_COSINE
+    for end in range(2):
+        suspicious |= np.abs((normals[pairs[:, end]] * chord).sum(axis=1)) > most
+    suspect = np.zeros(sheet.size, bool)
+    suspect[pairs[suspicious]] = True
+    for part in sheet.parts.values():
+        suspect[part] = True
+    near = suspect.copy()
+    near[pairs[suspect[pairs].any(axis=1)]] = True
+    return near
+
+
+def _paths(sheet: Sheet, pairs: np.ndarray, limit: float) -> np.ndarray:
+    """Shortest paths along edges of triangles between the points of pairs [m], infinite above the limit, shape (B,)."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import dijkstra
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(sheet.points[np.unique(pairs)]).query(sheet.points, distance_upper_bound=limit * 1.001)[0] < np.inf
+    local = np.cumsum(near) - 1
+    sides = sheet.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    sides = np.unique(np.sort(sides[near[sides].all(axis=1)], axis=1), axis=0)
+    length = np.linalg.norm(sheet.points[sides[:, 1]] - sheet.points[sides[:, 0]], axis=1)
+    size = int(near.sum())
+    graph = sparse.csr_array((length, (local[sides[:, 0]], local[sides[:, 1]])), shape=(size, size))
+    order = np.argsort(pairs[:, 0], kind="stable")
+    tails, heads = local[pairs[order]].T
+    found = np.empty(len(pairs))
+    sources, begins = np.unique(tails, return_index=True)
+    ends = np.append(begins[1:], len(tails))
+    step = max(1, BLOCK // size)
+    for first in range(0, len(sources), step):
+        block = slice(first, first + step)
+        distance = dijkstra(graph, directed=False, indices=sources[block], limit=limit)
+        rows = slice(begins[block][0], ends[block][-1])
+        found[order[rows]] = distance[_ranks(tails[rows]), heads[rows]]
+    return found
+
+
+def _ranks(ascending: np.ndarray) -> np.ndarray:
+    """0 for the first value, 1 for the next that differs, and so on."""
+    return np.cumsum(np.append(0, np.diff(ascending) != 0))

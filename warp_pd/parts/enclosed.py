@@ -1,0 +1,306 @@
+"""Pressure of what a closed surface encloses: a gas, or a prescribed volume."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, finite, not_negative, positive
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltLaw, BuiltLoad, Load, Part
+from ..kernels.damage import face_damage
+from ..kernels.enclosed_volume import (
+    BLOCK,
+    PressureLaw,
+    enclosed_force,
+    enclosed_pressure,
+    enclosed_volume,
+    polytropic_gas,
+    prescribed_volume,
+)
+from ..phases import Phase
+from ..schedules import Schedule, factor_schedule
+from ..shapes.enclosure import cap_of, edge_rings, other_diagonals, triangles_at_points, volume_of
+from .loads import Ramp
+
+# Distance of a ring from a plane, over the size of the sheet, and a volume over its cube, that count as zero.
+TOLERANCE = 1e-9
+
+
+class Enclosed(Load):
+    """A pressure on the inner side of a sheet that closes a volume, a function of that volume.
+
+    The sheet is a closed surface, or its edges are held: a flat cap then closes every ring of edges. Held are all
+    components of a ring, or those across a coordinate plane in which it lies. The force on a point is the pressure
+    times the exact derivative of the volume of the triangles, so a closed surface feels no net force and no torque.
+
+    Pressure acts on triangles that no crack has cut; what flows out through a crack is not computed, and the volume
+    counts all triangles. A sheet encloses one volume.
+    """
+
+    encloses: ClassVar[bool] = True
+
+    def check(self, others: Sequence[Part]) -> None:
+        """Refuse a second enclosed volume.
+
+        Raises:
+            InputError: for one.
+        """
+        if any(getattr(other, "encloses", False) for other in others):
+            raise InputError(f"loads: {type(self).__name__} is one of two enclosed volumes: expected one")
+
+    def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
+        """Law of the pressure and its constants, four at most, if the volume at the start [m^3] is `volume`."""
+        raise NotImplementedError(f"{type(self).__name__}.law: an enclosed volume needs a law of its pressure")
+
+    def schedule(self) -> Schedule | None:
+        """What the law takes as its factor; None for 1."""
+        return None
+
+    @property
+    def extra(self) -> float:
+        """Volume besides that under the sheet [m^3]."""
+        return 0.0
+
+    def compile_key(self) -> tuple[object, ...]:
+        """Whether its factor changes in time."""
+        return (self.schedule() is not None,)
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """The volume on a device."""
+        return BuiltEnclosed(self, context, law)
+
+
+@dataclass(frozen=True)
+class EnclosedGas(Enclosed):
+    """A gas inside the sheet: (p + ambient) (V / m)^n is constant, with the amount of gas m.
+
+    Newton's method does not scale it with the load factor: change `amount` in load time instead.
+
+    Attributes:
+        gauge: Pressure above the ambient one at the start [Pa].
+        ambient: Pressure outside [Pa], absolute.
+        exponent: n: 1 at constant temperature, 1.4 for air without exchange of heat.
+        amount: Pairs (time [s], amount of gas over that at the start), or None: it stays. Gas that is pumped in has
+            the entropy (n = 1: the temperature) of the gas inside.
+        chamber: Volume besides that under the sheet [m^3], such as that of a rigid vessel that a flat sheet closes.
+    """
+
+    gauge: float = 0.0
+    ambient: float = 101325.0
+    exponent: float = 1.0
+    amount: Ramp = None
+    chamber: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            InputError: for an absolute pressure, exponent or amount that is not above zero, or a negative chamber.
+        """
+        finite("EnclosedGas.gauge", self.gauge)
+        not_negative("EnclosedGas.ambient", self.ambient)
+        positive("EnclosedGas.ambient + EnclosedGas.gauge", self.ambient + self.gauge)
+        positive("EnclosedGas.exponent", self.exponent)
+        not_negative("EnclosedGas.chamber", self.chamber)
+        schedule = self.schedule()
+        for value in () if schedule is None else schedule.values[:, 0]:
+            positive("EnclosedGas.amount", float(value))
+
+    @property
+    def extra(self) -> float:
+        """The chamber [m^3]."""
+        return self.chamber
+
+    def schedule(self) -> Schedule | None:
+        """The amount of gas."""
+        return factor_schedule("EnclosedGas.amount", self.amount)
+
+    def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
+        """The law of the gas.
+
+        Raises:
+            InputError: for a volume that is not above zero.
+        """
+        if volume <= 0.0:
+            raise InputError(
+                f"EnclosedGas: the sheet encloses {volume:.4g} m^3 at the start: expected a positive volume; "
+                "give `chamber`, the volume below a flat sheet, or turn triangles that face inwards"
+            )
+        return polytropic_gas, (self.ambient + self.gauge, volume, self.ambient, self.exponent)
+
+
+@dataclass(frozen=True)
+class EnclosedVolume(Enclosed):
+    """A volume that is prescribed in time, as by a pump for liquid: p = stiffness (volume wanted - V).
+
+    The pressure may rise and fall along the path: so static solvers pass a maximum of the pressure.
+
+    Attributes:
+        volume: Pairs (time [s], volume under the sheet [m^3]).
+        stiffness: [Pa/m^3]: bulk modulus of the liquid over its volume. The volume falls short of the wanted one by
+            p / stiffness. Static paths are stable if it is larger than the pressure's steepest fall with the volume.
+    """
+
+    volume: Sequence[tuple[float, float]]
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            InputError: for a stiffness that is not above zero, or no pairs.
+        """
+        positive("EnclosedVolume.stiffness", self.stiffness)
+        if self.schedule() is None:
+            raise InputError("EnclosedVolume.volume = None: expected pairs (time, volume)")
+
+    def schedule(self) -> Schedule | None:
+        """The volume wanted."""
+        return factor_schedule("EnclosedVolume.volume", self.volume)
+
+    def law(self, volume: float) -> tuple[PressureLaw, tuple[float, ...]]:
+        """A spring."""
+        return prescribed_volume, (self.stiffness,)
+
+
+class BuiltEnclosed(BuiltLoad):
+    """An enclosed volume on a device.
+
+    Attributes:
+        enclosed: Pressure [Pa], volume [m^3], and the change of the pressure along the last direction.
+    """
+
+    follows_displacement = True
+
+    def __init__(self, load: Enclosed, context: Context, law: BuiltLaw) -> None:
+        """Close the surface.
+
+        Raises:
+            InputError: for a surface that does not enclose a volume.
+        """
+        self.owner = type(load).__name__
+        self.label, self.context, self._family_law, self._extra = f"loads: {self.owner}", context, law, load.extra
+        sheet, types = context.sheet, context.types
+        caps = self._caps()
+        # About its middle, volumes are sums of small numbers.
+        middle = 0.5 * (sheet.positions.min(axis=0) + sheet.positions.max(axis=0))
+        positions = sheet.positions - middle
+        extent = float(np.ptp(positions, axis=0).max())
+        cuts = [sheet.triangles]
+        if (turned := other_diagonals(positions, sheet.triangles)) is not sheet.triangles:
+            cuts.append(turned)
+        faces = np.concatenate(cuts)
+        triangles = np.concatenate([faces, *caps * len(cuts)])
+        volume = volume_of(positions + context.initial_displacement, triangles) / len(cuts)
+        self._share = 1.0 / (6.0 * len(cuts))
+        pressure_law, constants = load.law(load.extra + (volume if abs(volume) > TOLERANCE * extent**3 else 0.0))
+        self._constants = wp.vec4d(*constants, *[0.0] * (4 - len(constants)))
+        self._schedule = context.clock.register(load.schedule())
+        key = (context.bits, pressure_law, self._schedule is not None, context.module)
+        self._set_pressure = enclosed_pressure(*key)
+        breakable = law.intact is not None
+        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.module)
+        begins, corners, numbers = triangles_at_points(faces, sheet.size)
+        self._table = {
+            "begins": context.array("triangles_begin", self.owner, wp.int32, begins, per="table"),
+            "corners": context.array("triangle_corners", self.owner, wp.vec2i, corners, per="table"),
+            "positions": context.array("positions", self.owner, wp.vec3d, positions),
+        }
+        self._triangles = context.array("closed_triangles", self.owner, wp.vec3i, triangles, per="table")
+        self._faces = self._intact = self._edges = None
+        if breakable:
+            self._edges = context.array("triangles", self.owner, wp.vec3i, faces, per="table")
+            self._faces = context.array("triangle_numbers", self.owner, wp.int32, numbers, per="table")
+            self._intact = context.array("pressed_faces", self.owner, wp.uint8, shape=len(faces), per="table")
+        blocks = -(-len(triangles) // BLOCK)
+        self._blocks = context.array("volume_of_blocks", self.owner, wp.float64, shape=(2, blocks), per="block")
+        self._sums = context.array("volume_sums", self.owner, wp.float64, shape=(2, -(-blocks // BLOCK)), per="block")
+        self.enclosed = context.array("enclosed", self.owner, wp.float64, shape=3, per="once")
+
+    def _caps(self) -> list[np.ndarray]:
+        """Triangles that close the edges of the sheet, ring by ring.
+
+        Raises:
+            InputError: for a sheet without triangles, or an edge that is not held.
+        """
+        sheet, held = self.context.sheet, self.context.held
+        if len(sheet.triangles) == 0:
+            raise InputError(f"{self.owner}: the sheet has no triangles: expected a surface that encloses a volume")
+        place = sheet.positions + self.context.initial_displacement
+        extent = float(np.ptp(place, axis=0).max())
+        caps = []
+        for ring in edge_rings(sheet.triangles):
+            flat = np.ptp(place[ring], axis=0) <= TOLERANCE * extent
+            everywhere = int(np.bitwise_and.reduce(held[ring])) & 7
+            if everywhere != 7 and not any(flat[c] and everywhere & (1 << c) for c in range(3)):
+                loose = int(ring[np.flatnonzero((held[ring] & 7) != 7)[0]])
+                raise InputError(
+                    f"{self.owner}: point {loose} at {np.round(place[loose], 6).tolist()} m is on an edge of the sheet "
+                    "and free: expected a closed surface, or edges that are held, so that a cap can close them"
+                )
+            caps.append(cap_of(ring))
+        return caps
+
+    def _add_pressure(self, stage: Stage, displacement: Array, direction: Array | None) -> None:
+        context, module = self.context, self.context.module
+        sum_triangles, sum_sums = enclosed_volume(context.bits, direction is not None, module)
+        stage.launch(
+            self.owner, sum_triangles, self._blocks.shape[1],
+            triangles=self._triangles, positions=self._table["positions"], displacement=displacement,
+            direction=direction, sums=self._blocks,
+        )  # fmt: skip
+        stage.launch(self.owner, sum_sums, self._sums.shape[1], blocks=self._blocks, sums=self._sums)
+        stage.launch(
+            self.owner, self._set_pressure, 1,
+            sums=self._sums, share=self._share, chamber=self._extra, constants=self._constants,
+            factors=context.clock.scheduled, schedule=self._schedule or 0, enclosed=self.enclosed,
+        )  # fmt: skip
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launches of the volume, its pressure, and the force on the points."""
+        context, size = self.context, self.context.sheet.size
+        self._add_pressure(stage, displacement, None)
+        if self._intact is not None:
+            kernel = face_damage(context.layout, context.bits, context.module)
+            law = self._family_law
+            stage.launch(
+                self.owner, kernel, len(self._intact),
+                family=law.struct, intact=law.intact, triangles=self._edges, intact_faces=self._intact,
+            )  # fmt: skip
+        stage.pointwise(
+            self.owner, self._add_force, size, **self._arguments(displacement), faces=self._faces,
+            intact_faces=self._intact, external=out,
+        )  # fmt: skip
+
+    def _arguments(self, displacement: Array) -> dict[str, Any]:
+        return {**self._table, "displacement": displacement, "share": self._share, "enclosed": self.enclosed}
+
+    def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
+        """Add the launches of the change of pressure and of the surface along a direction."""
+        if self._intact is not None:
+            return False
+        self._add_pressure(stage, displacement, direction)
+        arguments = {**self._arguments(displacement), "direction": direction, "change": out}
+        stage.launch(self.owner, self._add_tangent, self.context.sheet.size, **arguments)
+        return True
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the volume and the pressure that the history shows."""
+        if phase is Phase.FRAME:
+            self._add_pressure(stage, self.context.state.displacement, None)
+
+    def column_names(self) -> Sequence[str]:
+        """Pressure and volume."""
+        return ("pressure", "volume")
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Pressure above the ambient one [Pa] and volume [m^3], that of a chamber included."""
+        pressure, volume, _ = self.enclosed.numpy().tolist()
+        return {"pressure": pressure, "volume": volume}

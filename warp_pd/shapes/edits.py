@@ -1,0 +1,91 @@
+"""Shapes that are cut, punched and turned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from ..checks import InputError
+from .holes import square_grid, triangulation_without
+from .shape import Shape
+from .triangulation import Segment, boundary_edges, crossed_triangles
+
+AnyShape = TypeVar("AnyShape", bound=Shape)
+
+
+def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
+    """A copy with a cut and without the triangles that it crosses.
+
+    Raises:
+        InputError: for a segment of no length, or one that crosses no triangle; it calls the cut `name`.
+    """
+    if segment[0] == segment[1]:
+        raise InputError(f"{name}: expected a segment of some length")
+    gone = crossed_triangles(shape.points, shape.triangles, segment)
+    if not gone.any():
+        low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+        raise InputError(
+            f"{name} crosses no bond: expected segments inside the sheet, "
+            f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
+        )
+    return replace(shape, triangles=shape.triangles[~gone], cuts=(*shape.cuts, segment))
+
+
+def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
+    """A copy that is turned about its middle and forgets its lattice or grid; the rotation, shape (2, 2)."""
+    angle = np.deg2rad(degrees)
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    middle = 0.5 * (shape.points.min(axis=0) + shape.points.max(axis=0))
+
+    def turn(p: np.ndarray) -> np.ndarray:
+        return np.asarray((p - middle) @ rotation.T + middle)
+
+    cuts = tuple((tuple(turn(np.array(a))), tuple(turn(np.array(b)))) for a, b in shape.cuts)
+    return replace(shape, points=turn(shape.points), lattice=None, grid=None, cuts=cuts), rotation
+
+
+def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, np.ndarray]:
+    """A copy without the points of a mask, shape (N,); which points it kept, shape (N,).
+
+    Raises:
+        InputError: if none is inside or none is left; it calls the hole `name`.
+    """
+    if not inside.any():
+        raise InputError(f"{name} holds no point: expected a larger one")
+    triangles, areas = triangulation_without(inside, shape)
+    grid = shape.grid if shape.lattice is None else square_grid(shape.lattice)
+    kept = np.zeros(shape.size, bool)
+    kept[triangles] = True
+    if not kept.any():
+        raise InputError(f"{name} leaves no sheet: expected a smaller one")
+    renumber = np.cumsum(kept) - 1
+
+    def left(points: np.ndarray) -> np.ndarray:
+        return np.asarray(renumber[points[kept[points]]], np.int32)
+
+    new_edges = boundary_edges(triangles)
+    rim = np.setdiff1d(new_edges, boundary_edges(shape.triangles))
+    barriers = None
+    if shape.barriers is not None:
+        old = shape.barriers[kept[shape.barriers].all(axis=1)]
+        barriers = renumber[np.unique(np.concatenate([old, new_edges[np.isin(new_edges, rim).any(axis=1)]]), axis=0)]
+    count = 1 + sum(part.startswith("hole ") and part[5:].isdigit() for part in shape.parts)
+    parts = {part: left(points) for part, points in shape.parts.items()} | {f"hole {count}": left(rim)}
+    if "all" in parts:
+        parts["all"] = np.union1d(parts["all"], left(rim)).astype(np.int32)
+    smaller = replace(
+        shape,
+        points=shape.points[kept],
+        areas=areas[kept],
+        triangles=renumber[triangles].astype(np.int32),
+        lattice=None,
+        grid=None if grid is None else grid[kept],
+        spacings=None if shape.spacings is None else shape.spacings[kept],
+        bodies=None if shape.bodies is None else shape.bodies[kept],
+        barriers=None if barriers is None else barriers.astype(np.int32),
+        inclusions=tuple(left(members) for members in shape.inclusions),
+        parts=parts,
+    )
+    return smaller, kept
