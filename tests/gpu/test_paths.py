@@ -71,10 +71,14 @@ def test_fast_kernels_of_curved_sheets_are_the_reference_kernels(device, kind, s
     close(*forces, 5.0 * TOLERANCE[precision])
 
 
-@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
-@pytest.mark.parametrize("horizon", [1.5, 2.015, 3.15, 4.15])
-@pytest.mark.parametrize("size", ["small", "large", "strips"])
-def test_a_grid_with_gaps_has_the_forces_of_a_cloud(device, monkeypatch, size, horizon, torn, precision):
+@pytest.mark.parametrize(
+    ("size", "horizon", "precision", "torn"),
+    [
+        ("large", 2.015, 64, True), ("large", 1.5, 32, False), ("large", 3.15, 32, True), ("large", 3.15, 64, False),
+        ("large", 4.15, 64, True), ("small", 3.15, 32, True), ("strips", 2.015, 32, False), ("strips", 3.15, 64, True),
+    ],
+)  # fmt: skip
+def test_a_grid_with_gaps_has_the_forces_of_a_cloud(device, monkeypatch, size, horizon, precision, torn):
     if size != "small":
         monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
     if size == "strips":

@@ -103,7 +103,7 @@ class _Image:
         places = np.zeros(sheet.points.shape)
         if on.any():
             places = (sheet.points - np.median(sheet.points[on] - spacing * sheet.grid[on], axis=0)) / spacing
-            on &= np.abs(places - sheet.grid).max(axis=1) <= OFF_PLACE
+            on &= np.asarray(np.abs(places - sheet.grid).max(axis=1) <= OFF_PLACE)
         if not on.any():
             return _Image(np.full((1, 1), -1, np.int32), np.zeros((sheet.size, 2), np.int64), on, reach)
         low, high = sheet.grid[on].min(axis=0), sheet.grid[on].max(axis=0)
