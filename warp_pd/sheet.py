@@ -234,7 +234,8 @@ class Sheet(Shape):
         """
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
-            return Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+            curved = Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+            return replace(curved, parts={**curved.parts, **mesh.parts})
         return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
 
     @staticmethod
