@@ -43,11 +43,14 @@ if TYPE_CHECKING:
         PointForce,
         Pressure,
         RigidBall,
+        SelfContact,
         TearingEnergy,
     )
+    from .pieces import placed, together
     from .run.runner import Result
     from .scene import Measure, Outcome
     from .shapes.files import read_mesh
+    from .shapes.pieces import Place
     from .shapes.svg import read_outline
     from .sheet import Sheet
     from .simulation import Simulation
@@ -70,11 +73,13 @@ else:
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
             "output.sheet_plot": "draw_sheet",
+            "pieces": "placed together",
             "parts": "BodyForce BoundaryForce CriticalEnergy CriticalStretch EnclosedGas "
-            "EnclosedVolume Fixed Motion PointForce Pressure RigidBall TearingEnergy",
+            "EnclosedVolume Fixed Motion PointForce Pressure RigidBall SelfContact TearingEnergy",
             "run.runner": "Result",
             "scene": "Measure Outcome",
             "shapes.files": "read_mesh",
+            "shapes.pieces": "Place",
             "shapes.svg": "read_outline",
             "sheet": "Sheet",
             "simulation": "Simulation",
@@ -119,12 +124,14 @@ __all__ = [
     "Ogden",
     "Outcome",
     "PairwiseMaterial",
+    "Place",
     "PointForce",
     "Pressure",
     "Prony",
     "Relaxation",
     "Result",
     "RigidBall",
+    "SelfContact",
     "Sheet",
     "Simulation",
     "Surface",
@@ -134,6 +141,8 @@ __all__ = [
     "ViscoBondBased",
     "Yeoh",
     "draw_sheet",
+    "placed",
     "read_mesh",
     "read_outline",
+    "together",
 ]

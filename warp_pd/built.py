@@ -38,7 +38,7 @@ class Built(RenamedAttributes, System):
         checks: Checks of every frame.
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
-        contact: The contact on the device, or None.
+        contacts: The contacts on the device.
         rupture: The rupture criterion on the device, or None.
     """
 
@@ -47,8 +47,13 @@ class Built(RenamedAttributes, System):
     checks: FrameChecks
     energy: EnergyBalance
     sums: Sums
-    contact: BuiltContact | None
+    contacts: tuple[BuiltContact, ...]
     rupture: BuiltRupture | None
+
+    @property
+    def contact(self) -> BuiltContact | None:
+        """The contact that pictures show: the first with a ball; or None."""
+        return next((contact for contact in self.contacts if contact.ball_diameter() is not None), None)
 
     @property
     def state(self) -> State:
@@ -102,7 +107,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     acting = (law, solver, moved, Ticking(context), *built, external, checks)
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
-        contact=cast(BuiltContact | None, _built(scene.contact, parts, built)),
+        contacts=tuple(cast(BuiltContact, _built(contact, parts, built)) for contact in scene.contacts),
         rupture=cast(BuiltRupture | None, _built(scene.damage, parts, built)),
     )  # fmt: skip
     _check_columns(scene, made)
@@ -122,7 +127,7 @@ def parts_of(scene: Scene) -> list[Part]:
         InputError: for parts that cannot be combined.
     """
     inclusions: list[Part] = [RigidInclusions(scene.sheet.inclusions)] if scene.sheet.inclusions else []
-    parts = [part for part in (*inclusions, *scene.loads, scene.contact, scene.damage) if part is not None]
+    parts = [part for part in (*inclusions, *scene.loads, *scene.contacts, scene.damage) if part is not None]
     for index, part in enumerate(parts):
         part.check([*parts[:index], *parts[index + 1 :]])
     return parts
@@ -141,7 +146,7 @@ def _context(
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
         gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
-        contact=scene.contact is not None,
+        contact=any(contact.changes_velocities for contact in scene.contacts),
     )
     return Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),

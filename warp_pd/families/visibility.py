@@ -20,7 +20,8 @@ BLOCK = 200_000
 
 def nothing_severed(sheet: Sheet) -> bool:
     """Whether all points within the horizon of each other share a bond, so that nobody needs to look."""
-    return not sheet.cuts and all(part is None for part in (sheet.barriers, sheet.bodies, sheet.frames))
+    parts = (sheet.barriers, sheet.bodies, sheet.frames, sheet.pieces)
+    return not sheet.cuts and all(part is None for part in parts)
 
 
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
@@ -30,13 +31,20 @@ def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     bond if the way around is hardly longer.
     """
     if sheet.frames is not None:
-        return apart_along(sheet, pairs)
-    lost = cut_through(sheet, pairs)
+        return apart_along(sheet, pairs) | _in_two_pieces(sheet, pairs)
+    lost = cut_through(sheet, pairs) | _in_two_pieces(sheet, pairs)
     if sheet.bodies is not None:
         lost |= sheet.bodies[pairs[:, 0]] != sheet.bodies[pairs[:, 1]]
     if sheet.barriers is not None:
         lost |= _outside(sheet, pairs, lost)
     return lost
+
+
+def _in_two_pieces(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
+    """Which pairs of points, shape (B, 2), belong to two pieces; bool, shape (B,)."""
+    if sheet.pieces is None:
+        return np.zeros(len(pairs), bool)
+    return np.asarray(sheet.pieces[pairs[:, 0]] != sheet.pieces[pairs[:, 1]])
 
 
 def cut_through(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:

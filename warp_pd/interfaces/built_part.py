@@ -63,6 +63,13 @@ class BuiltPart(Protocol):
         """Maximum step that the part allows, or None."""
         return None
 
+    def added_frequency(self) -> float:
+        """Bound of the frequency that the part alone would give the points [rad/s].
+
+        It is added to that of the stable step, which does not see what the part will do to the sheet later.
+        """
+        return 0.0
+
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes for the user on a finished run, one line each.
 

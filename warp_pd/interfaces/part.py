@@ -157,10 +157,15 @@ class BuiltContact(BuiltPart, Protocol):
 
 @runtime_checkable
 class Contact(Part, Protocol):
-    """Contact with a body."""
+    """Contact with a body, or of the sheet with itself."""
 
     argument: ClassVar[str] = "contact"
     does_work: ClassVar[bool] = True
+
+    @property
+    def changes_velocities(self) -> bool:
+        """Whether it changes velocities besides by forces."""
+        return True
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The contact on a device."""

@@ -15,7 +15,7 @@ from .vtkhdf import read_ball, read_frame, read_series
 
 COLOURS = "inferno_r"
 STYLES = ("-", "--", "-.", ":")
-ENERGIES = ("kinetic", "strain", "external", "damping", "rupture", "viscous")
+ENERGIES = ("kinetic", "strain", "external", "damping", "rupture", "viscous", "contact", "sheet_friction")
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from .contact import RigidBall, RigidContact
 from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
 from .loads import BodyForce, PointForce, Pressure
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
+from .self_contact import SelfContact
 from .supports import Fixed, Motion, stretching_edges
 from .tearing_energy import TearingEnergy, stretch_or_energy, tip_width
 
@@ -23,6 +24,7 @@ __all__ = [
     "Pressure",
     "RigidBall",
     "RigidContact",
+    "SelfContact",
     "TearingEnergy",
     "stretch_or_energy",
     "stretching_edges",

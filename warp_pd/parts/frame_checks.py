@@ -100,12 +100,14 @@ class EnergyBalance(BuiltPart):
     def column_names(self) -> Sequence[str]:
         """Energies, work and losses, and the error of their balance."""
         return (
-            "kinetic", "half_step_kinetic", "strain", "external", "damping", "rupture", "viscous", "balance_error"
+            "kinetic", "half_step_kinetic", "strain", "external", "damping", "rupture", "viscous", "contact", "sheet_friction",
+            "balance_error",
         )  # fmt: skip
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Energies; work and losses where they are summed up, 0 where there are none."""
-        row = {name: totals[name] for name in ("kinetic", "half_step_kinetic", "strain") if name in totals}
+        names = ("kinetic", "half_step_kinetic", "strain", "contact", "sheet_friction")
+        row = {name: totals[name] for name in names if name in totals}
         if not self.context.features.tracked:
             return row
         row |= {name: totals.get(name, 0.0) for name in ("external", "damping")}

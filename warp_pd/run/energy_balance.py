@@ -18,6 +18,8 @@ def balance_error(history: Sequence[Row], row: Row) -> float:
     kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
     change = row[kinetic] + row["strain"] - first[kinetic] - first["strain"]
     error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
+    if "contact" in row:
+        error += row["contact"] - first["contact"] + row.get("sheet_friction", 0.0)
     if "viscous" in row:
         error -= first["viscous"]
     rows = [*history, row]

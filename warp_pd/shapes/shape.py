@@ -32,6 +32,9 @@ class Shape:
         bodies: Number of the rigid inclusion inside which each point lies, 0 for the sheet and the edges of inclusions,
             int32, shape (N,); or None. Bonds join points of one number.
         parts: Point indices of parts of the boundary, by name.
+        pieces: Number of the piece that each point belongs to, from 1, int32, shape (N,); or None: there is one. Bonds
+            join points of one piece.
+        origins: Where the origin of each piece lies [m], shape (pieces, 2); of a curved shape (pieces, 3); or None.
     """
 
     points: np.ndarray
@@ -47,6 +50,8 @@ class Shape:
     barriers: np.ndarray | None = None
     bodies: np.ndarray | None = None
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    pieces: np.ndarray | None = None
+    origins: np.ndarray | None = None
 
     @property
     def size(self) -> int:

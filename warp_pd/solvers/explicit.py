@@ -133,6 +133,8 @@ class BuiltExplicit(BuiltSolver):
         limits = [limit for part in system.parts if (limit := part.step_limit()) is not None]
         if self.solver.damping > 0.0:
             limits.append(StepLimit(MAX_DAMPED / self.solver.damping, "in which damping takes a fifth of the velocity"))
+        # The largest eigenvalue of a sum is no larger than the sum of the largest (Weyl).
+        self._added = [added for part in system.parts if (added := part.added_frequency()) > 0.0]
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
     def run(self, sink: FrameSink) -> str:
@@ -169,7 +171,7 @@ class BuiltExplicit(BuiltSolver):
 
     def estimate(self, iterations: int) -> float:
         """Stable step [s], a bound of it from below; infinite if nothing resists."""
-        omega = self.stable_step.omega(iterations)
+        omega = math.hypot(self.stable_step.omega(iterations), *self._added)
         return 2.0 / ((1.0 + SHORTFALL) * omega) if omega > 0.0 else math.inf
 
     def _check_step(self, stable: float) -> None:

@@ -1,0 +1,434 @@
+"""Short-range repulsion of points that share no bond, and friction between them.
+
+Points i and j at a distance r < d_ij have the energy (Silling and Askari 2005, section 4, there with a force per volume)
+
+    E_ij = 1/2 k (d_ij - r)^2,      force on i: -k (d_ij - r) (x_j - x_i) / r.
+
+d_ij is the distance that points keep, but no more than a share of their reference distance, unless they belong to
+two pieces. Both ends compute the same bits, so momentum is conserved to the rounding of the sums.
+
+Pairs outside the family come from a list [entries, points], sorted by index; bonds that broke come from the family.
+The list holds all pairs nearer than d_ij plus a skin; it is made anew when a point has moved by half the skin. Pairs
+that do not touch add nothing, so forces do not depend on when the list was made.
+
+Cells are found by a hash of their integer coordinates. A bucket is a linked list in the order in which threads came;
+the sorted list of each point does not depend on it.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .bits import lowest_bit, without_lowest_bit
+from .bond_state import bond_state
+from .effects import Kernel, kernel
+from .families import WORD, family_functions
+from .integrate import RIGID
+from .numeric import numeric
+from .pointwise import Pointwise, pointwise
+
+# What a status array holds.
+STALE, CROWDED = 0, 1
+
+
+@dataclass(frozen=True)
+class PairFunctions:
+    """Functions and types of the pairs of one configuration.
+
+    Attributes:
+        Points: Struct: reference positions (float64), pieces, and what pairs keep.
+        distance_kept: (points, i, j) -> d_ij [m].
+        between: (points, displacement, i, j) -> x_j - x_i [m], vec3.
+    """
+
+    Points: Any
+    distance_kept: wp.Function
+    between: wp.Function
+
+
+@functools.cache
+def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
+    """Functions of pairs of points.
+
+    Args:
+        bits: 32 or 64.
+        pieces: Whether the sheet has several pieces.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @functools.partial(wp.struct, module=module)
+    class Points:
+        reference: wp.array(dtype=wp.vec3d)
+        piece: wp.array(dtype=wp.int32)
+        distance: real
+        share: real
+        stiffness: real
+
+    @wp.func(module=module)
+    def double(v: vec3):
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @wp.func(module=module)
+    def distance_kept(points: Points, i: int, j: int):
+        kept = points.distance
+        apart = bool(True)
+        if wp.static(pieces):
+            apart = points.piece[i] == points.piece[j]
+        if apart:
+            kept = wp.min(kept, points.share * real(wp.length(points.reference[j] - points.reference[i])))
+        return kept
+
+    @wp.func(module=module)
+    def between(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
+        # Far parts of a sheet touch, so both differences are large and nearly cancel.
+        d = (points.reference[j] - points.reference[i]) + (double(displacement[j]) - double(displacement[i]))
+        return vec3(real(d[0]), real(d[1]), real(d[2]))
+
+    return PairFunctions(Points, distance_kept, between)
+
+
+@dataclass(frozen=True)
+class ListKernels:
+    """Kernels that make the lists; all but `look` do nothing unless the lists are stale.
+
+    Attributes:
+        look: Marks the lists as stale if a point has moved by half the skin.
+        clear: Empties the buckets.
+        insert: Puts points into buckets.
+        collect: Lists the pairs of each point.
+        finish: Marks the lists as fresh.
+    """
+
+    look: Kernel
+    clear: Kernel
+    insert: Kernel
+    collect: Kernel
+    finish: Kernel
+
+
+@functools.cache
+def pair_lists(layout: str, bits: int, pieces: bool, module: str) -> ListKernels:
+    """Kernels that make the lists of pairs; arguments as for `pair_functions`, and the layout of the families."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    pairs = pair_functions(bits, pieces, module)
+    Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
+    word_size, stale, crowded = WORD, STALE, CROWDED
+
+    @wp.func(module=module)
+    def bucket_of(cell: wp.vec3i, buckets: int):
+        mixed = wp.uint32(cell[0]) * wp.uint32(73856093)
+        mixed = mixed ^ (wp.uint32(cell[1]) * wp.uint32(19349663))
+        mixed = mixed ^ (wp.uint32(cell[2]) * wp.uint32(83492791))
+        return wp.int32(mixed & wp.uint32(buckets - 1))
+
+    @wp.func(module=module)
+    def is_member(family: Family, i: int, j: int):
+        found = bool(False)
+        for k in range(family.members):
+            word = k // word_size
+            if (f.initial(family, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1) != wp.uint32(0):
+                if f.neighbour(family, i, k) == j:
+                    found = True
+        return found
+
+    @kernel(module, per="list")
+    def look(
+        displacement: wp.array(dtype=vec3),
+        listed_at: wp.array(dtype=vec3),
+        limit: real,
+        first: int,
+        status: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        # All threads that write here write the same. A displacement that is not finite counts as moved.
+        if not wp.length_sq(displacement[i] - listed_at[i]) < limit:
+            status[stale] = 1
+
+    @kernel(module, per="list")
+    def clear(first: int, heads: wp.array(dtype=wp.int32), status: wp.array(dtype=wp.int32)):
+        b = wp.tid() + first
+        if status[stale] != 0:
+            heads[b] = -1
+
+    @kernel(module, per="list")
+    def insert(
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        inverse_cell: wp.float64,
+        stride: int,
+        first: int,
+        heads: wp.array(dtype=wp.int32),
+        following: wp.array(dtype=wp.int32),
+        cells: wp.array(dtype=wp.vec3i),
+        listed_at: wp.array(dtype=vec3),
+        status: wp.array(dtype=wp.int32),
+    ):
+        begin = wp.tid() + first
+        if status[stale] != 0:
+            for i in range(begin, displacement.shape[0], stride):
+                u = displacement[i]
+                x = inverse_cell * (
+                    points.reference[i] + wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
+                )
+                cell = wp.vec3i(wp.int32(wp.floor(x[0])), wp.int32(wp.floor(x[1])), wp.int32(wp.floor(x[2])))
+                cells[i] = cell
+                listed_at[i] = u
+                following[i] = wp.atomic_exch(heads, bucket_of(cell, heads.shape[0]), i)
+
+    @kernel(module, per="list")
+    def collect(
+        family: Family,
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        cells: wp.array(dtype=wp.vec3i),
+        heads: wp.array(dtype=wp.int32),
+        following: wp.array(dtype=wp.int32),
+        skin: real,
+        family_reach: wp.float64,
+        first: int,
+        counts: wp.array(dtype=wp.int32),
+        near: wp.array2d(dtype=wp.int32),
+        status: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        if status[stale] == 0:
+            return
+        home = cells[i]
+        found = wp.int32(0)
+        for place in range(27):
+            cell = home + wp.vec3i(place % 3 - 1, (place // 3) % 3 - 1, place // 9 - 1)
+            j = heads[bucket_of(cell, heads.shape[0])]
+            while j >= 0:
+                if j != i and cells[j] == cell:
+                    reach = distance_kept(points, i, j) + skin
+                    if wp.length_sq(between(points, displacement, i, j)) < reach * reach:
+                        bonded = bool(False)
+                        if wp.length(points.reference[j] - points.reference[i]) < family_reach:
+                            bonded = is_member(family, i, j)
+                        if not bonded:
+                            if found < near.shape[0]:
+                                at = wp.int32(found)
+                                while at > 0 and near[wp.max(at - 1, 0), i] > j:
+                                    near[at, i] = near[at - 1, i]
+                                    at = at - 1
+                                near[at, i] = j
+                            found = found + 1
+                j = following[j]
+        if found > near.shape[0]:
+            status[crowded] = 1
+        counts[i] = wp.min(found, near.shape[0])
+
+    @kernel(module, per="once")
+    def finish(first: int, status: wp.array(dtype=wp.int32)):
+        status[stale] = 0
+
+    return ListKernels(look, clear, insert, collect, finish)
+
+
+@dataclass(frozen=True)
+class RepulsionKernels:
+    """Kernels of the pairs in the lists, and of broken bonds.
+
+    Attributes:
+        add_force: Adds the force of contact to the internal force, and counts the contacts of each point.
+        energy: Half the energy of the contacts of each point [J].
+        friction: Impulse of friction on each point over a step [N s].
+        rub: Pointwise: gives points that impulse, and sums up what it loses.
+    """
+
+    add_force: Kernel
+    energy: Kernel
+    friction: Kernel
+    rub: Pointwise
+
+
+@functools.cache
+def repulsion(
+    layout: str, bits: int, breakable: bool, pieces: bool, held: bool, tracked: bool, module: str
+) -> RepulsionKernels:
+    """Kernels of contact.
+
+    Args:
+        layout: Layout of the families.
+        bits: 32 or 64.
+        breakable: Whether bonds can break.
+        pieces: Whether the sheet has several pieces.
+        held: Whether any component is held.
+        tracked: Whether work and losses are summed up.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    intact_members = bond_state(layout, bits, breakable, module).intact_members
+    pairs = pair_functions(bits, pieces, module)
+    Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
+    word_size, rigid = WORD, RIGID
+
+    @wp.func(module=module)
+    def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
+        """Depth d_ij - r, 0 without contact, and direction from i to j."""
+        line = between(points, displacement, i, j)
+        r = wp.length(line)
+        depth = distance_kept(points, i, j) - r
+        direction = vec3(real(0.0), real(0.0), real(0.0))
+        if depth > real(0.0) and r > real(0.0):
+            direction = line / r
+        else:
+            depth = real(0.0)
+        return depth, direction
+
+    @wp.func(module=module)
+    def broken_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
+        return f.initial(family, i, word) & (~intact_members(family, intact, i, word))
+
+    @kernel(module, gathers=("displacement", "points.reference"))
+    def add_contact_force(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        near: wp.array2d(dtype=wp.int32),
+        first: int,
+        contacts: wp.array(dtype=wp.int32),
+        force: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        total = vec3(real(0.0), real(0.0), real(0.0))
+        touching = wp.int32(0)
+        for c in range(counts[i]):
+            depth, direction = push(points, displacement, i, near[c, i])
+            if depth > real(0.0):
+                total -= depth * direction
+                touching = touching + 1
+        if wp.static(breakable):
+            for word in range(family.words):
+                members = broken_members(family, intact, i, word)
+                while members != wp.uint32(0):
+                    j = f.neighbour(family, i, word * word_size + lowest_bit(members))
+                    members = without_lowest_bit(members)
+                    depth, direction = push(points, displacement, i, j)
+                    if depth > real(0.0):
+                        total -= depth * direction
+                        touching = touching + 1
+        contacts[i] = touching
+        if touching > 0:
+            force[i] = force[i] + points.stiffness * total
+
+    @kernel(module, gathers=("displacement", "points.reference"))
+    def contact_energy(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        near: wp.array2d(dtype=wp.int32),
+        first: int,
+        energy: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        total = real(0.0)
+        for c in range(counts[i]):
+            depth, direction = push(points, displacement, i, near[c, i])
+            total += depth * depth
+        if wp.static(breakable):
+            for word in range(family.words):
+                members = broken_members(family, intact, i, word)
+                while members != wp.uint32(0):
+                    j = f.neighbour(family, i, word * word_size + lowest_bit(members))
+                    members = without_lowest_bit(members)
+                    depth, direction = push(points, displacement, i, j)
+                    total += depth * depth
+        energy[i] = wp.float64(real(0.25) * points.stiffness) * wp.float64(total)
+
+    @wp.func(module=module)
+    def drag(
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        mass: wp.array(dtype=real),
+        contacts: wp.array(dtype=wp.int32),
+        most: real,
+        i: int,
+        j: int,
+    ):
+        """Impulse of point j on point i; `most` is friction x stiffness x step."""
+        impulse = vec3(real(0.0), real(0.0), real(0.0))
+        depth, direction = push(points, displacement, i, j)
+        if depth > real(0.0):
+            slip = velocity[j] - velocity[i]
+            slip -= wp.dot(slip, direction) * direction
+            speed = wp.length(slip)
+            # With all its contacts, a point loses its slip at most once: this cannot gain energy.
+            share = (mass[i] * mass[j]) / ((mass[i] + mass[j]) * real(wp.max(contacts[i], contacts[j])))
+            if speed > real(0.0):
+                impulse = wp.min(share, most * depth / speed) * slip
+        return impulse
+
+    @kernel(module, gathers=("displacement", "velocity", "mass", "contacts", "points.reference"))
+    def friction_impulse(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        mass: wp.array(dtype=real),
+        contacts: wp.array(dtype=wp.int32),
+        counts: wp.array(dtype=wp.int32),
+        near: wp.array2d(dtype=wp.int32),
+        step: wp.array(dtype=real),
+        coefficient: real,
+        first: int,
+        impulse: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        total = vec3(real(0.0), real(0.0), real(0.0))
+        if contacts[i] > 0:
+            most = coefficient * points.stiffness * step[0]
+            for c in range(counts[i]):
+                total += drag(points, displacement, velocity, mass, contacts, most, i, near[c, i])
+            if wp.static(breakable):
+                for word in range(family.words):
+                    members = broken_members(family, intact, i, word)
+                    while members != wp.uint32(0):
+                        j = f.neighbour(family, i, word * word_size + lowest_bit(members))
+                        members = without_lowest_bit(members)
+                        total += drag(points, displacement, velocity, mass, contacts, most, i, j)
+        impulse[i] = total
+
+    @functools.partial(wp.struct, module=module)
+    class Rub:
+        mass: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        impulse: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+        work: wp.array(dtype=wp.float64)
+        rubbed: wp.array(dtype=wp.float64)
+
+    @pointwise(module, Rub, writes=("velocity", "work", "rubbed"))
+    def rub(begin: int, end: int, a: Rub):
+        for i in range(begin, end):
+            before = a.velocity[i]
+            change = a.impulse[i] / a.mass[i]
+            if wp.static(held):
+                for c in range(3):
+                    if (wp.int32(a.held_mask[i]) & ((1 << c) | rigid)) != 0:
+                        if wp.static(tracked):
+                            # The support balances the impulse.
+                            a.work[i] = a.work[i] - wp.float64(a.impulse[i][c] * before[c])
+                        change[c] = real(0.0)
+            a.velocity[i] = before + change
+            if wp.static(tracked):
+                mean = before + real(0.5) * change
+                a.rubbed[i] = a.rubbed[i] - wp.float64(wp.dot(a.impulse[i], mean))
+
+    return RepulsionKernels(add_contact_force, contact_energy, friction_impulse, rub)

@@ -1,0 +1,239 @@
+"""Contact of a sheet with itself, and of its pieces with each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, not_negative, positive
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
+from ..kernels.integrate import RIGID
+from ..kernels.self_contact import CROWDED, pair_functions, pair_lists, repulsion
+from ..phases import Phase
+
+OWNER = "SelfContact"
+# Status at the start: there are no lists yet, and none is full.
+_FRESH = np.array([1, 0], np.int32)
+# Distance that points keep and skin of the lists, in spacings.
+DISTANCE, SKIN = 1.5, 0.3
+# Points of one piece keep no more than this share of their reference distance: rubber that tears at a stretch of 2
+# is as narrow as that across.
+SHARE = 0.7
+# Stiffness of a pair over thickness times the modulus of pure shear.
+STIFFNESS = 0.1
+# Layers of sheet that may lie within the reach of a point.
+LAYERS = 4
+
+
+@dataclass(frozen=True)
+class SelfContact(Contact):
+    """Points that share no bond push each other away when they come too near, also those of two pieces.
+
+    The energy of a pair is stiffness (d - r)^2 / 2 at a distance r below d. d is `distance`, but within a piece no more
+    than 0.7 of the reference distance of the pair: nothing is pushed in the reference state. Bonds that broke are let
+    in. Source: short-range forces of Silling and Askari (2005). With the solver Explicit.
+
+    Attributes:
+        distance: Distance that points keep [m]; by default 1.5 spacings. A point cannot slip through a mesh of
+            triangles that is stretched by less than 1.4 distance / spacing.
+        stiffness: Of a pair of points [N/m]; by default a tenth of thickness times the modulus of pure shear. A
+            larger one makes the step shorter.
+        friction: Coulomb's coefficient between surfaces that slide over each other. Contacts that stick creep: a
+            tangential force T slips at about n T dt / m, for n contacts at a point.
+
+    Raises:
+        InputError: for a distance or stiffness that is not above zero, or a negative friction.
+    """
+
+    distance: float | None = None
+    stiffness: float | None = None
+    friction: float = 0.0
+
+    does_work: ClassVar[bool] = False
+    within_sheet: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, value in (("distance", self.distance), ("stiffness", self.stiffness)):
+            if value is not None:
+                positive(f"SelfContact.{name}", value)
+        not_negative("SelfContact.friction", self.friction)
+
+    @property
+    def changes_velocities(self) -> bool:
+        """Whether there is friction."""
+        return self.friction > 0.0
+
+    def compile_key(self) -> tuple[object, ...]:
+        """Whether there is friction."""
+        return (self.changes_velocities,)
+
+    def check(self, others: Sequence[Part]) -> None:
+        """Refuse a second one.
+
+        Raises:
+            InputError: for one.
+        """
+        if any(getattr(other, "within_sheet", False) for other in others):
+            raise InputError("contact: SelfContact is given twice: expected one")
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
+        """The contact on a device."""
+        return BuiltSelfContact(self, context, law)
+
+
+class BuiltSelfContact(BuiltContact):
+    """Self-contact on a device.
+
+    Attributes:
+        distance: Distance that points keep [m].
+        stiffness: Of a pair [N/m].
+        energy: Half the energy of the contacts of each point as of the last frame [J], (N,) float64.
+    """
+
+    label = "contact = SelfContact"
+
+    def __init__(self, part: SelfContact, context: Context, law: BuiltLaw) -> None:
+        """Allocate the lists.
+
+        Raises:
+            InputError: for a law that has no modulus, if no stiffness is given, or friction on rigid inclusions.
+        """
+        self.part, self.context, self.law = part, context, law
+        sheet, types = context.sheet, context.types
+        if part.friction > 0.0 and (context.held & RIGID).any():
+            raise InputError("SelfContact.friction: expected 0 with rigid inclusions, which do not feel it")
+        self.distance = DISTANCE * sheet.spacing if part.distance is None else part.distance
+        self.stiffness = self._default_stiffness() if part.stiffness is None else part.stiffness
+        self._skin = SKIN * sheet.spacing
+        least = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
+        # Points of one layer of the sheet within the distance, on both sides.
+        self._contacts = 2 * math.ceil(math.pi * (self.distance / least) ** 2)
+        capacity = LAYERS * math.ceil(math.pi * ((self.distance + self._skin) / least) ** 2)
+        n, self._buckets = sheet.size, 1 << (2 * sheet.size - 1).bit_length()
+        pieces = sheet.pieces is not None
+        points = pair_functions(context.bits, pieces, context.module).Points()
+        points.reference = context.array("reference", OWNER, wp.vec3d, sheet.positions)
+        if pieces:
+            points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)
+        points.distance, points.share, points.stiffness = self.distance, SHARE, self.stiffness
+        self._points = points
+        self._status = context.array("status", OWNER, wp.int32, _FRESH, per="once")
+        self._heads = context.array("buckets", OWNER, wp.int32, shape=self._buckets, per="table")
+        self._following = context.array("following", OWNER, wp.int32, shape=n)
+        self._cells = context.array("cells", OWNER, wp.vec3i, shape=n)
+        self._listed_at = context.array("listed_at", OWNER, types.vec3, shape=n)
+        self._counts = context.array("near_counts", OWNER, wp.int32, shape=n)
+        self._near = context.array("near_points", OWNER, wp.int32, shape=(capacity, n), per="bond")
+        self._touching = context.array("contacts", OWNER, wp.int32, shape=n)
+        self.energy = context.array("contact_energy", OWNER, wp.float64, shape=n)
+        self._impulse = self._rubbed = None
+        if part.friction > 0.0:
+            self._impulse = context.array("friction_impulse", OWNER, types.vec3, shape=n)
+            if context.features.tracked:
+                self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
+        breakable, held = law.intact is not None, context.features.held
+        self._lists = pair_lists(context.layout, context.bits, pieces, context.module)
+        self._kernels = repulsion(
+            context.layout, context.bits, breakable, pieces, held, context.features.tracked, context.module
+        )
+
+    def _default_stiffness(self) -> float:
+        step = 1e-3
+        below, none, above = self.law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
+        modulus = float(below - 2.0 * none + above) / step**2
+        if not modulus > 0.0:
+            raise InputError("SelfContact.stiffness = None: expected a number with a material that has no stiffness")
+        sheet = self.context.sheet
+        softest = 1.0 if sheet.stiffness is None else float(sheet.stiffness.min())
+        return STIFFNESS * softest * modulus * sheet.thickness
+
+    def added_frequency(self) -> float:
+        """Bound of the largest frequency of the contacts alone [rad/s], by Gershgorin's theorem."""
+        sheet = self.context.sheet
+        mass = float(sheet.areas.min()) * sheet.thickness * sheet.density
+        return math.sqrt(2.0 * self._contacts * self.stiffness / mass)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the lists, the force, friction and the energy."""
+        context = self.context
+        n, displacement = context.sheet.size, context.state.displacement
+        if phase in (Phase.PROJECT, Phase.SCHEDULES):
+            stage.launch(
+                OWNER, self._lists.look, n,
+                displacement=displacement, listed_at=self._listed_at, limit=(0.5 * self._skin) ** 2,
+                status=self._status,
+            )  # fmt: skip
+        elif phase is Phase.INTERNAL_FORCE:
+            self._add_lists(stage, displacement)
+            stage.launch(
+                OWNER, self._kernels.add_force, n, **self._pairs(displacement), contacts=self._touching,
+                force=context.state.force,
+            )  # fmt: skip
+        elif phase is Phase.SEPARATE and self._impulse is not None:
+            self._add_friction(stage, displacement, self._impulse)
+        elif phase is Phase.FRAME:
+            stage.launch(OWNER, self._kernels.energy, n, **self._pairs(displacement), energy=self.energy)
+
+    def _pairs(self, displacement: Array) -> dict[str, Any]:
+        return {
+            "family": self.law.struct, "intact": self.law.intact, "points": self._points,
+            "displacement": displacement, "counts": self._counts, "near": self._near,
+        }  # fmt: skip
+
+    def _add_lists(self, stage: Stage, displacement: Array) -> None:
+        lists, n, sheet = self._lists, self.context.sheet.size, self.context.sheet
+        relative = 1.0 if sheet.spacings is None else float(sheet.spacings.max()) / sheet.spacing
+        # On a CPU, threads would put points into one bucket at a time each.
+        threads = n if self.context.device.is_cuda else 1
+        cells = {"heads": self._heads, "following": self._following, "cells": self._cells, "status": self._status}
+        stage.launch(OWNER, lists.clear, self._buckets, heads=self._heads, status=self._status)
+        stage.launch(
+            OWNER, lists.insert, threads,
+            points=self._points, displacement=displacement, inverse_cell=1.0 / (self.distance + self._skin),
+            stride=threads, listed_at=self._listed_at, **cells,
+        )  # fmt: skip
+        stage.launch(
+            OWNER, lists.collect, n,
+            family=self.law.struct, points=self._points, displacement=displacement, skin=self._skin,
+            family_reach=1.001 * relative * self.law.families.horizon, counts=self._counts, near=self._near, **cells,
+        )  # fmt: skip
+        stage.launch(OWNER, lists.finish, 1, status=self._status)
+
+    def _add_friction(self, stage: Stage, displacement: Array, impulse: Array) -> None:
+        context, state = self.context, self.context.state
+        stage.launch(
+            OWNER, self._kernels.friction, context.sheet.size, **self._pairs(displacement), velocity=state.velocity,
+            mass=state.mass, contacts=self._touching, step=state.step, coefficient=self.part.friction, impulse=impulse,
+        )  # fmt: skip
+        stage.pointwise(
+            OWNER, self._kernels.rub, context.sheet.size,
+            mass=state.mass, held_mask=state.held_mask, impulse=impulse, velocity=state.velocity, work=state.work,
+            rubbed=self._rubbed,
+        )  # fmt: skip
+
+    def sums(self) -> Mapping[str, Array]:
+        """Energy of contact, and what friction took."""
+        found = {"contact": self.energy, "sheet_friction": self._rubbed}
+        return {name: array for name, array in found.items() if array is not None}
+
+    def end_frame(self) -> None:
+        """Look whether a list was full.
+
+        Raises:
+            InputError: if it was.
+        """
+        if self._status.numpy()[CROWDED]:
+            raise InputError(
+                f"SelfContact: more than {self._near.shape[0]} points without bonds came within "
+                f"{self.distance + self._skin:.4g} m of one: expected a sheet that is not crushed; raise the stiffness "
+                f"({self.stiffness:.4g} N/m) or lower the distance"
+            )
