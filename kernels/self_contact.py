@@ -1,11 +1,12 @@
 """Short-range repulsion of points that share no bond, and friction between them.
 
-Points i and j at a distance r < d_ij have the energy (Silling and Askari 2005, section 4, there with a force per volume)
+Points i and j at a distance r < d_ij have the energy (after Silling and Askari 2005, section 4)
 
-    E_ij = 1/2 k (d_ij - r)^2,      force on i: -k (d_ij - r) (x_j - x_i) / r.
+    E_ij = 1/2 k_ij (d_ij - r)^2,      force on i: -k_ij (d_ij - r) (x_j - x_i) / r,      k_ij = k a_i a_j / a^2,
 
-d_ij is the distance that points keep, but no more than a share of their reference distance, unless they belong to
-two pieces. Both ends compute the same bits, so momentum is conserved to the rounding of the sums.
+with the areas a_i of the points and the reference area a, so that the stiffness per area depends on no spacing. d_ij
+is the distance that points keep, but no more than a share of their reference distance, unless they belong to two
+pieces. Both ends compute the same bits, so momentum is conserved to the rounding of the sums.
 
 Pairs outside the family come from a list [entries, points], sorted by index; bonds that broke come from the family.
 The list holds all pairs nearer than d_ij plus a skin; it is made anew when a point has moved by half the skin. Pairs
@@ -38,7 +39,7 @@ class PairFunctions:
     """Functions and types of the pairs of one configuration.
 
     Attributes:
-        Points: Struct: reference positions (float64), pieces, and what pairs keep.
+        Points: Struct: reference positions (float64), pieces, areas over the reference area, and what pairs keep.
         distance_kept: (points, i, j) -> d_ij [m].
         between: (points, displacement, i, j) -> x_j - x_i [m], vec3.
     """
@@ -64,6 +65,7 @@ def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
     class Points:
         reference: wp.array(dtype=wp.vec3d)
         piece: wp.array(dtype=wp.int32)
+        area: wp.array(dtype=real)
         distance: real
         share: real
         stiffness: real
@@ -275,7 +277,7 @@ def repulsion(
 
     @wp.func(module=module)
     def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
-        """Depth d_ij - r, 0 without contact, and direction from i to j."""
+        """Depth d_ij - r, 0 without contact, direction from i to j, and k_ij."""
         line = between(points, displacement, i, j)
         r = wp.length(line)
         depth = distance_kept(points, i, j) - r
@@ -284,13 +286,13 @@ def repulsion(
             direction = line / r
         else:
             depth = real(0.0)
-        return depth, direction
+        return depth, direction, (points.area[i] * points.area[j]) * points.stiffness
 
     @wp.func(module=module)
     def broken_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
         return f.initial(family, i, word) & (~intact_members(family, intact, i, word))
 
-    @kernel(module, gathers=("displacement", "points.reference"))
+    @kernel(module, gathers=("displacement", "points.reference", "points.area"))
     def add_contact_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -306,9 +308,9 @@ def repulsion(
         total = vec3(real(0.0), real(0.0), real(0.0))
         touching = wp.int32(0)
         for c in range(counts[i]):
-            depth, direction = push(points, displacement, i, near[c, i])
+            depth, direction, stiffness = push(points, displacement, i, near[c, i])
             if depth > real(0.0):
-                total -= depth * direction
+                total -= (stiffness * depth) * direction
                 touching = touching + 1
         if wp.static(breakable):
             for word in range(family.words):
@@ -316,15 +318,15 @@ def repulsion(
                 while members != wp.uint32(0):
                     j = f.neighbour(family, i, word * word_size + lowest_bit(members))
                     members = without_lowest_bit(members)
-                    depth, direction = push(points, displacement, i, j)
+                    depth, direction, stiffness = push(points, displacement, i, j)
                     if depth > real(0.0):
-                        total -= depth * direction
+                        total -= (stiffness * depth) * direction
                         touching = touching + 1
         contacts[i] = touching
         if touching > 0:
-            force[i] = force[i] + points.stiffness * total
+            force[i] = force[i] + total
 
-    @kernel(module, gathers=("displacement", "points.reference"))
+    @kernel(module, gathers=("displacement", "points.reference", "points.area"))
     def contact_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -338,17 +340,17 @@ def repulsion(
         i = wp.tid() + first
         total = real(0.0)
         for c in range(counts[i]):
-            depth, direction = push(points, displacement, i, near[c, i])
-            total += depth * depth
+            depth, _, stiffness = push(points, displacement, i, near[c, i])
+            total += stiffness * depth * depth
         if wp.static(breakable):
             for word in range(family.words):
                 members = broken_members(family, intact, i, word)
                 while members != wp.uint32(0):
                     j = f.neighbour(family, i, word * word_size + lowest_bit(members))
                     members = without_lowest_bit(members)
-                    depth, direction = push(points, displacement, i, j)
-                    total += depth * depth
-        energy[i] = wp.float64(real(0.25) * points.stiffness) * wp.float64(total)
+                    depth, _, stiffness = push(points, displacement, i, j)
+                    total += stiffness * depth * depth
+        energy[i] = wp.float64(real(0.25) * total)
 
     @wp.func(module=module)
     def drag(
@@ -361,9 +363,9 @@ def repulsion(
         i: int,
         j: int,
     ):
-        """Impulse of point j on point i; `most` is friction x stiffness x step."""
+        """Impulse of point j on point i; `most` is friction x step."""
         impulse = vec3(real(0.0), real(0.0), real(0.0))
-        depth, direction = push(points, displacement, i, j)
+        depth, direction, stiffness = push(points, displacement, i, j)
         if depth > real(0.0):
             slip = velocity[j] - velocity[i]
             slip -= wp.dot(slip, direction) * direction
@@ -371,10 +373,10 @@ def repulsion(
             # With all its contacts, a point loses its slip at most once: this cannot gain energy.
             share = (mass[i] * mass[j]) / ((mass[i] + mass[j]) * real(wp.max(contacts[i], contacts[j])))
             if speed > real(0.0):
-                impulse = wp.min(share, most * depth / speed) * slip
+                impulse = wp.min(share, most * stiffness * depth / speed) * slip
         return impulse
 
-    @kernel(module, gathers=("displacement", "velocity", "mass", "contacts", "points.reference"))
+    @kernel(module, gathers=("displacement", "velocity", "mass", "contacts", "points.reference", "points.area"))
     def friction_impulse(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -393,7 +395,7 @@ def repulsion(
         i = wp.tid() + first
         total = vec3(real(0.0), real(0.0), real(0.0))
         if contacts[i] > 0:
-            most = coefficient * points.stiffness * step[0]
+            most = coefficient * step[0]
             for c in range(counts[i]):
                 total += drag(points, displacement, velocity, mass, contacts, most, i, near[c, i])
             if wp.static(breakable):

@@ -114,7 +114,7 @@ class Scene:
     force: Law
     solver: Solver
     loads: Sequence[Part] = ()
-    contact: Contact | Sequence[Contact] | None = None
+    contact: Contact | list[Contact] | tuple[Contact, ...] | None = None
     damage: Rupture | None = None
     measures: Sequence[Measure] = ()
     outcomes: Sequence[Outcome] = ()
@@ -134,7 +134,7 @@ class Scene:
         """All contacts."""
         if self.contact is None:
             return ()
-        return tuple(self.contact) if isinstance(self.contact, Sequence) else (self.contact,)
+        return tuple(self.contact) if isinstance(self.contact, list | tuple) else (self.contact,)
 
     def initial(self, name: str) -> np.ndarray:
         """The initial displacement or velocity, shape (N, 3).
@@ -162,8 +162,8 @@ class Scene:
             ("solver", self.solver, Solver, "Explicit, Relaxation or Newton"),
             ("damage", self.damage, Rupture | None, "CriticalStretch, CriticalEnergy or None"),
         )
-        for part in self.contacts:
-            expected = (*expected, ("contact", part, Contact, "a RigidBall, a SelfContact, a list of them or None"))
+        one = "a RigidBall, a SelfContact, a list of them or None"
+        expected = (*expected, *(("contact", part, Contact, one) for part in self.contacts))
         for name, part, kind, words in expected:
             if isinstance(part, type) or not isinstance(part, kind):
                 raise InputError(f"{name} = {said(part)}: expected {words}")
@@ -178,11 +178,8 @@ class Scene:
                     raise InputError(f"{name}[{index}] = {said(part)}: expected a list of {name}")
         if isinstance(self.fields, str) or not all(isinstance(name, str) for name in self.fields):
             raise InputError(f"fields = {said(self.fields)}: expected a list of names")
-        given = [
-            *(("loads", part) for part in self.loads),
-            *(("contact", part) for part in self.contacts),
-            ("damage", self.damage),
-        ]
+        given: list[tuple[str, Part | None]] = [("loads", part) for part in self.loads]
+        given += [*(("contact", part) for part in self.contacts), ("damage", self.damage)]
         for name, part in given:
             if part is not None and part.argument != name:
                 raise InputError(f"{name}: {type(part).__name__} is given here, expected as {part.argument}")

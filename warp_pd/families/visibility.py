@@ -31,8 +31,8 @@ def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     bond if the way around is hardly longer.
     """
     if sheet.frames is not None:
-        return apart_along(sheet, pairs) | _in_two_pieces(sheet, pairs)
-    lost = cut_through(sheet, pairs) | _in_two_pieces(sheet, pairs)
+        return np.asarray(apart_along(sheet, pairs) | _in_two_pieces(sheet, pairs))
+    lost = np.asarray(cut_through(sheet, pairs) | _in_two_pieces(sheet, pairs))
     if sheet.bodies is not None:
         lost |= sheet.bodies[pairs[:, 0]] != sheet.bodies[pairs[:, 1]]
     if sheet.barriers is not None:

@@ -100,8 +100,8 @@ class EnergyBalance(BuiltPart):
     def column_names(self) -> Sequence[str]:
         """Energies, work and losses, and the error of their balance."""
         return (
-            "kinetic", "half_step_kinetic", "strain", "external", "damping", "rupture", "viscous", "contact", "sheet_friction",
-            "balance_error",
+            "kinetic", "half_step_kinetic", "strain", "external", "damping", "rupture", "viscous", "contact",
+            "sheet_friction", "balance_error",
         )  # fmt: skip
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:

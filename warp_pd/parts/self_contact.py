@@ -44,8 +44,8 @@ class SelfContact(Contact):
     Attributes:
         distance: Distance that points keep [m]; by default 1.5 spacings. A point cannot slip through a mesh of
             triangles that is stretched by less than 1.4 distance / spacing.
-        stiffness: Of a pair of points [N/m]; by default a tenth of thickness times the modulus of pure shear. A
-            larger one makes the step shorter.
+        stiffness: Of two points that stand for a square of the spacing each [N/m]; by default a tenth of thickness
+            times the modulus of pure shear. A larger one makes the step shorter.
         friction: Coulomb's coefficient between surfaces that slide over each other. Contacts that stick creep: a
             tangential force T slips at about n T dt / m, for n contacts at a point.
 
@@ -115,8 +115,6 @@ class BuiltSelfContact(BuiltContact):
         self.stiffness = self._default_stiffness() if part.stiffness is None else part.stiffness
         self._skin = SKIN * sheet.spacing
         least = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
-        # Points of one layer of the sheet within the distance, on both sides.
-        self._contacts = 2 * math.ceil(math.pi * (self.distance / least) ** 2)
         capacity = LAYERS * math.ceil(math.pi * ((self.distance + self._skin) / least) ** 2)
         n, self._buckets = sheet.size, 1 << (2 * sheet.size - 1).bit_length()
         pieces = sheet.pieces is not None
@@ -124,6 +122,7 @@ class BuiltSelfContact(BuiltContact):
         points.reference = context.array("reference", OWNER, wp.vec3d, sheet.positions)
         if pieces:
             points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)
+        points.area = context.array("relative_areas", OWNER, types.real, sheet.areas / sheet.spacing**2)
         points.distance, points.share, points.stiffness = self.distance, SHARE, self.stiffness
         self._points = points
         self._status = context.array("status", OWNER, wp.int32, _FRESH, per="once")
@@ -157,10 +156,14 @@ class BuiltSelfContact(BuiltContact):
         return STIFFNESS * softest * modulus * sheet.thickness
 
     def added_frequency(self) -> float:
-        """Bound of the largest frequency of the contacts alone [rad/s], by Gershgorin's theorem."""
+        """Largest frequency of the contacts alone [rad/s], by Gershgorin's theorem.
+
+        It is a bound for points that touch as much sheet as lies in a circle of radius `distance`.
+        """
         sheet = self.context.sheet
-        mass = float(sheet.areas.min()) * sheet.thickness * sheet.density
-        return math.sqrt(2.0 * self._contacts * self.stiffness / mass)
+        mass = sheet.spacing**2 * sheet.thickness * sheet.density
+        touched = math.pi * (self.distance / sheet.spacing) ** 2
+        return math.sqrt(2.0 * touched * self.stiffness / mass)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of the lists, the force, friction and the energy."""
@@ -192,9 +195,14 @@ class BuiltSelfContact(BuiltContact):
     def _add_lists(self, stage: Stage, displacement: Array) -> None:
         lists, n, sheet = self._lists, self.context.sheet.size, self.context.sheet
         relative = 1.0 if sheet.spacings is None else float(sheet.spacings.max()) / sheet.spacing
-        # On a CPU, threads would put points into one bucket at a time each.
+        # Warp's atomics are none between the threads of a CPU.
         threads = n if self.context.device.is_cuda else 1
-        cells = {"heads": self._heads, "following": self._following, "cells": self._cells, "status": self._status}
+        cells: dict[str, Any] = {
+            "heads": self._heads,
+            "following": self._following,
+            "cells": self._cells,
+            "status": self._status,
+        }
         stage.launch(OWNER, lists.clear, self._buckets, heads=self._heads, status=self._status)
         stage.launch(
             OWNER, lists.insert, threads,
