@@ -253,7 +253,7 @@ class RepulsionKernels:
 
 @functools.cache
 def repulsion(
-    layout: str, bits: int, breakable: bool, pieces: bool, held: bool, tracked: bool, module: str
+    layout: str, bits: int, breakable: bool, pieces: bool, rubbing: bool, held: bool, tracked: bool, module: str
 ) -> RepulsionKernels:
     """Kernels of contact.
 
@@ -262,6 +262,7 @@ def repulsion(
         bits: 32 or 64.
         breakable: Whether bonds can break.
         pieces: Whether the sheet has several pieces.
+        rubbing: Whether there is friction.
         held: Whether any component is held.
         tracked: Whether work and losses are summed up.
         module: Name of the Warp module.
@@ -302,6 +303,7 @@ def repulsion(
         near: wp.array2d(dtype=wp.int32),
         first: int,
         contacts: wp.array(dtype=wp.int32),
+        contact_force: wp.array(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
@@ -322,7 +324,9 @@ def repulsion(
                     if depth > real(0.0):
                         total -= (stiffness * depth) * direction
                         touching = touching + 1
-        contacts[i] = touching
+        if wp.static(rubbing):
+            contacts[i] = touching
+            contact_force[i] = total
         if touching > 0:
             force[i] = force[i] + total
 
@@ -359,6 +363,7 @@ def repulsion(
         velocity: wp.array(dtype=vec3),
         mass: wp.array(dtype=real),
         contacts: wp.array(dtype=wp.int32),
+        contact_force: wp.array(dtype=vec3),
         most: real,
         i: int,
         j: int,
@@ -367,16 +372,27 @@ def repulsion(
         impulse = vec3(real(0.0), real(0.0), real(0.0))
         depth, direction, stiffness = push(points, displacement, i, j)
         if depth > real(0.0):
+            # Surfaces of points are bumpy; what two points feel in all is normal to the sheets between them.
+            normal = contact_force[j] - contact_force[i]
+            size = wp.length(normal)
+            if size > real(0.0):
+                normal = normal / size
+            else:
+                normal = direction
             slip = velocity[j] - velocity[i]
-            slip -= wp.dot(slip, direction) * direction
+            slip -= wp.dot(slip, normal) * normal
+            pressed = stiffness * depth * wp.max(wp.dot(direction, normal), real(0.0))
             speed = wp.length(slip)
             # With all its contacts, a point loses its slip at most once: this cannot gain energy.
             share = (mass[i] * mass[j]) / ((mass[i] + mass[j]) * real(wp.max(contacts[i], contacts[j])))
             if speed > real(0.0):
-                impulse = wp.min(share, most * stiffness * depth / speed) * slip
+                impulse = wp.min(share, most * pressed / speed) * slip
         return impulse
 
-    @kernel(module, gathers=("displacement", "velocity", "mass", "contacts", "points.reference", "points.area"))
+    @kernel(
+        module,
+        gathers=("displacement", "velocity", "mass", "contacts", "contact_force", "points.reference", "points.area"),
+    )
     def friction_impulse(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -385,6 +401,7 @@ def repulsion(
         velocity: wp.array(dtype=vec3),
         mass: wp.array(dtype=real),
         contacts: wp.array(dtype=wp.int32),
+        contact_force: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
         near: wp.array2d(dtype=wp.int32),
         step: wp.array(dtype=real),
@@ -397,14 +414,14 @@ def repulsion(
         if contacts[i] > 0:
             most = coefficient * step[0]
             for c in range(counts[i]):
-                total += drag(points, displacement, velocity, mass, contacts, most, i, near[c, i])
+                total += drag(points, displacement, velocity, mass, contacts, contact_force, most, i, near[c, i])
             if wp.static(breakable):
                 for word in range(family.words):
                     members = broken_members(family, intact, i, word)
                     while members != wp.uint32(0):
                         j = f.neighbour(family, i, word * word_size + lowest_bit(members))
                         members = without_lowest_bit(members)
-                        total += drag(points, displacement, velocity, mass, contacts, most, i, j)
+                        total += drag(points, displacement, velocity, mass, contacts, contact_force, most, i, j)
         impulse[i] = total
 
     @functools.partial(wp.struct, module=module)

@@ -132,17 +132,19 @@ class BuiltSelfContact(BuiltContact):
         self._listed_at = context.array("listed_at", OWNER, types.vec3, shape=n)
         self._counts = context.array("near_counts", OWNER, wp.int32, shape=n)
         self._near = context.array("near_points", OWNER, wp.int32, shape=(capacity, n), per="bond")
-        self._touching = context.array("contacts", OWNER, wp.int32, shape=n)
         self.energy = context.array("contact_energy", OWNER, wp.float64, shape=n)
-        self._impulse = self._rubbed = None
+        self._touching = self._contact_force = self._impulse = self._rubbed = None
         if part.friction > 0.0:
+            self._touching = context.array("contacts", OWNER, wp.int32, shape=n)
+            self._contact_force = context.array("contact_force", OWNER, types.vec3, shape=n)
             self._impulse = context.array("friction_impulse", OWNER, types.vec3, shape=n)
             if context.features.tracked:
                 self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
         breakable, held = law.intact is not None, context.features.held
         self._lists = pair_lists(context.layout, context.bits, pieces, context.module)
+        rubbing, tracked = part.friction > 0.0, context.features.tracked
         self._kernels = repulsion(
-            context.layout, context.bits, breakable, pieces, held, context.features.tracked, context.module
+            context.layout, context.bits, breakable, pieces, rubbing, held, tracked, context.module
         )
 
     def _default_stiffness(self) -> float:
@@ -179,7 +181,7 @@ class BuiltSelfContact(BuiltContact):
             self._add_lists(stage, displacement)
             stage.launch(
                 OWNER, self._kernels.add_force, n, **self._pairs(displacement), contacts=self._touching,
-                force=context.state.force,
+                contact_force=self._contact_force, force=context.state.force,
             )  # fmt: skip
         elif phase is Phase.SEPARATE and self._impulse is not None:
             self._add_friction(stage, displacement, self._impulse)
@@ -220,7 +222,8 @@ class BuiltSelfContact(BuiltContact):
         context, state = self.context, self.context.state
         stage.launch(
             OWNER, self._kernels.friction, context.sheet.size, **self._pairs(displacement), velocity=state.velocity,
-            mass=state.mass, contacts=self._touching, step=state.step, coefficient=self.part.friction, impulse=impulse,
+            mass=state.mass, contacts=self._touching, contact_force=self._contact_force, step=state.step,
+            coefficient=self.part.friction, impulse=impulse,
         )  # fmt: skip
         stage.pointwise(
             OWNER, self._kernels.rub, context.sheet.size,

@@ -31,8 +31,10 @@ from warp_pd import (
     Pressure,
     Relaxation,
     RigidBall,
+    SelfContact,
     Simulation,
     TearingEnergy,
+    together,
 )
 from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
@@ -62,6 +64,7 @@ def further():
     clamp, drawn = Fixed(plane.edges("all")), square(25).prestretched(1.2)
     gas = EnclosedGas(gauge=3.0, chamber=1e-3, amount=[(0.0, 1.0), (1.0, 2.0)], leak=0.8)
     volume = EnclosedVolume([(0.0, 1e-5)], stiffness=1e6)
+    both = together(square(9), square(7))
     moves = [Motion(drawn.edges("right"), [0.0, 1.0], x=[0.0, 1e-3])]
     return {
         "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
@@ -74,6 +77,12 @@ def further():
             damage=TearingEnergy(30.0),
             loads=[Fixed([0]), Pressure(2.0)],
             contact=RigidBall(1.0, (0.0, 0.0, 9.0)),
+        ),
+        "self-contact torn": Simulation(
+            plane, law, Explicit(1.0), contact=SelfContact(friction=0.3), damage=CriticalStretch(2.0)
+        ),
+        "two pieces": Simulation(
+            both, law, Explicit(1.0), contact=SelfContact(friction=0.3), loads=[Fixed(both.edges("sheet 1"))]
         ),
         "curved relaxed": Simulation(small_tube(), law, Relaxation(), loads=[Fixed([0]), Pressure(2.0)]),
         "curved bonds": Simulation(small_tube(), bonds, Explicit(1.0)),
