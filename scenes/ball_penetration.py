@@ -9,6 +9,8 @@ With the plain weights of the variational form the run completes without damping
 cracks follow the grid; at 3.15 they do not visibly. Torn edges collapse in plane, where a real sheet wrinkles:
 `wrinkles` = "relaxed", the default for laws that take it, gives the sheet the energy of tension field theory.
 
+With `--set self_contact=true` the torn flaps do not pass through each other.
+
 The paper does not say how the edges are held. Here the clamp continues outside the sheet for one horizon. If only the
 outermost points were held, families at the edge would be cut off and soft, and the sheet would tear there first. Bonds
 into the clamp do not break: the kink there distributes a mean stretch of 1.13 unequally over the first rows.
@@ -25,6 +27,7 @@ from warp_pd import (
     NeoHookean,
     Outcome,
     RigidBall,
+    SelfContact,
     Sheet,
     Simulation,
 )
@@ -48,6 +51,7 @@ def build(
     wrinkles: str = "auto",
     ball_speed: float = 0.1,
     clamp_can_tear: bool = False,
+    self_contact: bool = False,
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
@@ -62,13 +66,12 @@ def build(
     )  # fmt: skip
     clamp = sheet.where(lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) > 0.5 - 1e-9)
     line = TearLine(sheet)
+    ball = RigidBall(diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -positive("ball_speed", ball_speed)))
     return Simulation(
         sheet,
         force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights, wrinkles),
         loads=[Fixed(clamp)],
-        contact=RigidBall(
-            diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -positive("ball_speed", ball_speed))
-        ),
+        contact=[ball, SelfContact()] if self_contact else ball,
         damage=stretch_or_energy(critical_stretch, tearing_energy, spared=None if clamp_can_tear else clamp),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[

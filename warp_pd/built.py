@@ -52,8 +52,8 @@ class Built(RenamedAttributes, System):
 
     @property
     def contact(self) -> BuiltContact | None:
-        """The contact that pictures show: the first with a ball; or None."""
-        return next((contact for contact in self.contacts if contact.ball_diameter() is not None), None)
+        """The first contact, or None."""
+        return self.contacts[0] if self.contacts else None
 
     @property
     def state(self) -> State:
@@ -93,7 +93,8 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     law = scene.force.build(context)
     law.request_fields(scene.fields)
     built = [part.build(context, law) for part in parts]
-    loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
+    on_device: dict[int, BuiltPart] = {id(part): each for part, each in zip(parts, built, strict=True)}
+    loads = [each for part, each in zip(parts, built, strict=True) if part.adds_force]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))
     moved = MovedPoints(context, constraints)
     if scene.solver.dynamic:
@@ -107,17 +108,12 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     acting = (law, solver, moved, Ticking(context), *built, external, checks)
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
-        contacts=tuple(cast(BuiltContact, _built(contact, parts, built)) for contact in scene.contacts),
-        rupture=cast(BuiltRupture | None, _built(scene.damage, parts, built)),
+        contacts=tuple(cast(BuiltContact, on_device[id(contact)]) for contact in scene.contacts),
+        rupture=cast(BuiltRupture | None, on_device.get(id(scene.damage))),
     )  # fmt: skip
     _check_columns(scene, made)
     _add_stages(made)
     return made
-
-
-def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> BuiltPart | None:
-    """The built counterpart of a part of the scene."""
-    return next((on_device for part, on_device in zip(parts, built, strict=True) if part is wanted), None)
 
 
 def parts_of(scene: Scene) -> list[Part]:

@@ -29,6 +29,8 @@ SMALL = {
     "pressure": {"points": 11},
     "pure_shear_tear": {"points": 12, "duration": 0.8, "frames": 40, "tearing_energy": 4.0, "advance": 3.0},
     "trousers": {"points": 10, "horizon": 2.015, "duration": 1.2, "frames": 40, "speed": 0.03},
+    "folded_sheet": {"points": 31, "frames": 25},
+    "two_sheets": {"points": 13, "frames": 20},
     "edge_notch": {"points": 20, "horizon": 2.015, "duration": 1.0, "frames": 40, "notch": 8e-3},
     "running_crack": {"points": 12, "horizon": 2.015, "frames": 60},
     "puncture": {"points": 21, "horizon": 2.015, "slit": 0.012, "frames": 20},

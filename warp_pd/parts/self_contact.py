@@ -149,7 +149,11 @@ class BuiltSelfContact(BuiltContact):
 
     def _default_stiffness(self) -> float:
         step = 1e-3
-        below, none, above = self.law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
+        try:
+            below, none, above = self.law.energy_density(np.array([1.0 - step, 1.0, 1.0 + step]))
+        except InputError:
+            law = type(self.law).__name__.removesuffix("Force")
+            raise InputError(f"SelfContact.stiffness = None: expected a number with the law {law}") from None
         modulus = float(below - 2.0 * none + above) / step**2
         if not modulus > 0.0:
             raise InputError("SelfContact.stiffness = None: expected a number with a material that has no stiffness")
