@@ -31,6 +31,7 @@ class Floor(Contact):
     height: float
 
     def build(self, context, law):
+        """The floor on a device."""
         place = np.array([0.0, 0.0, self.height])
         return RigidContact("Floor", context, half_space, (), place, np.zeros(3))
 
@@ -75,7 +76,7 @@ def build(
             Outcome("smallest_clearance", "1", lambda history: min(row["clearance"] for row in history)),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
-        section="own folded sheet",
+        section="own strip",
         pictures=pictures,
     )
 

@@ -69,7 +69,7 @@ def build(
             Outcome("pull", "N", pull, reference, "Coulomb: friction x pressure x area"),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
-        section="own two sheets",
+        section="own sheet",
         pictures=pictures,
     )
 

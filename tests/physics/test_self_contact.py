@@ -8,7 +8,6 @@ from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
 
 from warp_pd import (
-    BodyForce,
     CriticalStretch,
     Explicit,
     Fixed,
