@@ -155,8 +155,8 @@ def cost_table(everything: Sequence[StretchCase], work: Path) -> list[str]:
 def hole_area_error(points: int) -> float:
     """Area of the points that the hole takes from a sheet of bond laws over that of the circle, minus 1."""
     scene = load_scene("stretch")
-    whole = scene.whole_sheet(points, 1.0, "uniaxial", True)
-    taken = whole.size - scene.with_defect(whole, "hole", True).size
+    whole = scene.whole_sheet(points, 1.0, "uniaxial")
+    taken = whole.size - scene.with_defect(whole, "hole").size
     return float(taken * whole.areas[0] / (np.pi * scene.RADIUS**2) - 1.0)
 
 
