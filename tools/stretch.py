@@ -50,7 +50,7 @@ ORDER_TEXT = (
     "Error of the force of the bond-associated law at a stretch of 1.5, one load step, by points along a side. *Order* "
     "is the slope of its logarithm over that of the spacing by least squares, with the noise of the layouts in it; it "
     "has no meaning where the error changes sign (-). At a tip the deformation gradient grows without bound, and the "
-    "law averages it over about a horizon: a crack acts longer than it is by a part of the horizon, and its error falls "
+    "law averages it over about a horizon: a crack acts longer by a part of the horizon, and its error falls "
     "with the first power of the spacing. That part is about 0.27 spacings at each tip at a horizon of 3.15, and 0.04 "
     "at 2.015; it follows from the force that the crack takes, which grows with the square of its length."
 )
