@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
-from .regions import region_of
 from .shapes.clouds import cloud
-from .shapes.edges import edge_points
 from .shapes.edits import punched, slit, turned
 from .shapes.files import flat_shape, read_mesh
 from .shapes.outline import Named, outline
 from .shapes.rectangles import filled, line, rectangle
+from .shapes.selection import SelectableShape
 from .shapes.shape import Shape
 from .shapes.stretching import before_stretch
 from .shapes.surfaces import sphere, surface, tube
@@ -25,7 +23,7 @@ from .shapes.triangulation import Segment
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sheet(Shape):
+class Sheet(SelectableShape):
     """A shape with a thickness and a density.
 
     Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
@@ -234,7 +232,8 @@ class Sheet(Shape):
         """
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
-            return Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+            curved = Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+            return replace(curved, parts={**curved.parts, **mesh.parts})
         return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
 
     @staticmethod
@@ -295,35 +294,6 @@ class Sheet(Shape):
     def as_cloud(self) -> Sheet:
         """The same sheet, its lattice or grid forgotten: bonds are then stored in a table."""
         return replace(self, lattice=None, grid=None)
-
-    def edges(self, *names: str) -> np.ndarray:
-        """Indices of the points on named edges; "all" is the outline and all holes.
-
-        Names are those of `parts`, and on a flat sheet the sides of the bounding box: left, right, bottom, top. On a
-        cloud, a side holds the points within a quarter of a spacing of it.
-
-        Raises:
-            InputError: for another name.
-        """
-        return region_of(edge_points(self, names), self.points)
-
-    def nearest(self, x: float, y: float, z: float | None = None) -> int:
-        """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).
-
-        Raises:
-            InputError: for a z on a flat sheet, or none on a curved one.
-        """
-        if (z is None) != (self.frames is None):
-            expected = "a number on a curved sheet" if z is None else "None on a flat sheet"
-            raise InputError(f"z = {z!r}: expected {expected}")
-        place = (finite("x", x), finite("y", y), *([] if z is None else [finite("z", z)]))
-        return int(np.argmin(((self.points - place) ** 2).sum(axis=1)))
-
-    def within(self, centre: tuple[float, ...], radius: float) -> np.ndarray:
-        """Indices of the points no further than `radius` [m] from `centre`, (x, y), on a curved sheet (x, y, z)."""
-        offset = self.points - vector("centre", centre, self.points.shape[1])
-        reach = positive("radius", radius) * (1.0 + 1e-9)
-        return region_of(np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach), self.points)
 
     def _require_flat(self, what: str) -> None:
         if self.frames is not None:
@@ -425,14 +395,3 @@ class Sheet(Shape):
         self._require_flat("turned")
         sheet, rotation = turned(self, finite("degrees", degrees))
         return replace(sheet, stretch=None if self.stretch is None else rotation @ self.stretch @ rotation.T)
-
-    def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
-        """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.
-
-        Its arguments and its value have shape (N,).
-
-        Raises:
-            InputError: for a condition that is no function, or gives anything but N truth values.
-        """
-        holds = checks.truth_values("condition", condition, *self.points.T)
-        return region_of(np.flatnonzero(holds), self.points)

@@ -5,6 +5,7 @@ import pytest
 from axisymmetric_membrane import inflated_disc
 from helpers import build, jittered, sever, square
 from resumed_runs import require_same_when_stopped
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from small_runs import run, simulate
 
@@ -126,3 +127,78 @@ def test_cut_triangles_carry_no_pressure(make):
     # On a grid the other cuts of squares have triangles of their own; all of a square that the crack crosses go.
     assert torn[:, 2].sum() == pytest.approx(5.0 * areas[whole].sum(), rel=1e-3 if make is jittered else 0.02)
     assert torn[:, 2].sum() < 0.99 * undamaged[:, 2].sum()
+
+
+@pytest.mark.parametrize("gauge", [40.0, -40.0])
+@pytest.mark.parametrize("exponent", [1.0, 1.4])
+def test_gas_flows_through_what_is_torn_as_through_an_orifice(gauge, exponent):
+    """Out of a rigid vessel, or into it, until both sides have one pressure; the opening is that of torn triangles."""
+    sheet = jittered(13)
+    gas = EnclosedGas(gauge=gauge, ambient=200.0, exponent=exponent, chamber=1e-4, leak=0.7, density=0.5)
+    built = build(
+        sheet, loads=[Fixed(np.arange(sheet.size)), gas], damage=CriticalStretch(3.0), solver=Explicit(1.0, frames=1)
+    )
+    sever(built, ((0.0, 0.0512), (0.06, 0.0512)))
+    built.context.run("setup")
+    built.context.run("frame")
+    whole = built.to_numpy(built.rupture.intact_faces).astype(bool)
+    corners = sheet.points[sheet.triangles[~whole]]
+    side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    opening = 0.5 * np.abs(side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]).sum()
+    load = built.external.following[0]
+    step, steps = 2e-5, 400
+    built.state.step.fill_(step)
+    built.set_clock(step, 1.0, 0.0)
+    sequence, found = built.context.sequence("step"), []
+    for _ in range(steps):
+        sequence.run()
+        found.append(load.enclosed.numpy()[0])
+
+    def rate(time, state):
+        inside = 0.5 * ((200.0 + gauge) / 200.0) ** (1.0 / exponent) * state[0]
+        pressure = (200.0 + gauge) * state[0] ** exponent - 200.0
+        flowing = inside if pressure > 0.0 else 0.5
+        mass = 1e-4 * 0.5 * ((200.0 + gauge) / 200.0) ** (1.0 / exponent)
+        return [-np.sign(pressure) * 0.7 * opening * np.sqrt(2.0 * abs(pressure) * flowing) / mass]
+
+    exact = solve_ivp(rate, (0.0, step * steps), [1.0], rtol=1e-9, atol=1e-12, max_step=step)
+    for index in (20, 60):
+        left = np.interp((index + 1) * step, exact.t, exact.y[0])
+        assert 1.0 - abs(found[index] / gauge) > 0.05
+        assert found[index] == pytest.approx((200.0 + gauge) * left**exponent - 200.0, rel=0.02)
+    assert abs(found[-1]) < 1e-9 * 200.0
+
+
+def test_a_burst_that_is_resumed_goes_on_bit_for_bit(tmp_path):
+    """A sheet over a vessel tears at its clamp, and the gas leaves it."""
+
+    def simulation():
+        sheet = square(13).prestretched(1.3)
+        gas = EnclosedGas(gauge=150.0, ambient=1e3, chamber=1e-3, leak=0.8)
+        edge = sheet.edges("all")
+        return simulate(
+            sheet, Explicit(0.03, frames=6, safety=0.2), loads=[Fixed(edge), gas], material=RUBBER,
+            damage=CriticalStretch(1.6, spared=edge),
+        )  # fmt: skip
+
+    history = require_same_when_stopped(simulation, tmp_path, (2, 4), precision=32).history
+    assert history[-1]["mean_damage"] > 0.1 and abs(history[-1]["pressure"]) < 1e-6
+
+
+@pytest.mark.parametrize("precision", [64, 32])
+def test_a_balloon_stretched_to_its_size_by_a_gas_is_at_rest(precision):
+    """Of the exact pressure 2 mu h / R (1/l - 1/l^7), R and h without stress; flat triangles lack volume, at h^2."""
+    stretch = 1.5
+    exact = 2.0 * 1e3 * THICKNESS * stretch / RADIUS * (1.0 / stretch - stretch**-7)
+    moved = []
+    for points in (8, 16):
+        sheet = Sheet.sphere(RADIUS, thickness=THICKNESS, density=1e3, points=points).prestretched(stretch)
+        law = BondAssociated(RUBBER, horizon=2.015, weights="corrected")
+        gas = EnclosedGas(gauge=exact, ambient=1e3)
+        result = Simulation(sheet, law, Explicit(0.3, frames=2, damping=20.0), loads=[gas]).run(
+            device="cpu", precision=precision
+        )
+        assert result.history[0]["pressure"] == pytest.approx(exact, rel=1e-6)
+        assert abs(result.history[-1]["balance_error"]) < 1e-3
+        moved.append(np.linalg.norm(result.frame.displacement, axis=1).max() / RADIUS)
+    assert moved[1] < 0.01 and moved[1] < 0.4 * moved[0]

@@ -10,7 +10,7 @@ from warp_pd.cli import main
 from warp_pd.families import unpack
 
 
-@pytest.mark.parametrize("layout", ["lattice", "cloud"])
+@pytest.mark.parametrize("layout", ["lattice", "hole", "cloud"])
 def test_bonds_are_broken_at_both_ends(layout):
     case = Case(15, 2.015, 64, features=("rupture",), layout=layout, damaged=0.3)
     built = case.simulation().build("cpu", 64)
@@ -21,10 +21,7 @@ def test_bonds_are_broken_at_both_ends(layout):
     lost = before & ~after
     assert 0.15 < lost.any(axis=1).mean() < 0.45
     tail, member = np.nonzero(lost)
-    if families.neighbours is None:
-        head, reverse = tail + families.shift[member], families.reverses[member]
-    else:
-        head, reverse = families.neighbours[tail, member], families.reverses[tail, member]
+    head, reverse = families.heads(tail, member), families.reverse_members(tail, member)
     assert lost[head, reverse].all()
 
 
