@@ -16,7 +16,9 @@ CLEAR = 0.7
 BAND = 2.6
 # Rounds of relaxation; the triangulation is renewed in each, and serves a few moves.
 ROUNDS, MOVES = 8, 4
-GRADED_ROUNDS = 25
+GRADED_ROUNDS, RENEWED = 30, 5
+# Edges shorter than the first, and circles around triangles wider in radius than the second, in spacings, are mended.
+NARROW, WIDE = 0.7, 0.8
 # Least and most divisions of the cells of a graded sheet, and most of them.
 COARSEST, DIVISIONS, MAX_CELLS = 5, 20, 40_000_000
 
@@ -144,25 +146,54 @@ def _cells(low: np.ndarray, size: float, spacing: Spacing) -> tuple[np.ndarray, 
 def _relaxed(points: np.ndarray, free: int, region: Any, spacing: Spacing | None, rounds: int) -> np.ndarray:
     """The first `free` points, each moved to the middle of the triangles around it, again and again.
 
-    With a spacing, triangles weigh as its fourth power inverse: the size of the triangles then follows it.
+    With a spacing, triangles weigh as its fourth power inverse: the size of the triangles then follows it. Points are
+    added in wide triangles and taken from narrow ones, too.
     """
     import shapely
     from scipy.spatial import Delaunay
 
     points = points.copy()
-    for _ in range(rounds):
+    for number in range(rounds):
         triangles = Delaunay(points).simplices
         middle = points[triangles].mean(axis=1)
         triangles = triangles[shapely.contains_xy(region, *middle.T)]
+        if spacing is not None and number % RENEWED == RENEWED - 1 and number < rounds - RENEWED:
+            moved = _renewed(points, free, triangles, spacing)
+            points, free = np.vstack([moved, points[free:]]), len(moved)
+            continue
         for _ in range(MOVES):
             middle = points[triangles].mean(axis=1)
             weight = np.abs(signed_areas(points, triangles))
             if spacing is not None:
                 weight = weight / spacing(middle) ** 4
-            total, sums = np.zeros(len(points)), np.zeros(points.shape)
-            for corner in range(3):
-                np.add.at(total, triangles[:, corner], weight)
-                np.add.at(sums, triangles[:, corner], weight[:, None] * middle)
-            moved = sums[:free] / np.maximum(total[:free], 1e-300)[:, None]
+            corner = triangles.ravel()
+            total = np.bincount(corner, np.repeat(weight, 3), len(points))
+            sums = [np.bincount(corner, np.repeat(weight * m, 3), len(points))[:free] for m in middle.T]
+            moved = np.column_stack(sums) / np.maximum(total[:free], 1e-300)[:, None]
             points[:free] = np.where(total[:free, None] > 0.0, moved, points[:free])
     return points[:free]
+
+
+def _renewed(points: np.ndarray, free: int, triangles: np.ndarray, spacing: Spacing) -> np.ndarray:
+    """The free points without those that crowd others, and with one more in the middle of each wide triangle."""
+    sides = points[triangles] - points[np.roll(triangles, -1, axis=1)]
+    here = spacing(points[triangles].mean(axis=1))
+    length = np.linalg.norm(sides, axis=2) / here[:, None]
+    narrow = np.argwhere(length < NARROW)
+    narrow = narrow[np.argsort(length[tuple(narrow.T)], kind="stable")]
+    touched, gone = np.zeros(len(points), bool), np.zeros(len(points), bool)
+    for one, other in np.column_stack(
+        [triangles[tuple(narrow.T)], np.roll(triangles, -1, axis=1)[tuple(narrow.T)]]
+    ).tolist():
+        crowding = one if one < free else other
+        if crowding < free and not touched[[one, other]].any():
+            gone[crowding] = touched[one] = touched[other] = True
+    area = np.maximum(np.abs(signed_areas(points, triangles)) / here**2, 1e-300)
+    radius = length.prod(axis=1) / (4.0 * area)
+    wide = np.flatnonzero((radius > WIDE) & (area > 0.5 * NARROW**2))
+    more = []
+    for triangle in wide[np.argsort(-radius[wide], kind="stable")].tolist():
+        if not touched[triangles[triangle]].any():
+            touched[triangles[triangle]] = True
+            more.append(points[triangles[triangle]].mean(axis=0))
+    return np.vstack([points[:free][~gone[:free]], *more])

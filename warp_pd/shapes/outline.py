@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError, positive, said, user_code
+from ..checks import InputError, positive, user_code
 from .assembly import Part, assembled
 from .crack_lines import crack_lines
 from .curves import Spacing
@@ -84,7 +84,10 @@ def _spacing(spacing: Any) -> tuple[Spacing, float]:
         with user_code(lambda error: f"spacing(x, y) raised {error!r}: expected spacings [m]"):
             found = np.broadcast_to(np.asarray(spacing(points[:, 0], points[:, 1]), np.float64), len(points))
         if not (np.isfinite(found) & (found > 0.0)).all():
-            raise InputError(f"spacing(x, y) gives {said(found)}: expected finite numbers above zero")
+            bad = int(np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))[0])
+            raise InputError(
+                f"spacing(x, y) = {found[bad]:g} at {points[bad].tolist()} m: expected finite numbers above zero"
+            )
         return found
 
     return at, 0.0
@@ -175,9 +178,12 @@ def _require_edges(triangles: np.ndarray, edges: np.ndarray, points: np.ndarray)
     Raises:
         InputError: otherwise.
     """
-    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    size = len(points)
-    there = np.isin(np.sort(edges, axis=1) @ np.array([size, 1]), sides.astype(np.int64) @ np.array([size, 1]))
+    on = np.zeros(len(points), bool)
+    on[edges] = True
+    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    sides = np.sort(sides[on[sides].all(axis=1)].astype(np.int64), axis=1)
+    key = np.array([len(points), 1])
+    there = np.isin(np.sort(edges, axis=1) @ key, sides @ key)
     if not there.all():
         at = points[edges[~there][0]].mean(axis=0)
         raise InputError(f"spacing: too coarse for the curves near {at.tolist()}; expected a finer spacing")
