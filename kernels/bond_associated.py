@@ -124,7 +124,7 @@ def bond_associated(
         motion.remaining_inverse,
         motion.fading_inverse,
     )
-    level, flat_green, flat_stress = motion.level, motion.green, motion.stress_on_members
+    tilt_of, level, flat_green, flat_stress = motion.tilt_of, motion.level, motion.green, motion.stress_on_members
     curved_green, curved_gradient, curved_stress = (
         motion.curved_green,
         motion.curved_gradient,
@@ -212,9 +212,10 @@ def bond_associated(
             if not undamaged:
                 inverse, size = damaged_inverse(shape, inverse, size)
                 if wp.static(curved):
-                    tilt = vec2(
+                    slope = vec2(
                         inverse[0] * moment[0] + inverse[1] * moment[1], inverse[1] * moment[0] + inverse[2] * moment[1]
                     )
+                    tilt = tilt_of(slope)
             G1 = first * inverse[0] + second * inverse[1]
             G2 = first * inverse[1] + second * inverse[2]
             if wp.static(curved):

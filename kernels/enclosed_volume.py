@@ -26,12 +26,18 @@ PressureLaw = Callable[[str], wp.Function]
 
 @functools.cache
 def polytropic_gas(module: str) -> wp.Function:
-    """Gas with (p + ambient) / density^n constant; constants: absolute pressure, volume, ambient pressure, n."""
+    """Gas with (p + ambient) / density^n constant; constants: absolute pressure, volume, ambient pressure, n.
+
+    What is left of a torn surface may be inside out: it holds no gas, and there is no pressure.
+    """
 
     @wp.func(module=module)
     def gas(volume: wp.float64, amount: wp.float64, constants: wp.vec4d):
-        absolute = constants[0] * wp.pow(amount * constants[1] / volume, constants[3])
-        return wp.vec2d(absolute - constants[2], -constants[3] * absolute / volume)
+        result = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+        if volume > wp.float64(0.0):
+            absolute = constants[0] * wp.pow(amount * constants[1] / volume, constants[3])
+            result = wp.vec2d(absolute - constants[2], -constants[3] * absolute / volume)
+        return result
 
     return gas
 
@@ -100,8 +106,89 @@ def enclosed_volume(bits: int, rate: bool, module: str) -> tuple[Kernel, Kernel]
 
 
 @functools.cache
-def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, module: str) -> Kernel:
-    """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the change of the pressure."""
+def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
+    """Kernels `sum_open` and `lose_gas`, for a gas that flows out between the edges of cracks.
+
+    sum_open fills row 0 of `sums` [2, blocks] with the deformed area of the triangles that cracks have cut [m^2]: they
+    span what is open. lose_gas changes the share of the gas that is left, `left` [1], by the flow through an orifice,
+    dm/dt = -C A rho sqrt(2 p / rho), in a step; it stops where inside and outside have one pressure.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    block = BLOCK
+
+    @wp.func(module=module)
+    def double(v: vec3):
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @kernel(module, per="block")
+    def sum_open(
+        triangles: wp.array(dtype=wp.vec3i),
+        intact_faces: wp.array(dtype=wp.uint8),
+        positions: wp.array(dtype=wp.vec3d),
+        displacement: wp.array(dtype=vec3),
+        first: int,
+        sums: wp.array2d(dtype=wp.float64),
+    ):
+        block_index = wp.tid() + first
+        area = wp.float64(0.0)
+        for t in range(block_index * block, wp.min((block_index + 1) * block, triangles.shape[0])):
+            if intact_faces[t] == wp.uint8(0):
+                a, b, c = triangles[t][0], triangles[t][1], triangles[t][2]
+                xa = positions[a] + double(displacement[a])
+                side = positions[b] + double(displacement[b]) - xa
+                other = positions[c] + double(displacement[c]) - xa
+                area += wp.float64(0.5) * wp.length(wp.cross(side, other))
+        sums[0, block_index] = area
+        sums[1, block_index] = wp.float64(0.0)
+
+    @kernel(module, per="once")
+    def lose_gas(
+        sums: wp.array2d(dtype=wp.float64),
+        enclosed: wp.array(dtype=wp.float64),
+        discharge: wp.float64,
+        density: wp.float64,
+        constants: wp.vec4d,
+        step: wp.array(dtype=real),
+        factors: wp.array(dtype=vec3),
+        schedule: int,
+        first: int,
+        left: wp.array(dtype=wp.float64),
+    ):
+        """`discharge` is the coefficient times the share of each triangle; `density` [kg/m^3] at ambient pressure."""
+        area = wp.float64(0.0)
+        for b in range(sums.shape[1]):
+            area += sums[0, b]
+        pressure = enclosed[0]
+        volume = enclosed[1]
+        if area > wp.float64(0.0) and volume > wp.float64(0.0):
+            inverse = wp.float64(1.0) / constants[3]
+            balanced = wp.pow(constants[2] / constants[0], inverse) * volume / constants[1]
+            factor = wp.float64(1.0)
+            if wp.static(scheduled):
+                factor = wp.float64(factors[schedule][0])
+            amount = factor * left[0]
+            flowing = balanced
+            if pressure > wp.float64(0.0):
+                flowing = amount
+            speed = wp.sqrt(wp.float64(2.0) * wp.abs(pressure) * balanced / (density * flowing))
+            change = discharge * area * speed * wp.float64(step[0]) * flowing / volume
+            most = wp.abs(amount - balanced)
+            if pressure > wp.float64(0.0):
+                amount -= wp.min(change, most)
+            else:
+                amount += wp.min(change, most)
+            left[0] = amount / factor
+
+    return sum_open, lose_gas
+
+
+@functools.cache
+def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool, module: str) -> Kernel:
+    """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the change of the pressure.
+
+    With `leaks` the factor of the law is multiplied by the share of the gas that is left, `left` [1].
+    """
     vec3 = numeric(bits).vec3
     pressure_at = law(module)
 
@@ -113,6 +200,7 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, module: str)
         constants: wp.vec4d,
         factors: wp.array(dtype=vec3),
         schedule: int,
+        left: wp.array(dtype=wp.float64),
         first: int,
         enclosed: wp.array(dtype=wp.float64),
     ):
@@ -125,6 +213,8 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, module: str)
         factor = wp.float64(1.0)
         if wp.static(scheduled):
             factor = wp.float64(factors[schedule][0])
+        if wp.static(leaks):
+            factor = factor * left[0]
         found = pressure_at(volume, factor, constants)
         enclosed[0] = found[0]
         enclosed[1] = volume

@@ -48,7 +48,8 @@ class FamilyFunctions:
         share: (family, i, k) -> what the bond has left of its weight, 1 to 0.
         chord: (family, i, k) -> X of the bond in space, divided by the horizon: vec3 if curved, otherwise xi, vec2.
         rise: (family, i, k) -> height of the member over the tangent plane divided by the horizon; zero if flat.
-        tilt: (family, i, k) -> slope of the undamaged intersection against the tangent plane, vec2; zero if flat.
+        tilt: (family, i, k) -> tilt of the undamaged intersection against the tangent plane, vec2, see
+            kernels/kinematics.py; zero if flat.
         to_frame: (family, i, v) -> vector in space by its components in the frame of i; v itself if flat.
         from_frame: (family, i, v) -> the inverse.
     """

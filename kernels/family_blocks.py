@@ -77,7 +77,7 @@ def block_force(
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
     intact_members, is_undamaged, is_intact = law.intact_members, law.is_undamaged, law.is_intact
     green, damaged_inverse = law.green, law.damaged_inverse
-    level = kinematics(bits).level
+    tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     area_weight, family_scale = law.area_weight, law.family_scale
     stress_near, stress_on_members = near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
@@ -153,9 +153,10 @@ def block_force(
                 if not undamaged:
                     inverse, size = damaged_inverse(shape, inverse, size)
                     if wp.static(curved):
-                        tilt = vec2(
+                        slope = vec2(
                             inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
                         )
+                        tilt = tilt_of(slope)
             if inverse[0] > real(0.0):
                 H1 = G1 * inverse[0] + G2 * inverse[1]
                 H2 = G1 * inverse[1] + G2 * inverse[2]

@@ -28,7 +28,7 @@ def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.F
     intact_members = bond_state(layout, bits, breakable, module).intact_members
     word_size, curved = WORD, is_curved(layout)
     determines_gradient, level = kinematics(bits).determines_gradient, kinematics(bits).level
-    curved_gradient = kinematics(bits).curved_gradient
+    curved_gradient, tilt_of = kinematics(bits).curved_gradient, kinematics(bits).tilt_of
 
     @wp.func(module=module)
     def surface(
@@ -62,8 +62,8 @@ def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.F
         if determines_gradient(shape):
             scale = inverse_horizon / determinant
             if wp.static(curved):
-                tilt = vec2(shape[2] * rises[0] - shape[1] * rises[1], shape[0] * rises[1] - shape[1] * rises[0])
-                tilt = tilt / determinant
+                slope = vec2(shape[2] * rises[0] - shape[1] * rises[1], shape[0] * rises[1] - shape[1] * rises[0])
+                tilt = tilt_of(slope / determinant)
                 H1, H2 = level(
                     f.to_frame(family, i, scale * (shape[2] * G1 - shape[1] * G2)),
                     f.to_frame(family, i, scale * (shape[0] * G2 - shape[1] * G1)),

@@ -1,11 +1,14 @@
 """Strain of a deformation gradient and inverse of a shape tensor.
 
 On a curved sheet the members of an intersection lie above and below the tangent plane of their point: in its frame, at
-(xi_k, z_k). The rest state has then the gradient F0 = sum c_k X_k (x) xi_k K^-1 = (I; g) with the tilt
+(xi_k, z_k). The rest state has then the gradient F0 = sum c_k X_k (x) xi_k K^-1 = (I; g) with the slope
 g = K^-1 sum c_k z_k xi_k, and the metric C0 = I + g (x) g. With R = C0^(1/2), the deformation gradient is
 F = (sum c_k Y_k (x) xi_k) K^-1 R^-1. At rest it is O = (I; g) R^-1, whose columns are orthonormal: no stress. A rigid
 rotation turns O, and an equal growth in all directions multiplies it: both exactly. The displacement gradient is
 H = (sum c_k U_k (x) xi_k) K^-1 R^-1, so that F = O + H and C - I = O^T H + H^T O + H^T H.
+
+A slope of angle phi is stored as the tilt t of its direction and the length sqrt(2) sin(phi / 2): without divisions,
+R^-1 = I - t (x) t and O = (I - t (x) t; sqrt(2 - |t|^2) t).
 """
 
 import functools
@@ -36,6 +39,7 @@ class Kinematics:
         fading_inverse: The same where bonds lose their weight gradually, and the share of its stress, 1 to 0, that the
             intersection still carries.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
+        tilt_of: Slope -> tilt.
         level: (H1, H2, tilt) -> columns of H R^-1.
         curved_green: (H1, H2, tilt) -> C - I on a curved sheet.
         curved_gradient: (H1, H2, tilt) -> columns of F = O + H.
@@ -48,6 +52,7 @@ class Kinematics:
     remaining_inverse: wp.Function
     fading_inverse: wp.Function
     stress_on_members: wp.Function
+    tilt_of: wp.Function
     level: wp.Function
     curved_green: wp.Function
     curved_gradient: wp.Function
@@ -113,17 +118,26 @@ def kinematics(bits: int) -> Kinematics:
         return P1 * inverse[0] + P2 * inverse[1], P1 * inverse[1] + P2 * inverse[2]
 
     @wp.func
+    def tilt_of(slope: vec2):
+        """Tilt of a slope g = tan(phi): g / sqrt(s (1 + s)) with s = 1 / cos(phi)."""
+        s = wp.sqrt(real(1.0) + wp.dot(slope, slope))
+        return slope / wp.sqrt(s * (real(1.0) + s))
+
+    @wp.func
     def level(H1: vec3, H2: vec3, tilt: vec2):
-        """Columns of H R^-1, with R^-1 = I - g (x) g / (s (1 + s)) and s^2 = 1 + |g|^2."""
-        s = wp.sqrt(real(1.0) + wp.dot(tilt, tilt))
-        along = (tilt[0] * H1 + tilt[1] * H2) / (s * (real(1.0) + s))
+        """Columns of H R^-1."""
+        along = tilt[0] * H1 + tilt[1] * H2
         return H1 - tilt[0] * along, H2 - tilt[1] * along
 
     @wp.func
     def rest(tilt: vec2):
-        """Columns of O = (I; g) R^-1."""
-        one, none = real(1.0), real(0.0)
-        return level(vec3(one, none, tilt[0]), vec3(none, one, tilt[1]), tilt)
+        """Columns of O."""
+        rise = wp.sqrt(real(2.0) - wp.dot(tilt, tilt))
+        shear = -tilt[0] * tilt[1]
+        return (
+            vec3(real(1.0) - tilt[0] * tilt[0], shear, rise * tilt[0]),
+            vec3(shear, real(1.0) - tilt[1] * tilt[1], rise * tilt[1]),
+        )
 
     @wp.func
     def curved_green(H1: vec3, H2: vec3, tilt: vec2):
@@ -156,6 +170,7 @@ def kinematics(bits: int) -> Kinematics:
         remaining_inverse,
         fading_inverse,
         stress_on_members,
+        tilt_of,
         level,
         curved_green,
         curved_gradient,

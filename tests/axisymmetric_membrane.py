@@ -18,8 +18,8 @@ def inflated_disc(pole, c10, c01=0.0, thickness=1.0, radius=1.0):
     """Pressure [Pa] and volume [m^3] of a flat disc with a clamped rim, inflated until its pole is stretched by `pole`.
 
     With N = h dW/da and the tangent of the meridian falling by the angle phi, equilibrium of a cap of radius R reads
-    R N sin(phi) = p r^2 / 2, and that of a ring d(R N cos(phi))/dR = h dW/db - p r a sin(phi). Starting at the pole with
-    a unit pressure, the disc ends where r = R; scaling all lengths gives the pressure. Runge-Kutta of SciPy, 1e-10.
+    R N sin(phi) = p r^2 / 2, and that of a ring d(R N cos(phi))/dR = h dW/db - p r a sin(phi). Starting at the pole
+    with a unit pressure, the disc ends where r = R; scaling all lengths gives the pressure. Runge-Kutta, to 1e-10.
     """
     from scipy.integrate import solve_ivp
     from scipy.optimize import brentq

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warp_pd import Sheet
+from warp_pd import CriticalStretch, Sheet, TearingEnergy
 from warp_pd.families import pack
 
 THICKNESS = 0.01
@@ -31,6 +31,13 @@ def saddle(points=13):
 
 
 SHEETS = {"sphere": small_sphere, "tube": small_tube, "saddle": saddle}
+STATES = {
+    "plain": {},
+    "corrected": {"weights": "corrected"},
+    "torn": {"damage": CriticalStretch(1e3)},
+    "redistributed": {"damage": CriticalStretch(1e3), "law": {"broken": "redistribute"}},
+    "softened": {"damage": TearingEnergy(300.0)},
+}
 
 
 def rough_motion(sheet, seed=0):

@@ -27,6 +27,9 @@ from .simulation import Simulation
 from .solvers import Explicit
 
 FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
+LAYOUTS = ("lattice", "hole", "cloud", "tube")
+# Radius of the hole [m] in a square of 1 m.
+HOLE = 0.15
 # With a step this short the displacement does not change within round-off.
 STEP = 1e-12
 
@@ -36,11 +39,11 @@ class Case:
     """A case to be timed.
 
     Attributes:
-        points: Points along a side of a square sheet.
+        points: Points along a side of a square sheet, or around and along a tube.
         horizon: Horizon in spacings.
         precision: 32 or 64.
         features: A selection from FEATURES.
-        layout: "lattice" or "cloud".
+        layout: One of LAYOUTS; "hole" is a grid with a hole in its middle, "tube" a curved cloud, the square rolled up.
         weights: As for `BondAssociated`.
         damaged: Fraction of the points that have lost a bond, with "rupture".
         fast: Whether to use the fast kernels.
@@ -60,7 +63,7 @@ class Case:
     def __post_init__(self) -> None:
         for feature in self.features:
             one_of("features", feature, FEATURES)
-        one_of("layout", self.layout, ("lattice", "cloud"))
+        one_of("layout", self.layout, LAYOUTS)
         one_of("law", self.law, ("bond_associated", "bond_based"))
         if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
             raise InputError(f"damaged = {self.damaged!r}: expected a fraction from 0 to 1")
@@ -69,9 +72,16 @@ class Case:
 
     def simulation(self) -> Simulation:
         """The sheet with its loads, supports and contact."""
-        sheet = Sheet.rectangle(1.0, 1.0, thickness=1e-2, density=1000.0, points=self.points)
+        solid: dict[str, Any] = {"thickness": 1e-2, "density": 1000.0}
+        if self.layout == "tube":
+            around = (self.points, self.points)
+            sheet = Sheet.tube(0.5 / np.pi, (self.points - 1) / self.points, points=around, **solid)
+        else:
+            sheet = Sheet.rectangle(1.0, 1.0, points=self.points, **solid)
         if self.layout == "cloud":
             sheet = sheet.as_cloud()
+        if self.layout == "hole":
+            sheet = sheet.hole((0.5, 0.5), HOLE)
         loads: list[Part] = []
         if "supports" in self.features:
             loads.append(Fixed(sheet.edges("all")))
@@ -311,7 +321,7 @@ def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[
 
 
 def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case]:
-    """Every feature alone, all together, damaged sheets, the cloud, the reference kernels."""
+    """Every feature alone, all together, damaged sheets, a hole, the cloud, the reference kernels."""
     alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
     torn = [Case(points, horizon, precision, features=("rupture",), damaged=share) for share in (0.01, 1.0)]
     return [
@@ -319,6 +329,7 @@ def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case
         *alone,
         Case(points, horizon, precision, features=FEATURES),
         *torn,
+        Case(points, horizon, precision, layout="hole"),
         Case(points, horizon, precision, layout="cloud"),
         Case(points, horizon, precision, fast=False),
     ]
@@ -330,5 +341,7 @@ def _time(seconds: float) -> str:
 
 def _rough(sheet: Sheet) -> np.ndarray:
     noise = np.random.default_rng(0).uniform(-0.02, 0.02, (sheet.size, 3)) * sheet.spacing
+    if sheet.frames is not None:
+        return 0.2 * sheet.points + 0.05 * np.sin(7.0 * sheet.points[:, [1, 2, 0]]) + noise
     x, y = sheet.points.T
     return np.column_stack([0.3 * x + 0.05 * np.sin(7.0 * y), -0.1 * y, 0.1 * np.sin(5.0 * x * y)]) + noise

@@ -133,11 +133,7 @@ def _context(
 ) -> Context:
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
-    start, placement = scene.initial("initial_displacement"), None
-    if sheet.stretch is not None:
-        sheet = sheet.unstretched()
-        placement = scene.sheet.positions - sheet.positions
-        start = start + placement
+    start, placement = scene.initial("initial_displacement"), sheet.placement()
     features = Features(
         held=bool(held.any()),
         loaded=any(part.adds_force for part in parts),
@@ -148,8 +144,8 @@ def _context(
         contact=scene.contact is not None,
     )
     return Context(
-        sheet=sheet, device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),
-        features=features, held=held, initial_displacement=start,
+        sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),
+        features=features, held=held, initial_displacement=start if placement is None else start + placement,
         fields=FieldRegister(device), clock=Clock(solver.duration, solver.default_ramp),
         placement=placement, block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip

@@ -342,7 +342,7 @@ def info(file: Path) -> None:
 @click.option("--law", default="bond_associated", help="bond_associated or bond_based.")
 @click.option("--precision", type=int, default=32, help="32 or 64.")
 @click.option("--features", default="", help="supports, pressure, contact, rupture, energy, damping; or all.")
-@click.option("--layout", default="lattice", help="lattice or cloud.")
+@click.option("--layout", default="lattice", help="lattice, hole, cloud, or tube: a curved cloud.")
 @click.option("--damaged", type=float, default=0.0, help="Fraction of the points that have lost a bond, with rupture.")
 @click.option("--plain", is_flag=True, help="Use the reference kernels.")
 @click.option("--seconds", type=float, default=1.0, help="Measured time of each case.")

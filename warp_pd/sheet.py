@@ -234,7 +234,8 @@ class Sheet(Shape):
         """
         mesh = read_mesh(path, unit=unit, part=part, closed=closed)
         if not mesh.flat:
-            return Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+            curved = Sheet.from_surface(mesh.vertices, mesh.triangles, thickness=thickness, density=density)
+            return replace(curved, parts={**curved.parts, **mesh.parts})
         return Sheet.of(flat_shape(mesh), thickness=thickness, density=density)
 
     @staticmethod
@@ -411,6 +412,10 @@ class Sheet(Shape):
             InputError: for rigid inclusions, which were made after the sheet was stretched.
         """
         return self if self.stretch is None else replace(before_stretch(self, self.stretch), stretch=None)
+
+    def placement(self) -> np.ndarray | None:
+        """Displacement of the points when the sheet was stretched and clamped [m], shape (N, 3), or None."""
+        return None if self.stretch is None else self.positions - self.unstretched().positions
 
     def turned(self, degrees: float) -> Sheet:
         """A copy whose points are turned about the middle of the sheet; it forgets its lattice.

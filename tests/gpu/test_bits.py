@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from grid_sheets import holed
 from helpers import GENT, StopAt, jittered, square
 
 from warp_pd import (
@@ -46,7 +47,7 @@ def assert_same(one, other):
         assert values.tobytes() == other[name].tobytes(), name
 
 
-SHEETS = {"lattice": lambda: square(21), "cloud": lambda: jittered(21)}
+SHEETS = {"lattice": lambda: square(21), "cloud": lambda: jittered(21), "grid": lambda: holed(31, 0.006)}
 
 
 @pytest.mark.parametrize("precision", [32, 64])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from curved_sheets import SHEETS, THICKNESS, rotation, rough_motion, small_sphere, small_tube, tear
+from curved_sheets import SHEETS, STATES, THICKNESS, rotation, rough_motion, small_sphere, small_tube, tear
 from helpers import build, internal_force, soften, strain_energy
 
 from warp_pd import (
@@ -27,13 +27,6 @@ from warp_pd.families import unpack
 
 MU = 1e3
 RUBBER = MooneyRivlin(c10=0.4 * MU, c01=0.1 * MU)
-STATES = {
-    "plain": {},
-    "corrected": {"weights": "corrected"},
-    "torn": {"damage": CriticalStretch(1e3)},
-    "redistributed": {"damage": CriticalStretch(1e3), "law": {"broken": "redistribute"}},
-    "softened": {"damage": TearingEnergy(300.0)},
-}
 LAWS = {
     "bond_based": BondBased(Bimodular(tension=MU, compression=0.5 * MU)),
     "visco": Visco(RUBBER, prony=(Prony(c10=100.0, time=1.0),)),

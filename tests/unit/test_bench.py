@@ -10,7 +10,7 @@ from warp_pd.cli import main
 from warp_pd.families import unpack
 
 
-@pytest.mark.parametrize("layout", ["lattice", "cloud"])
+@pytest.mark.parametrize("layout", ["lattice", "hole", "cloud"])
 def test_bonds_are_broken_at_both_ends(layout):
     case = Case(15, 2.015, 64, features=("rupture",), layout=layout, damaged=0.3)
     built = case.simulation().build("cpu", 64)
@@ -21,10 +21,7 @@ def test_bonds_are_broken_at_both_ends(layout):
     lost = before & ~after
     assert 0.15 < lost.any(axis=1).mean() < 0.45
     tail, member = np.nonzero(lost)
-    if families.neighbours is None:
-        head, reverse = tail + families.shift[member], families.reverses[member]
-    else:
-        head, reverse = families.neighbours[tail, member], families.reverses[tail, member]
+    head, reverse = families.heads(tail, member), families.reverse_members(tail, member)
     assert lost[head, reverse].all()
 
 
@@ -59,6 +56,13 @@ def test_rates_are_points_and_bonds_over_the_time_of_a_step():
         multiply_adds=1.0,
     )  # fmt: skip
     assert (timing.point_steps, timing.bond_steps) == (450.0, 5000.0)
+
+
+def test_a_tube_has_the_bonds_of_its_square_and_more_across_the_seam():
+    square, tube = (Case(15, 2.015, 64, layout=layout).simulation().build("cpu", 64) for layout in ("cloud", "tube"))
+    # In each row one bond of a spacing and two of two, between rows two diagonals; each counted from both ends.
+    seam = 2 * (15 + 2 * 15 + 2 * 14)
+    assert tube.law.families.bond_count == square.law.families.bond_count + seam
 
 
 def test_a_feature_that_is_left_out_takes_no_bytes():

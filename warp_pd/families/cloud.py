@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import InputError
-from ..kernels.families import WORD
 from ..sheet import Sheet
-from .masks import pack
+from .intersections import common_by_row
+from .neighbours import near_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
-from .visibility import cut_through, severed
+from .visibility import cut_through, nothing_severed, severed
 
 
 def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
@@ -57,7 +57,7 @@ def point_rows(
     def fill(part: slice) -> None:
         here, member = exists[part], np.maximum(neighbours[part], 0)
         chords[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon
-        r = np.linalg.norm(chords[part], axis=-1)
+        r = np.sqrt(sum(x**2 for x in np.moveaxis(chords[part], -1, 0)))
         if horizons is not None and relative is not None:
             r /= 0.5 * (horizons[part] + relative[owners[part], None])
         r = np.minimum(r, 1.0)
@@ -72,7 +72,7 @@ def point_rows(
         exists=exists,
         bonds=chords if frames is None else chords @ frames[..., :2],
         influence=influence,
-        common=_cloud_common(chords, exists, horizons) if intersections else np.zeros((0, 0, 0), np.uint32),
+        common=common_by_row(chords, exists, TOLERANCE, horizons) if intersections else np.zeros((0, 0, 0), np.uint32),
         member_areas=member_areas,
         areas=sheet.areas[owners] / reference_area,
         reverses=reverses,
@@ -106,6 +106,16 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np
         Their neighbours in ascending order, -1 where there is none, and reverse members, (P, n); which lost bonds to a
         cut, (P,).
     """
+    if sheet.spacings is None and nothing_severed(sheet):
+        near, reverses = near_by_row(sheet.points[among], horizon * (1.0 + TOLERANCE))
+        if len(among) < sheet.size:
+            near = np.where(near >= 0, among.astype(np.int32)[near], -1)
+        return near, reverses, np.zeros(len(among), bool)
+    return _neighbours_of_pairs(sheet, among, horizon)
+
+
+def _neighbours_of_pairs(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same where horizons differ, or some pairs within the horizon share no bond."""
     from scipy import sparse
     from scipy.spatial import cKDTree
 
@@ -142,22 +152,3 @@ def _graded_pairs(points: np.ndarray, horizons: np.ndarray) -> np.ndarray:
     pairs = np.unique(np.sort(np.column_stack([tail, head])[tail != head], axis=1), axis=0)
     length = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
     return np.asarray(pairs[length <= horizons[pairs].mean(axis=1) * (1.0 + TOLERANCE)])
-
-
-def _cloud_common(bonds: np.ndarray, exists: np.ndarray, horizons: np.ndarray | None) -> np.ndarray:
-    """Masks of the intersections; `horizons` of the members over the horizon, shape (R, n), on graded sheets."""
-    points, n = exists.shape
-    common = np.empty((points, n, -(-n // WORD)), np.uint32)
-    limit = (1.0 + TOLERANCE) ** 2
-
-    def fill(part: slice) -> None:
-        here = exists[part]
-        apart = np.zeros((*here.shape, n))
-        for x in np.moveaxis(bonds[part], -1, 0):
-            apart += (x[:, :, None] - x[:, None]) ** 2
-        if horizons is not None:
-            apart /= (0.5 * (horizons[part][:, :, None] + horizons[part][:, None])) ** 2
-        common[part] = pack((apart <= limit) & here[:, :, None] & here[:, None])
-
-    in_blocks(points, n * n, fill)
-    return common

@@ -98,12 +98,14 @@ class _Image:
     @staticmethod
     def of(sheet: Sheet, stencil: Stencil) -> _Image:
         assert sheet.grid is not None
-        on, spacing, reach = np.asarray((sheet.grid >= 0).all(axis=1)), sheet.spacing, stencil.reach
+        on = np.asarray((sheet.grid >= 0).all(axis=1))
+        spacing, reach = sheet.spacing, stencil.reach
+        places = np.zeros(sheet.points.shape)
+        if on.any():
+            places = (sheet.points - np.median(sheet.points[on] - spacing * sheet.grid[on], axis=0)) / spacing
+            on &= np.asarray(np.abs(places - sheet.grid).max(axis=1) <= OFF_PLACE)
         if not on.any():
             return _Image(np.full((1, 1), -1, np.int32), np.zeros((sheet.size, 2), np.int64), on, reach)
-        origin = np.median(sheet.points[on] - spacing * sheet.grid[on], axis=0)
-        places = (sheet.points - origin) / spacing
-        on = on & (np.abs(places - sheet.grid).max(axis=1) <= OFF_PLACE)
         low, high = sheet.grid[on].min(axis=0), sheet.grid[on].max(axis=0)
         grid = np.rint(np.clip(places, low - reach, high + reach)).astype(np.int64) - low + reach
         columns, rows = high - low + 1 + 2 * reach
@@ -155,7 +157,7 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: float, 
     complete = _eroded(image, inner, stencil.steps) & ~apart
     for _ in range(2 if corrected else 1):
         complete = _eroded(image, complete, stencil.steps)
-    deep = image.on & image.at_points(complete & _in_line(image, stencil.steps))
+    deep: np.ndarray = image.on & image.at_points(complete & _in_line(image, stencil.steps))
     if sheet.stiffness is not None and deep.any():
         factors, count = np.unique(sheet.stiffness[deep], return_counts=True)
         deep &= sheet.stiffness == factors[count.argmax()]

@@ -16,6 +16,7 @@ from ..checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..cores import cores
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE, SAMPLE
+from .intersections import shapes_by_row
 from .masks import unpack
 
 # Relative tolerance of lengths that are compared with the horizon.
@@ -206,6 +207,8 @@ class Families:
             reference area (zero where degenerate or where the bond does not exist), shape (R, n).
         """
         rows, n = self.exists.shape
+        if self.bonds.ndim == 3:
+            return shapes_by_row(self.bonds, self.influence, self.member_areas, self.exists, self.common)
         inverse, size = np.empty((rows, n, 3)), np.empty((rows, n))
 
         def fill(part: slice) -> None:
@@ -215,7 +218,7 @@ class Families:
         return inverse, size
 
     def tilts(self, inverse: np.ndarray) -> np.ndarray:
-        """Slopes of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
+        """Tilts of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
 
         Args:
             inverse: K_ij^-1, shape (N, n, 3).
@@ -233,18 +236,17 @@ class Families:
             mask = unpack(self.common[part], self.members).astype(np.float64)
             moment = mask @ ((c * rises)[..., None] * self.bonds[part])
             a, b, d = np.moveaxis(inverse[part], -1, 0)
-            tilts[part, :, 0] = a * moment[..., 0] + b * moment[..., 1]
-            tilts[part, :, 1] = b * moment[..., 0] + d * moment[..., 1]
+            first, second = a * moment[..., 0] + b * moment[..., 1], b * moment[..., 0] + d * moment[..., 1]
+            s = np.sqrt(1.0 + first**2 + second**2)
+            tilts[part] = np.stack([first, second], axis=-1) / np.sqrt(s * (1.0 + s))[..., None]
 
         in_blocks(len(inverse), self.members**2, fill)
         return tilts
 
     def _shapes_of(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
-        shared = self.bonds.ndim == 2
-        bonds = self.bonds[None] if shared else self.bonds[part]
-        c = np.where(self.exists[part], self.influence if shared else self.influence[part], 0.0)
-        c = c * self.member_areas[part]
-        mask = unpack(self.common if shared else self.common[part], self.members).astype(np.float64)
+        bonds = self.bonds[None]
+        c = np.where(self.exists[part], self.influence, 0.0) * self.member_areas[part]
+        mask = unpack(self.common, self.members).astype(np.float64)
         products = c[..., None] * np.stack(
             [bonds[..., 0] ** 2, bonds[..., 0] * bonds[..., 1], bonds[..., 1] ** 2], axis=-1
         )

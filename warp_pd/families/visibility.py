@@ -18,6 +18,11 @@ ROUND_OFF, STRAIGHT = 1e-9, 1e-6
 BLOCK = 200_000
 
 
+def nothing_severed(sheet: Sheet) -> bool:
+    """Whether all points within the horizon of each other share a bond, so that nobody needs to look."""
+    return not sheet.cuts and all(part is None for part in (sheet.barriers, sheet.bodies, sheet.frames))
+
+
 def severed(sheet: Sheet, pairs: np.ndarray) -> np.ndarray:
     """Which pairs of points, shape (B, 2), share no bond although they are near each other; bool, shape (B,).
 

@@ -21,6 +21,7 @@ from ..kernels.enclosed_volume import (
     enclosed_force,
     enclosed_pressure,
     enclosed_volume,
+    gas_leak,
     polytropic_gas,
     prescribed_volume,
 )
@@ -40,8 +41,7 @@ class Enclosed(Load):
     components of a ring, or those across a coordinate plane in which it lies. The force on a point is the pressure
     times the exact derivative of the volume of the triangles, so a closed surface feels no net force and no torque.
 
-    Pressure acts on triangles that no crack has cut; what flows out through a crack is not computed, and the volume
-    counts all triangles. A sheet encloses one volume.
+    Pressure acts on triangles that no crack has cut; the volume counts all triangles. A sheet encloses one volume.
     """
 
     encloses: ClassVar[bool] = True
@@ -68,9 +68,14 @@ class Enclosed(Load):
         """Volume besides that under the sheet [m^3]."""
         return 0.0
 
+    @property
+    def outflow(self) -> tuple[float, float]:
+        """Discharge coefficient [-] of what cracks open, 0 if nothing flows, and density outside [kg/m^3]."""
+        return 0.0, 1.0
+
     def compile_key(self) -> tuple[object, ...]:
-        """Whether its factor changes in time."""
-        return (self.schedule() is not None,)
+        """Whether its factor changes in time, and whether cracks let it out."""
+        return (self.schedule() is not None, self.outflow[0] > 0.0)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The volume on a device."""
@@ -90,6 +95,10 @@ class EnclosedGas(Enclosed):
         amount: Pairs (time [s], amount of gas over that at the start), or None: it stays. Gas that is pumped in has
             the entropy (n = 1: the temperature) of the gas inside.
         chamber: Volume besides that under the sheet [m^3], such as that of a rigid vessel that a flat sheet closes.
+        leak: Discharge coefficient of what cracks open [-], 0.6 to 1: gas flows through the torn triangles as through
+            an orifice, dm/dt = -leak A sqrt(2 p rho). 0: the gas stays in the torn sheet, which then drives its pieces
+            too hard. With the solver Explicit.
+        density: Density of the gas at the ambient pressure [kg/m^3], for the leak.
     """
 
     gauge: float = 0.0
@@ -97,6 +106,8 @@ class EnclosedGas(Enclosed):
     exponent: float = 1.0
     amount: Ramp = None
     chamber: float = 0.0
+    leak: float = 0.0
+    density: float = 1.2
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -109,6 +120,9 @@ class EnclosedGas(Enclosed):
         positive("EnclosedGas.ambient + EnclosedGas.gauge", self.ambient + self.gauge)
         positive("EnclosedGas.exponent", self.exponent)
         not_negative("EnclosedGas.chamber", self.chamber)
+        positive("EnclosedGas.density", self.density)
+        if not_negative("EnclosedGas.leak", self.leak) > 0.0 and self.ambient == 0.0:
+            raise InputError(f"EnclosedGas.leak = {self.leak!r}: expected 0 without an ambient pressure")
         schedule = self.schedule()
         for value in () if schedule is None else schedule.values[:, 0]:
             positive("EnclosedGas.amount", float(value))
@@ -117,6 +131,11 @@ class EnclosedGas(Enclosed):
     def extra(self) -> float:
         """The chamber [m^3]."""
         return self.chamber
+
+    @property
+    def outflow(self) -> tuple[float, float]:
+        """The leak, and the density outside [kg/m^3]."""
+        return self.leak, self.density
 
     def schedule(self) -> Schedule | None:
         """The amount of gas."""
@@ -203,9 +222,12 @@ class BuiltEnclosed(BuiltLoad):
         pressure_law, constants = load.law(load.extra + (volume if abs(volume) > TOLERANCE * extent**3 else 0.0))
         self._constants = wp.vec4d(*constants, *[0.0] * (4 - len(constants)))
         self._schedule = context.clock.register(load.schedule())
-        key = (context.bits, pressure_law, self._schedule is not None, context.module)
+        breakable, self._outflow = law.intact is not None, load.outflow
+        leaks = self._outflow[0] > 0.0
+        if leaks and not breakable:
+            raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 where nothing can break")
+        key = (context.bits, pressure_law, self._schedule is not None, leaks, context.module)
         self._set_pressure = enclosed_pressure(*key)
-        breakable = law.intact is not None
         self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.module)
         begins, corners, numbers = triangles_at_points(faces, sheet.size)
         self._table = {
@@ -223,6 +245,13 @@ class BuiltEnclosed(BuiltLoad):
         self._blocks = context.array("volume_of_blocks", self.owner, wp.float64, shape=(2, blocks), per="block")
         self._sums = context.array("volume_sums", self.owner, wp.float64, shape=(2, -(-blocks // BLOCK)), per="block")
         self.enclosed = context.array("enclosed", self.owner, wp.float64, shape=3, per="once")
+        self._left = self._open_blocks = self._open = None
+        if leaks:
+            self._left = context.array("gas_left", self.owner, wp.float64, np.ones(1), per="once", restart=True)
+            blocks = -(-len(faces) // BLOCK)
+            self._open_blocks = context.array("open_areas", self.owner, wp.float64, shape=(2, blocks), per="block")
+            shape = (2, -(-blocks // BLOCK))
+            self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")
 
     def _caps(self) -> list[np.ndarray]:
         """Triangles that close the edges of the sheet, ring by ring.
@@ -260,23 +289,47 @@ class BuiltEnclosed(BuiltLoad):
         stage.launch(
             self.owner, self._set_pressure, 1,
             sums=self._sums, share=self._share, chamber=self._extra, constants=self._constants,
-            factors=context.clock.scheduled, schedule=self._schedule or 0, enclosed=self.enclosed,
+            factors=context.clock.scheduled, schedule=self._schedule or 0, left=self._left, enclosed=self.enclosed,
         )  # fmt: skip
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches of the volume, its pressure, and the force on the points."""
-        context, size = self.context, self.context.sheet.size
+        size = self.context.sheet.size
         self._add_pressure(stage, displacement, None)
-        if self._intact is not None:
-            kernel = face_damage(context.layout, context.bits, context.module)
-            law = self._family_law
-            stage.launch(
-                self.owner, kernel, len(self._intact),
-                family=law.struct, intact=law.intact, triangles=self._edges, intact_faces=self._intact,
-            )  # fmt: skip
+        self._add_torn(stage)
         stage.pointwise(
             self.owner, self._add_force, size, **self._arguments(displacement), faces=self._faces,
             intact_faces=self._intact, external=out,
+        )  # fmt: skip
+
+    def _add_torn(self, stage: Stage) -> None:
+        """Add the launch that finds the triangles that cracks have cut, if there can be any."""
+        if self._intact is not None:
+            context, law = self.context, self._family_law
+            stage.launch(
+                self.owner, face_damage(context.layout, context.bits, context.module), len(self._intact),
+                family=law.struct, intact=law.intact, triangles=self._edges, intact_faces=self._intact,
+            )  # fmt: skip
+
+    def _add_leak(self, stage: Stage) -> None:
+        """Add the launches of the gas that flows out in a step."""
+        context, displacement = self.context, self.context.state.displacement
+        assert self._open_blocks is not None and self._open is not None
+        sum_open, lose_gas = gas_leak(context.bits, self._schedule is not None, context.module)
+        _, sum_sums = enclosed_volume(context.bits, False, context.module)
+        self._add_pressure(stage, displacement, None)
+        self._add_torn(stage)
+        stage.launch(
+            self.owner, sum_open, self._open_blocks.shape[1],
+            triangles=self._edges, intact_faces=self._intact, positions=self._table["positions"],
+            displacement=displacement, sums=self._open_blocks,
+        )  # fmt: skip
+        stage.launch(self.owner, sum_sums, self._open.shape[1], blocks=self._open_blocks, sums=self._open)
+        stage.launch(
+            self.owner, lose_gas, 1,
+            sums=self._open, enclosed=self.enclosed, discharge=6.0 * self._share * self._outflow[0],
+            density=self._outflow[1], constants=self._constants, step=context.state.step,
+            factors=context.clock.scheduled, schedule=self._schedule or 0, left=self._left,
         )  # fmt: skip
 
     def _arguments(self, displacement: Array) -> dict[str, Any]:
@@ -292,7 +345,9 @@ class BuiltEnclosed(BuiltLoad):
         return True
 
     def add(self, phase: Phase, stage: Stage) -> None:
-        """Add the launches of the volume and the pressure that the history shows."""
+        """Add the launches of the leak, and those of the volume and the pressure that the history shows."""
+        if phase is Phase.INTERNAL_VARIABLES and self._left is not None:
+            self._add_leak(stage)
         if phase is Phase.FRAME:
             self._add_pressure(stage, self.context.state.displacement, None)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -124,6 +125,8 @@ def _read_meshio(path: Path, part: str | None) -> Faces:
     from meshio._helpers import reader_map
 
     suffix = path.suffix.lower()
+    if suffix == ".msh":
+        return _faces(path, _read_msh(path), part)
     formats = [name for name in meshio.extension_to_filetypes.get(suffix, []) if name in reader_map]
     if not formats:
         hint = "; outlines are read by read_outline" if suffix == ".svg" else ""
@@ -138,6 +141,34 @@ def _read_meshio(path: Path, part: str | None) -> Faces:
         except meshio.ReadError:
             continue
     return _faces(path, reader_map[formats[-1]](str(path)), part)
+
+
+class _Ending(io.BufferedReader):
+    """A file that ends: meshio's reader of Ansys files looks for a closing bracket beyond the end for ever."""
+
+    beyond = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """The next bytes.
+
+        Raises:
+            EOFError: the hundredth time that there are none.
+        """
+        found = super().read(size)
+        self.beyond += not found
+        if self.beyond > 100:
+            raise EOFError("the file ends too early")
+        return found
+
+
+def _read_msh(path: Path) -> Any:
+    """A file of one of the two kinds of .msh: Gmsh's begin with a dollar sign, those of Ansys with a bracket."""
+    from meshio._helpers import reader_map
+
+    with _Ending(io.FileIO(path)) as file:
+        if file.peek(64).lstrip().startswith(b"("):
+            return reader_map["ansys"](file)
+    return reader_map["gmsh"](str(path))
 
 
 def _faces(path: Path, mesh: Any, part: str | None) -> Faces:

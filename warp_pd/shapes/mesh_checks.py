@@ -11,6 +11,8 @@ from .triangulation import boundary_edges, signed_areas
 
 # Least area of a triangle over the mean, and least distance of two points over the extent of the mesh.
 LEAST_AREA, LEAST_DISTANCE = 1e-12, 1e-9
+# Largest coordinate whose fourth power is a number.
+LARGEST = 1e70
 
 
 def require_faces(where: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
@@ -32,8 +34,8 @@ def require_faces(where: str, points: np.ndarray, counts: np.ndarray, corners: n
     missing = np.unique(face_of[(corners < 0) | (corners >= len(points))])
     _refuse(where, "face", missing, f"with points that are missing: expected 0 to {len(points) - 1}")
     used = np.unique(corners)
-    bad = used[~np.isfinite(points[used]).all(axis=1)]
-    _refuse(where, "point", bad, "with coordinates that are NaN or infinite: expected finite numbers")
+    bad = used[~(np.abs(points[used]) < LARGEST).all(axis=1)]
+    _refuse(where, "point", bad, f"with coordinates that are NaN or infinite: expected numbers below {LARGEST:g}")
 
 
 def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_of: np.ndarray) -> None:

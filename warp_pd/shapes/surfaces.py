@@ -29,12 +29,16 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) 
     unused = np.flatnonzero(areas == 0.0)
     if len(unused):
         raise InputError(f"vertices[{unused[0]}] is the corner of no triangle: expected every vertex in one")
+    normals = vertex_normals(points, triangles)
+    lengths = np.linalg.norm(normals, axis=1)
+    if (folded := np.flatnonzero(lengths <= 1e-6 * np.median(lengths))).size:
+        raise InputError(f"vertices[{folded[0]}]: the triangles around it lie back to back: expected a normal there")
     return Shape(
         points=points,
         areas=areas,
         triangles=triangles,
         spacing=float(np.sqrt(areas.mean())) if spacing is None else positive("spacing", spacing),
-        frames=tangents(vertex_normals(points, triangles)),
+        frames=tangents(normals),
         parts={"rim": rim} if len(rim) else {},
     )
 
@@ -120,9 +124,9 @@ def _doubled_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def _point_sums(shares: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
     """Sums at the points of what each corner of each triangle, shape (F, 3, ...), gives; shape (N, ...)."""
-    total = np.zeros((points, *shares.shape[2:]))
-    np.add.at(total, triangles, shares)
-    return total
+    corners, inner = triangles.ravel(), shares.shape[2:]
+    columns = shares.reshape(len(corners), -1).T
+    return np.stack([np.bincount(corners, column, points) for column in columns], axis=-1).reshape(points, *inner)
 
 
 def _rim(name: str, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

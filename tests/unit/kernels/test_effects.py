@@ -13,18 +13,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
+from curved_sheets import small_tube
 from helpers import NEO, square
 
 from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    CriticalStretch,
+    EnclosedGas,
+    EnclosedVolume,
     Explicit,
     Fixed,
+    Motion,
     Newton,
     PointForce,
     Pressure,
     Relaxation,
+    RigidBall,
     Simulation,
     TearingEnergy,
 )
@@ -53,7 +59,24 @@ def further():
     in_plane = [Fixed(plane.edges("left")), Fixed(plane.where(lambda x, y: x > 0.0), "z")]
     dead = [*in_plane, PointForce(plane.edges("right"), (1e-3, 0.0, 0.0), ramp=((0.0, 0.0), (1.0, 1.0)))]
     law = BondAssociated(NEO, horizon=2.015, weights="plain")
+    clamp, drawn = Fixed(plane.edges("all")), square(25).prestretched(1.2)
+    gas = EnclosedGas(gauge=3.0, chamber=1e-3, amount=[(0.0, 1.0), (1.0, 2.0)], leak=0.8)
+    volume = EnclosedVolume([(0.0, 1e-5)], stiffness=1e6)
+    moves = [Motion(drawn.edges("right"), [0.0, 1.0], x=[0.0, 1e-3])]
     return {
+        "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
+        "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
+        "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),
+        "curved torn": Simulation(
+            small_tube(),
+            law,
+            Explicit(1.0),
+            damage=TearingEnergy(30.0),
+            loads=[Fixed([0]), Pressure(2.0)],
+            contact=RigidBall(1.0, (0.0, 0.0, 9.0)),
+        ),
+        "curved relaxed": Simulation(small_tube(), law, Relaxation(), loads=[Fixed([0]), Pressure(2.0)]),
+        "curved bonds": Simulation(small_tube(), bonds, Explicit(1.0)),
         "softening": Simulation(plane, law, Explicit(1.0), damage=TearingEnergy(1.0, spared=plane.edges("left"))),
         "newton multigrid": Simulation(plane, law, Newton(preconditioner="multigrid"), loads=[*dead, Pressure(2.0)]),
         "relaxed bonds": Simulation(plane, bonds, Relaxation(), loads=in_plane),
@@ -242,9 +265,11 @@ def _kernels_of_the_package():
 
 def test_every_kernel_is_looked_at(recorded):
     seen = {launch.name for _, launch in recorded}
-    # On a GPU alone: fast paths, linear iterations. In `warp-pd bench` and the training of a network alone: the rest.
+    # On a GPU alone: fast paths, linear iterations. In `warp-pd bench`, the training of a network and the set-up of
+    # families alone: the rest.
     elsewhere = {
         "family_block_force", "gather_from_reverse_bonds", "combine", "scale_blocks", "multiply_adds", "samples",
+        "list_near_points", "find_reverse_members", "mark_common_members", "sum_intersection_shapes",
     }  # fmt: skip
     missing = {name for _, name in _kernels_of_the_package()} - seen - elsewhere
     assert missing == set()

@@ -124,9 +124,9 @@ def test_markers_and_triangles_stay_legible(points):
     sheet = Sheet.rectangle(1.0, 1.0, points=points, **FLAT).hole((0.5, 0.5), 0.3)
     axes = drawn(sheet)
     many = sheet.size > sheet_plot.MAX_MARKERS
-    shown = markers(axes, f"{sheet.size} points")
+    shown = markers(axes, f"{sheet.size} points on the grid")
     assert len(shown) == (sheet_plot.MAX_MARKERS if many else sheet.size)
-    assert (f"{sheet.size} points, {sheet_plot.MAX_MARKERS} shown" in labels(axes)) == many
+    assert (f"{sheet.size} points on the grid, {sheet_plot.MAX_MARKERS} shown" in labels(axes)) == many
     assert ("triangles" in labels(axes)) == (not many)
     if many:
         # Spread over the sheet, in no pattern: every tenth of it has its share of the markers.

@@ -57,6 +57,12 @@ def volume(mesh):
     return float((np.cross(a, b) * c).sum() / 6.0)
 
 
+@pytest.mark.parametrize("kind", ["gmsh22", "gmsh", "ansys"])
+def test_all_kinds_of_msh(tmp_path, kind):
+    meshio.Mesh(spatial(CORNERS), [("triangle", FAN)]).write(tmp_path / "a.msh", file_format=kind)
+    assert Sheet.from_file(tmp_path / "a.msh", unit="cm", **FLAT).areas.sum() == pytest.approx(6e-4)
+
+
 @pytest.mark.parametrize("suffix", ["msh", "stl", "obj", "ply", "vtu", "vtk", "off", "xdmf", "OBJ"])
 def test_every_format_gives_the_same_sheet(tmp_path, suffix):
     path = tmp_path / f"sheet.{suffix}"
@@ -344,11 +350,19 @@ def test_holes_in_a_closed_surface_are_named(tmp_path):
     assert "edges (3, 0), (2, 3), (0, 2)" in str(error.value) or "edges (0, 3), (3, 2), (2, 0)" in str(error.value)
 
 
-def test_curved_surfaces_are_told_from_flat_ones(tmp_path):
-    points, triangles = cube()
-    path = write(tmp_path / "cube.ply", points, [("triangle", triangles)])
-    with pytest.raises(InputError, match="the surface is curved"):
-        Sheet.from_file(path, unit="m", **FLAT)
+def test_other_surfaces_are_curved_sheets(tmp_path):
+    """A half tube on its own vertices, and its named lines."""
+    angle, z = (k.ravel() for k in np.meshgrid(np.linspace(0.0, np.pi, 21), np.linspace(0.0, 2.0, 15)))
+    a = (np.arange(14)[:, None] * 21 + np.arange(20)).ravel()
+    cells = [("line", np.column_stack([np.arange(20), np.arange(1, 21)])), ("quad", a[:, None] + [0, 1, 22, 21])]
+    tags = [np.full(len(block), k) for k, (_, block) in enumerate(cells, start=1)]
+    points = np.column_stack([np.cos(angle), np.sin(angle), z])
+    data = {"cell_data": {"gmsh:physical": tags, "gmsh:geometrical": tags}, "field_data": {"rim": np.array([1, 1])}}
+    meshio.Mesh(points, cells, **data).write(tmp_path / "tube.msh", file_format="gmsh22", binary=False)
+    sheet = Sheet.from_file(tmp_path / "tube.msh", unit="cm", **FLAT)
+    assert np.allclose(sheet.points, 0.01 * points) and sheet.frames is not None
+    assert sheet.areas.sum() == pytest.approx(2e-4 * np.pi, rel=3e-3)
+    assert sheet.parts["rim"].tolist() == list(range(21))
 
 
 @pytest.mark.parametrize(
@@ -360,6 +374,9 @@ def test_curved_surfaces_are_told_from_flat_ones(tmp_path):
         ("a.vtu", b"<VTKFile", "the file cannot be read: "),
         ("a.ply", b"hello", "the file cannot be read: "),
         ("a.msh", b"", "the file cannot be read: "),
+        ("a.msh", b"(0 grid written by Fluent)\n(10 (0 1 5 0 3)\n", "the file cannot be read: "),
+        ("c.msh", b"(10 (1 1 2 0 3)(\n0 0 0\n1 0 0\n))(((\n", "the file cannot be read: "),
+        ("b.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 (", "the file cannot be read: "),
         ("a.stl", b"solid x\n facet\n", "the file cannot be read: "),
         ("a.obj", b"v 0 0\nf 1 2 3 x\n", "the file cannot be read: "),
         ("a.usd", b"hello", "the file cannot be read: "),

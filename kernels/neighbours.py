@@ -1,0 +1,85 @@
+"""Points within a distance of each point, from lists of the points in each cell of a box of cells.
+
+Positions are in float64, in units of the edge of a cell, which is no shorter than the distance, and measured from a
+corner of the box: only the 9 cells around a point can hold others that are near. Point i has place order.index(i), and
+`starts` [cells + 1] holds the first place of each cell.
+"""
+
+import functools
+
+import warp as wp
+
+from .effects import Kernel, kernel
+
+MODULE = "warp_pd_neighbours"
+
+
+@functools.cache
+def near_points(counts: bool) -> Kernel:
+    """Kernel that counts the points near each point [points], or lists them in ascending order [points, members]."""
+
+    @kernel(MODULE + ("_counted" if counts else "_listed"), gathers=("points",))
+    def list_near_points(
+        points: wp.array(dtype=wp.vec2d),
+        order: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        columns: int,
+        rows: int,
+        limit: wp.float64,
+        first: int,
+        sizes: wp.array(dtype=wp.int32),
+        near: wp.array2d(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        here = points[i]
+        column = int(here[0])
+        row = int(here[1])
+        found = wp.int32(0)
+        for y in range(wp.max(row - 1, 0), wp.min(row + 2, rows)):
+            begin = starts[y * columns + wp.max(column - 1, 0)]
+            end = starts[y * columns + wp.min(column + 1, columns - 1) + 1]
+            for place in range(begin, end):
+                other = order[place]
+                if other != i and wp.length_sq(points[other] - here) <= limit:
+                    if wp.static(not counts):
+                        at = wp.int32(found)
+                        while at > 0 and near[i, wp.max(at - 1, 0)] > other:
+                            near[i, at] = near[i, at - 1]
+                            at = at - 1
+                        near[i, at] = other
+                    found = found + 1
+        if wp.static(counts):
+            sizes[i] = found
+        else:
+            for at in range(found, near.shape[1]):
+                near[i, at] = -1
+
+    return list_near_points
+
+
+@functools.cache
+def reverse_members() -> Kernel:
+    """Kernel that finds each point in the ascending list of its member [points, members]; 0 where there is none."""
+
+    @kernel(MODULE + "_reverse", gathers=("near", "sizes"))
+    def find_reverse_members(
+        near: wp.array2d(dtype=wp.int32),
+        sizes: wp.array(dtype=wp.int32),
+        first: int,
+        reverses: wp.array2d(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        for k in range(near.shape[1]):
+            low = wp.int32(0)
+            if k < sizes[i]:
+                j = near[i, k]
+                high = sizes[j] - 1
+                while low < high:
+                    middle = (low + high) // 2
+                    if near[j, middle] < i:
+                        low = middle + 1
+                    else:
+                        high = middle
+            reverses[i, k] = low
+
+    return find_reverse_members

@@ -1,0 +1,35 @@
+"""Kernels that build tables on the host, on all of its cores."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..cores import available_cores, cores, start_warp
+from ..kernels.effects import Kernel
+
+# Fewest rows that are worth a thread.
+ROWS = 4096
+
+
+def on_host(values: np.ndarray, dtype: Any) -> Any:
+    """The same memory as a Warp array."""
+    start_warp()
+    return wp.array(np.ascontiguousarray(values), dtype=dtype, device="cpu", copy=False)
+
+
+def run_on_host(kernel: Kernel, rows: int, read: list[Any], written: list[Any]) -> None:
+    """Run a kernel, which reads and writes these arguments, for so many rows, on all cores."""
+    parts = min(available_cores(), max(1, rows // ROWS))
+    bounds = np.linspace(0, rows, parts + 1).astype(int)
+    commands: list[Any] = [
+        wp.launch(
+            kernel.kernel, dim=int(end - begin), inputs=[*read, int(begin), *written], device="cpu", record_cmd=True
+        )
+        for begin, end in itertools.pairwise(bounds)
+    ]
+    for _ in cores().map(lambda command: command.launch(), commands):
+        pass
