@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from . import checks
 from .checks import InputError, finite, point_indices, positive, vector
-from .regions import region_of
 from .shapes.clouds import cloud
-from .shapes.edges import edge_points
 from .shapes.edits import punched, slit, turned
 from .shapes.files import flat_shape, read_mesh
-from .shapes.outline import Named, outline
+from .shapes.lines import Named
+from .shapes.outline import outline
 from .shapes.rectangles import filled, line, rectangle
+from .shapes.selections import Selections
 from .shapes.shape import Shape
 from .shapes.stretching import before_stretch
 from .shapes.surfaces import sphere, surface, tube
@@ -25,10 +24,10 @@ from .shapes.triangulation import Segment
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sheet(Shape):
+class Sheet(Selections):
     """A shape with a thickness and a density.
 
-    Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
+    Make one with `rectangle` or `outline`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
 
     Attributes:
         thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
@@ -89,8 +88,7 @@ class Sheet(Shape):
             InputError: for a size, thickness or density that is not above zero, fewer than 3 points, or layers
                 below zero.
         """
-        shape = rectangle(width, height, points, origin, layers, centred)
-        return Sheet.of(shape, thickness=thickness, density=density)
+        return Sheet.of(rectangle(width, height, points, origin, layers, centred), thickness=thickness, density=density)
 
     @staticmethod
     def line(length: float, section: float, *, density: float, points: int) -> Sheet:
@@ -175,8 +173,7 @@ class Sheet(Shape):
         Raises:
             InputError: for curves that cross or leave the sheet, or a spacing too coarse for them.
         """
-        shape = outline(boundary, holes, cracks, inclusions, spacing)
-        return Sheet.of(shape, thickness=thickness, density=density)
+        return Sheet.of(outline(boundary, holes, cracks, inclusions, spacing), thickness=thickness, density=density)
 
     @staticmethod
     def from_points(
@@ -187,8 +184,12 @@ class Sheet(Shape):
         triangles: np.ndarray | None = None,
         areas: np.ndarray | None = None,
         spacing: float | None = None,
+        outline: Any = None,
     ) -> Sheet:
-        """A sheet on any cloud of points.
+        """A sheet on any cloud of points; no bond leaves its triangulation.
+
+        Its boundary is the part "outline" (of several pieces "outline 1", ...), holes are "hole 1", "hole 2", ..., the
+        largest first.
 
         Args:
             points: Positions [m], shape (N, 2).
@@ -198,11 +199,14 @@ class Sheet(Shape):
                 circumscribed circle is wider than two and a half spacings (notches and holes).
             areas: Area of each point [m^2]; by default a third of each adjacent triangle.
             spacing: Reference spacing [m]; by default the root of the mean area of the points.
+            outline: A closed curve, as for `Sheet.outline`, or what `read_outline` gives: Delaunay's triangles are then
+                those inside it.
 
         Raises:
-            InputError: for coincident points, coordinates that are not finite, or wrong shapes.
+            InputError: for coincident points, coordinates that are not finite, wrong shapes, or points outside the
+                outline.
         """
-        return Sheet.of(cloud(points, triangles, areas, spacing), thickness=thickness, density=density)
+        return Sheet.of(cloud(points, triangles, areas, spacing, outline), thickness=thickness, density=density)
 
     @staticmethod
     def from_file(
@@ -297,35 +301,6 @@ class Sheet(Shape):
         """The same sheet, its lattice or grid forgotten: bonds are then stored in a table."""
         return replace(self, lattice=None, grid=None)
 
-    def edges(self, *names: str) -> np.ndarray:
-        """Indices of the points on named edges; "all" is the outline and all holes.
-
-        Names are those of `parts`, and on a flat sheet the sides of the bounding box: left, right, bottom, top. On a
-        cloud, a side holds the points within a quarter of a spacing of it.
-
-        Raises:
-            InputError: for another name.
-        """
-        return region_of(edge_points(self, names), self.points)
-
-    def nearest(self, x: float, y: float, z: float | None = None) -> int:
-        """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).
-
-        Raises:
-            InputError: for a z on a flat sheet, or none on a curved one.
-        """
-        if (z is None) != (self.frames is None):
-            expected = "a number on a curved sheet" if z is None else "None on a flat sheet"
-            raise InputError(f"z = {z!r}: expected {expected}")
-        place = (finite("x", x), finite("y", y), *([] if z is None else [finite("z", z)]))
-        return int(np.argmin(((self.points - place) ** 2).sum(axis=1)))
-
-    def within(self, centre: tuple[float, ...], radius: float) -> np.ndarray:
-        """Indices of the points no further than `radius` [m] from `centre`, (x, y), on a curved sheet (x, y, z)."""
-        offset = self.points - vector("centre", centre, self.points.shape[1])
-        reach = positive("radius", radius) * (1.0 + 1e-9)
-        return region_of(np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach), self.points)
-
     def _require_flat(self, what: str) -> None:
         if self.frames is not None:
             raise InputError(f"{what}: expected a flat sheet, got a curved one")
@@ -366,10 +341,8 @@ class Sheet(Shape):
         members = self.within(centre, radius)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            raise InputError(
-                f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points: "
-                f"expected three or more that are not on one line"
-            )
+            held = f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points"
+            raise InputError(f"{held}: expected three or more that are not on one line")
         return replace(self, inclusions=(*self.inclusions, members))
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
@@ -401,8 +374,7 @@ class Sheet(Shape):
         """
         stretches = positive("first", first), positive("second", first if second is None else second)
         before = np.eye(2) if self.stretch is None else self.stretch
-        stretched = replace(self, stretch=np.diag(stretches) @ before)
-        stretched.unstretched()
+        (stretched := replace(self, stretch=np.diag(stretches) @ before)).unstretched()
         return stretched
 
     def unstretched(self) -> Sheet:
@@ -425,15 +397,4 @@ class Sheet(Shape):
         """
         self._require_flat("turned")
         sheet, rotation = turned(self, finite("degrees", degrees))
-        return replace(sheet, stretch=None if self.stretch is None else rotation @ self.stretch @ rotation.T)
-
-    def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
-        """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.
-
-        Its arguments and its value have shape (N,).
-
-        Raises:
-            InputError: for a condition that is no function, or gives anything but N truth values.
-        """
-        holds = checks.truth_values("condition", condition, *self.points.T)
-        return region_of(np.flatnonzero(holds), self.points)
+        return sheet if self.stretch is None else replace(sheet, stretch=rotation @ self.stretch @ rotation.T)

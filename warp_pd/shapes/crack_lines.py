@@ -42,7 +42,9 @@ def crack_lines(
     import shapely
 
     rings = list(rings)
-    bodies = [(line.name, polygon(line), CLEAR, "expected cracks outside inclusions, 0.7 spacings away") for line in rigid]
+    bodies = [
+        (line.name, polygon(line), CLEAR, "expected cracks outside inclusions, 0.7 spacings away") for line in rigid
+    ]
     found: list[Line] = []
     for name, path in given:
         corners = _corners(name, path)

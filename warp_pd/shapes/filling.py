@@ -80,8 +80,6 @@ def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> 
 
 def fill_graded(region: Any, fixed: np.ndarray, curves: Any, spacing: Spacing) -> Filling:
     """Points whose distance follows a function; arguments as for `fill_evenly`."""
-    import shapely
-
     seeds = _seeds(region, curves, spacing)
     points = _relaxed(np.vstack([seeds, fixed]), len(seeds), region, spacing, GRADED_ROUNDS)
     return Filling(points, np.full(points.shape, -1, np.int32), np.full(fixed.shape, -1, np.int32))

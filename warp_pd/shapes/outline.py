@@ -12,7 +12,7 @@ from .assembly import Part, assembled
 from .crack_lines import crack_lines
 from .curves import Spacing
 from .filling import Filling, fill_evenly, fill_graded
-from .lines import Named, line_edges, named, region, require_apart, ring
+from .lines import Line, Named, line_edges, named, region, require_apart, ring
 from .shape import Shape
 from .triangulation import cell_triangles, signed_areas
 
@@ -30,7 +30,8 @@ def outline(boundary: Any, holes: Named, cracks: Named, inclusions: Named, spaci
     rigid = [ring(name, curve, at) for name, curve in named("inclusion", inclusions)]
     sheet = region(rings[0], rings[1:], rigid)
     _require_size(sheet, at, least)
-    paths, slits = named("crack", cracks), []
+    paths = named("crack", cracks)
+    slits: list[Line] = []
     if paths:
         finer = [ring(name, curve, lambda points: at(points) / FINER) for name, curve in curves]
         slits, rings = crack_lines(paths, region(finer[0], finer[1:], ()), rings, rigid, at)

@@ -1,7 +1,6 @@
 """Bonds stay in the sheet: against an independent check by shapely, on random outlines with holes and cracks."""
 
 import numpy as np
-import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st

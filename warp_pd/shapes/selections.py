@@ -1,0 +1,59 @@
+"""Points of a shape by name, place or condition."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import checks
+from ..checks import InputError, finite, positive, vector
+from ..regions import region_of
+from .edges import edge_points
+from .shape import Shape
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Selections(Shape):
+    """A shape whose points can be chosen."""
+
+    def edges(self, *names: str) -> np.ndarray:
+        """Indices of the points on named edges; "all" is the outline and all holes.
+
+        Names are those of `parts`, and on a flat sheet the sides of the bounding box: left, right, bottom, top. On a
+        cloud, a side holds the points within a quarter of a spacing of it.
+
+        Raises:
+            InputError: for another name.
+        """
+        return region_of(edge_points(self, names), self.points)
+
+    def nearest(self, x: float, y: float, z: float | None = None) -> int:
+        """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).
+
+        Raises:
+            InputError: for a z on a flat sheet, or none on a curved one.
+        """
+        if (z is None) != (self.frames is None):
+            expected = "a number on a curved sheet" if z is None else "None on a flat sheet"
+            raise InputError(f"z = {z!r}: expected {expected}")
+        place = (finite("x", x), finite("y", y), *([] if z is None else [finite("z", z)]))
+        return int(np.argmin(((self.points - place) ** 2).sum(axis=1)))
+
+    def within(self, centre: tuple[float, ...], radius: float) -> np.ndarray:
+        """Indices of the points no further than `radius` [m] from `centre`, (x, y), on a curved sheet (x, y, z)."""
+        offset = self.points - vector("centre", centre, self.points.shape[1])
+        reach = positive("radius", radius) * (1.0 + 1e-9)
+        return region_of(np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach), self.points)
+
+    def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
+        """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.
+
+        Its arguments and its value have shape (N,).
+
+        Raises:
+            InputError: for a condition that is no function, or gives anything but N truth values.
+        """
+        holds = checks.truth_values("condition", condition, *self.points.T)
+        return region_of(np.flatnonzero(holds), self.points)
