@@ -1,6 +1,9 @@
 """Bonds stay in the sheet: against an independent check by shapely, on random outlines with holes and cracks."""
 
+import itertools
+
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,9 +16,9 @@ from warp_pd.families.visibility import DETOUR
 from warp_pd.shapes.curves import Circle
 
 SHEET = {"thickness": 1e-3, "density": 1000.0}
-# In spacings: shift of the faces of cracks apart, growth of the sheet, and what cracks lose at their tips and gain at mouths.
+# In spacings: shift of the faces of cracks apart, growth of the sheet, what cracks lose at tips and gain at mouths.
 NUDGE, GROWTH, TIP = 1e-6, 1e-5, 1e-4
-L_SHAPE = [(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)]
+L_SHAPE = np.array([(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)])
 
 
 def outline(boundary, spacing, **parts):
@@ -61,7 +64,7 @@ def expected_bonds(sheet, horizon, holes, cracks):
 def normals(crack, points):
     """Unit vectors to the left of a crack at points on it; at a corner the mean of both sides."""
     total = np.zeros(points.shape)
-    for start, end in zip(crack[:-1], crack[1:], strict=True):
+    for start, end in itertools.pairwise(crack):
         along = (end - start) / np.linalg.norm(end - start)
         on = shapely.distance(shapely.LineString([start, end]), shapely.points(points)) < 1e-9
         total[on] += [-along[1], along[0]]
@@ -118,3 +121,68 @@ def test_bonds_are_those_of_a_brute_force_check(shape, horizon):
     pieces = [shapely.get_parts(shapely.LineString(crack).intersection(room)) for crack in cracks]
     clipped = [np.array(max(parts, key=shapely.length).coords) for parts in pieces]
     assert found == expected_bonds(sheet, horizon, names, clipped)
+
+
+def cloud(points, **given):
+    return Sheet.from_points(np.asarray(points, float), **given, **SHEET)
+
+
+def strips(gap):
+    """Two strips of points, 0.1 apart, with a gap between them."""
+    x, y = np.meshgrid(0.1 * np.arange(12), 0.1 * np.arange(4))
+    lower = np.column_stack([x.ravel(), y.ravel()])
+    return np.vstack([lower, lower + (0.0, 0.3 + gap)])
+
+
+def strip_triangles():
+    one = cloud(strips(0.3)[:48], spacing=0.1).triangles
+    return np.vstack([one, one + 48])
+
+
+def test_clouds_apart_share_no_bond():
+    """Two strips two spacings apart, which a horizon of 3.15 spacings reaches across."""
+    sheet = cloud(strips(0.2), spacing=0.1, triangles=strip_triangles())
+    lower = sheet.points[:, 1] < 0.35
+    assert all(lower[i] == lower[j] for i, j in found_bonds(sheet, 3.15))
+    assert {"outline 1", "outline 2"} <= set(sheet.parts)
+    assert len(sheet.edges("all")) == 2 * (12 + 12 + 2 + 2)
+
+
+def test_the_notch_of_a_cloud_is_not_bridged():
+    x, y = np.meshgrid(0.05 * np.arange(21), 0.05 * np.arange(21))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    sheet = cloud(points[~((x > 0.525) & (y > 0.525)).ravel()], spacing=0.05, outline=L_SHAPE)
+    room = shapely.Polygon(L_SHAPE).buffer(1e-9)
+    assert np.isclose(sheet.areas.sum(), 0.75)
+    ways = shapely.linestrings(sheet.points[sorted(found_bonds(sheet, 3.15))])
+    outside = ways[~shapely.covers(room, ways)]
+    # Around the corner, where the way inside is hardly longer.
+    assert shapely.distance(outside, shapely.Point(0.5, 0.5)).max() < 0.05
+
+
+def test_a_convex_cloud_keeps_all_bonds():
+    points = np.random.default_rng(0).uniform(0.0, 1.0, (300, 2))
+    points = np.vstack([points, [(0, 0), (1, 0), (1, 1), (0, 1)]])
+    hull = shapely.Polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
+    sheet = cloud(points, spacing=0.1, outline=np.array(hull.exterior.coords))
+    assert sheet.barriers is None
+    near = cKDTree(points).query_pairs(0.2)
+    assert build_families(sheet, 2.0, "linear", intersections=False).bond_count == 2 * len(near)
+
+
+def test_points_outside_their_outline_are_refused():
+    with pytest.raises(InputError, match=r"points\[48\] at .* has no triangle inside the outline"):
+        cloud(np.vstack([strips(0.0)[:48], [(3.0, 0.1)]]), outline=[(0, 0), (1.1, 0), (1.1, 0.3), (0, 0.3)])
+    with pytest.raises(InputError, match="expected one of them"):
+        cloud(strips(0.2), outline=L_SHAPE, triangles=strip_triangles())
+
+
+def test_points_of_an_outline_get_its_bonds_back():
+    sheet = outline(Circle((0, 0), 1.0), 0.1, holes=[Circle((0.2, 0.0), 0.3)])
+    again = cloud(sheet.points, spacing=0.1, triangles=sheet.triangles)
+    assert found_bonds(again, 3.15) == found_bonds(sheet, 3.15)
+    for name in ("outline", "hole 1"):
+        assert np.array_equal(again.parts[name], sheet.parts[name])
+    # An outline without the hole fills it.
+    filled = cloud(sheet.points, spacing=0.1, outline=Circle((0, 0), 1.0))
+    assert np.isclose(filled.areas.sum(), np.pi, rtol=0.01)
