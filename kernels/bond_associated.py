@@ -10,6 +10,9 @@ Variational form (the default): E = h sum_ij W_ij Psi(F_ij), and the family of i
 Published form (BA, eqs. 38 and 43): the force of a bond comes from its own stress alone,
     a_i a_k T_ik = a_i c_k (|D_ik|/|H_i|) (|H_i| + |H_k|)/(2 |H_i|) h P_ik K_ik^-1 X_ik.
 
+On a curved sheet X_ik are projections on the tangent plane of i, and R^-1 K_ij^-1 takes the place of K_ij^-1: see
+kernels/kinematics.py. Gradients are then in the frame of i, and forces are turned back to space.
+
 In both forms `bond_force[k, i]` is the force that the family of i exerts on the pair: + on i, - on the member.
 The force on a point is then gathered from both ends of its bonds, so momentum is conserved to round-off.
 

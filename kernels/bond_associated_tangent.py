@@ -20,7 +20,8 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions
+from .families import WORD, family_functions, is_curved
+from .kinematics import kinematics
 from .numeric import numeric
 
 # Lower bound on the eigenvalues of a diagonal block, divided by its largest one.
@@ -131,6 +132,7 @@ def bond_associated_tangent(
         law.intersection,
     )
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
+    gradient_of, level, curved = law.gradient, kinematics(bits).level, is_curved(layout)
     response_of = response(bits)
     word_size = WORD
     block_of, inverse_of = block_functions(bits, module)
@@ -165,7 +167,12 @@ def bond_associated_tangent(
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     S, T = response_of(G, constants)
-                    gradient[j, i] = mat32(H1[0] + real(1.0), H2[0], H1[1], H2[1] + real(1.0), H1[2], H2[2])
+                    if wp.static(curved):
+                        A1, A2 = gradient_of(H1, H2, tilt)
+                        F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
+                        gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])
+                    else:
+                        gradient[j, i] = mat32(H1[0] + real(1.0), H2[0], H1[1], H2[1] + real(1.0), H1[2], H2[2])
                     stress[j, i] = weight * vec3(S[0, 0] + tension[0], S[0, 1], S[1, 1] + tension[0])
                     moduli[j, i] = weight * T
         scale = family_scale(family, i, undamaged, total)
@@ -192,12 +199,12 @@ def bond_associated_tangent(
         undamaged = is_undamaged(family, intact, i)
         for j in range(family.members):
             if is_intact(family, intact, i, j):
-                G1, G2, inverse, _size, _tilt = intersection(
+                G1, G2, inverse, _size, tilt = intersection(
                     family, intact, direction, direction, real(0.0), i, j, undamaged
                 )
                 if inverse[0] > real(0.0):
-                    D1 = inverse_horizon * G1
-                    D2 = inverse_horizon * G2
+                    D1 = f.from_frame(family, i, inverse_horizon * G1)
+                    D2 = f.from_frame(family, i, inverse_horizon * G2)
                     F = gradient[j, i]
                     F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
                     F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
@@ -211,6 +218,8 @@ def bond_associated_tangent(
                     s12 = real(0.5) * (T[2] * c11 + T[4] * c22 + T[5] * c12)
                     P1 = S[0] * D1 + S[1] * D2 + s11 * F1 + s12 * F2
                     P2 = S[1] * D1 + S[2] * D2 + s12 * F1 + s22 * F2
+                    if wp.static(curved):
+                        P1, P2 = level(P1, P2, tilt)
                     A1 = P1 * inverse[0] + P2 * inverse[1]
                     A2 = P1 * inverse[1] + P2 * inverse[2]
                     for word in range(family.words):
@@ -234,17 +243,28 @@ def bond_associated_tangent(
         j: int,
         undamaged: bool,
     ):
-        """K_ij^-1, zero where the bond is broken or the intersection degenerate."""
+        """K_ij^-1, zero where the bond is broken or the intersection degenerate; tilt."""
         result = vec3(real(0.0), real(0.0), real(0.0))
+        tilt = vec2(real(0.0), real(0.0))
         if is_intact(family, intact, i, j):
             if undamaged:
                 result = f.shape(family, i, j)
+                tilt = f.tilt(family, i, j)
             else:
-                _G1, _G2, inverse, _size, _tilt = intersection(
+                _G1, _G2, inverse, _size, tilt_left = intersection(
                     family, intact, displacement, displacement, real(0.0), i, j, undamaged
                 )
                 result = inverse
-        return result
+                tilt = tilt_left
+        return result, tilt
+
+    @wp.func(module=module)
+    def levelled(g: vec2, tilt: vec2):
+        """R^-1 g."""
+        if wp.static(curved):
+            return g - wp.dot(tilt, g) * tilt
+        else:
+            return g
 
     @kernel(module, gathers=("displacement", "intact", "gradient", "stress", "moduli"))
     def inverse_blocks(
@@ -263,7 +283,7 @@ def bond_associated_tangent(
         block = mat33()
         undamaged = is_undamaged(family, intact, i)
         for j in range(family.members):
-            inverse = shape_of(family, intact, displacement, i, j, undamaged)
+            inverse, tilt = shape_of(family, intact, displacement, i, j, undamaged)
             if inverse[0] > real(0.0):
                 sum_of = vec2(real(0.0), real(0.0))
                 for word in range(family.words):
@@ -276,7 +296,7 @@ def bond_associated_tangent(
                 g = vec2(
                     inverse[0] * sum_of[0] + inverse[1] * sum_of[1], inverse[1] * sum_of[0] + inverse[2] * sum_of[1]
                 )
-                block += block_of(gradient[j, i], stress[j, i], moduli[j, i], g)
+                block += block_of(gradient[j, i], stress[j, i], moduli[j, i], levelled(g, tilt))
         for k in range(family.members):
             if is_intact(family, intact, i, k):
                 m = f.neighbour(family, i, k)
@@ -288,12 +308,12 @@ def bond_associated_tangent(
                 undamaged_there = is_undamaged(family, intact, m)
                 for j in range(family.members):
                     if (f.common(family, m, j, word) & bit) != wp.uint32(0):
-                        inverse = shape_of(family, intact, displacement, m, j, undamaged_there)
+                        inverse, tilt = shape_of(family, intact, displacement, m, j, undamaged_there)
                         if inverse[0] > real(0.0):
                             g = c * vec2(
                                 inverse[0] * xi[0] + inverse[1] * xi[1], inverse[1] * xi[0] + inverse[2] * xi[1]
                             )
-                            block += block_of(gradient[j, m], stress[j, m], moduli[j, m], g)
+                            block += block_of(gradient[j, m], stress[j, m], moduli[j, m], levelled(g, tilt))
         mask = wp.uint8(0)
         if wp.static(held):
             mask = held_mask[i]

@@ -122,12 +122,13 @@ def follower_pressure_tangent(layout: str, bits: int, breakable: bool, scheduled
     here are averages over families.
     """
     types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout, bits, module)
     Family = f.struct
     intact_members = bond_state(layout, bits, breakable, module).intact_members
-    word_size = WORD
-    determines_gradient = kinematics(bits).determines_gradient
+    word_size, curved, motion = WORD, is_curved(layout), kinematics(bits)
+    determines_gradient, level, tilt_of = motion.determines_gradient, motion.level, motion.tilt_of
+    curved_gradient = motion.curved_gradient
 
     @kernel(module, gathers=("displacement", "direction"))
     def add_follower_tangent(
@@ -149,6 +150,7 @@ def follower_pressure_tangent(layout: str, bits: int, breakable: bool, scheduled
         D1 = zero
         D2 = zero
         shape = zero
+        rises = vec2(real(0.0), real(0.0))
         for word in range(family.words):
             members = intact_members(family, intact, i, word)
             while members != wp.uint32(0):
@@ -159,6 +161,10 @@ def follower_pressure_tangent(layout: str, bits: int, breakable: bool, scheduled
                 cxi = f.influence(family, i, k) * f.area(family, m) * xi
                 stretch = displacement[m] - displacement[i]
                 turn = direction[m] - direction[i]
+                if wp.static(curved):
+                    rises += f.rise(family, i, k) * cxi
+                    stretch = f.to_frame(family, i, stretch)
+                    turn = f.to_frame(family, i, turn)
                 G1 += cxi[0] * stretch
                 G2 += cxi[1] * stretch
                 D1 += cxi[0] * turn
@@ -171,9 +177,15 @@ def follower_pressure_tangent(layout: str, bits: int, breakable: bool, scheduled
             F2 = scale * (shape[0] * G2 - shape[1] * G1) + vec3(real(0.0), real(1.0), real(0.0))
             dF1 = scale * (shape[2] * D1 - shape[1] * D2)
             dF2 = scale * (shape[0] * D2 - shape[1] * D1)
+            if wp.static(curved):
+                slope = vec2(shape[2] * rises[0] - shape[1] * rises[1], shape[0] * rises[1] - shape[1] * rises[0])
+                tilt = tilt_of(slope / determinant)
+                H1, H2 = level(scale * (shape[2] * G1 - shape[1] * G2), scale * (shape[0] * G2 - shape[1] * G1), tilt)
+                F1, F2 = curved_gradient(H1, H2, tilt)
+                dF1, dF2 = level(dF1, dF2, tilt)
             p = unit_pressure * f.area(family, i)
             if wp.static(scheduled):
                 p = p * factors[schedule][0]
-            change[i] = change[i] + p * (wp.cross(dF1, F2) + wp.cross(F1, dF2))
+            change[i] = change[i] + f.from_frame(family, i, p * (wp.cross(dF1, F2) + wp.cross(F1, dF2)))
 
     return add_follower_tangent

@@ -20,6 +20,7 @@ from warp_pd import (
     Fixed,
     Measure,
     MooneyRivlin,
+    Newton,
     Outcome,
     Relaxation,
     Sheet,
@@ -56,6 +57,7 @@ def build(
     sheet = Sheet.sphere(RADIUS, thickness=THICKNESS, density=1000.0, points=points)
     duration = 0.5 if solver == "explicit" else 1.0
     solvers: dict[str, Solver] = {
+        "newton": Newton(tolerance=tolerance, load_steps=frames),
         "relaxation": Relaxation(tolerance=tolerance, load_steps=frames, ramp_steps=20 * points),
         "explicit": Explicit(duration, frames=frames, damping=20.0),
     }

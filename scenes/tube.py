@@ -17,6 +17,7 @@ from warp_pd import (
     Measure,
     MooneyRivlin,
     Motion,
+    Newton,
     Outcome,
     Relaxation,
     Sheet,
@@ -53,6 +54,7 @@ def build(
     sheet = Sheet.tube(RADIUS, LENGTH, thickness=THICKNESS, density=1000.0, points=points)
     duration = 0.1 if solver == "explicit" else 1.0
     solvers: dict[str, Solver] = {
+        "newton": Newton(tolerance=tolerance, load_steps=frames),
         "relaxation": Relaxation(tolerance=tolerance, load_steps=frames, ramp_steps=10 * points),
         "explicit": Explicit(duration, frames=frames, damping=50.0),
     }

@@ -16,7 +16,7 @@ from .shapes.files import flat_shape, read_mesh
 from .shapes.lines import Named
 from .shapes.outline import outline
 from .shapes.rectangles import filled, line, rectangle
-from .shapes.selections import Selections
+from .shapes.selection import SelectableShape
 from .shapes.shape import Shape
 from .shapes.stretching import before_stretch
 from .shapes.surfaces import sphere, surface, tube
@@ -24,7 +24,7 @@ from .shapes.triangulation import Segment
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sheet(Selections):
+class Sheet(SelectableShape):
     """A shape with a thickness and a density.
 
     Make one with `rectangle` or `outline`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.

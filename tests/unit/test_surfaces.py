@@ -11,7 +11,6 @@ from warp_pd import (
     Fixed,
     Motion,
     NeoHookean,
-    Newton,
     Nodal,
     Sheet,
     Simulation,
@@ -134,7 +133,6 @@ def test_wrong_arguments_are_refused(make):
     [
         ("force = Nodal", {"force": Nodal(NEO)}),
         ("force = ViscoBondBased", {"force": ViscoBondBased(Yeoh(1e3))}),
-        ("solver = Newton: expected Relaxation or Explicit on a curved sheet", {"solver": Newton()}),
         ("BoundaryForce: expected a flat sheet", {"loads": [BoundaryForce(1.0)]}),
         (r"at \(1, 0, 0\) m", {"loads": [Fixed([0]), Motion([0], [0.0, 1.0], x=[0.0, 0.1])]}),
     ],

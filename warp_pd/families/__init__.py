@@ -2,7 +2,15 @@
 
 from .build import build_families, require_diagonals
 from .masks import pack, unpack
-from .tables import INFLUENCE, Families, InfluenceFunction, influence_function, inverse_shape, remaining_inverse
+from .tables import (
+    INFLUENCE,
+    Families,
+    InfluenceFunction,
+    influence_function,
+    inverse_shape,
+    remaining_inverse,
+    tilts_of,
+)
 
 __all__ = [
     "INFLUENCE",
@@ -14,5 +22,6 @@ __all__ = [
     "pack",
     "remaining_inverse",
     "require_diagonals",
+    "tilts_of",
     "unpack",
 ]

@@ -217,6 +217,12 @@ class Families:
         in_blocks(rows, n * n, fill)
         return inverse, size
 
+    @property
+    def rises(self) -> np.ndarray:
+        """Heights of the members over the tangent plane / horizon, shape (N, n), on a curved sheet."""
+        assert self.frames is not None and self.chords is not None
+        return np.asarray(np.einsum("nka,na->nk", self.chords, self.frames[..., 2]))
+
     def tilts(self, inverse: np.ndarray) -> np.ndarray:
         """Tilts of the intersections of a curved sheet against the tangent planes (kernels/kinematics.py).
 
@@ -226,19 +232,15 @@ class Families:
         Returns:
             shape (N, n, 2).
         """
-        assert self.frames is not None and self.chords is not None
-        normals, chords = self.frames[..., 2], self.chords
-        tilts = np.empty((*inverse.shape[:2], 2))
+        rises, tilts = self.rises, np.empty((*inverse.shape[:2], 2))
 
         def fill(part: slice) -> None:
-            rises = np.einsum("nka,na->nk", chords[part], normals[part])
             c = np.where(self.exists[part], self.influence[part], 0.0) * self.member_areas[part]
             mask = unpack(self.common[part], self.members).astype(np.float64)
-            moment = mask @ ((c * rises)[..., None] * self.bonds[part])
+            moment = mask @ ((c * rises[part])[..., None] * self.bonds[part])
             a, b, d = np.moveaxis(inverse[part], -1, 0)
             first, second = a * moment[..., 0] + b * moment[..., 1], b * moment[..., 0] + d * moment[..., 1]
-            s = np.sqrt(1.0 + first**2 + second**2)
-            tilts[part] = np.stack([first, second], axis=-1) / np.sqrt(s * (1.0 + s))[..., None]
+            tilts[part] = tilts_of(np.stack([first, second], axis=-1))
 
         in_blocks(len(inverse), self.members**2, fill)
         return tilts
@@ -258,6 +260,12 @@ class Families:
         inverse, usable = inverse_shape(shape)
         usable &= self.exists[part]
         return np.where(usable[..., None], inverse, 0.0), np.where(usable, size, 0.0)
+
+
+def tilts_of(slopes: np.ndarray) -> np.ndarray:
+    """Tilts of slopes, both of shape (..., 2), see kernels/kinematics.py."""
+    s = np.sqrt(1.0 + (slopes**2).sum(axis=-1, keepdims=True))
+    return np.asarray(slopes / np.sqrt(s * (1.0 + s)))
 
 
 def inverse_shape(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

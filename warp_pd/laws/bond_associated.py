@@ -218,8 +218,6 @@ class BondAssociatedForce(FamilyLaw):
             )
         if not geometric:
             raise InputError("stiffness = 'constant': expected 'tangent'; only the law BondBased has 'constant'")
-        if self.families.frames is not None:
-            raise InputError("solver = Newton: expected Relaxation or Explicit on a curved sheet")
         return BondAssociatedTangent(self, context)
 
     def on_coarser(self, context: Context, horizon: float) -> BuiltLaw | None:

@@ -11,7 +11,7 @@ from ..checks import InputError
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families import Families, remaining_inverse, unpack
+from ..families import Families, remaining_inverse, tilts_of, unpack
 from ..interfaces import Solve
 from ..kernels.bond_associated_tangent import bond_associated_tangent
 from ..kernels.lattice_matrix import lattice_matrix
@@ -254,7 +254,10 @@ def gradient_matrix(force: BondAssociatedLaw) -> tuple[csr_matrix, tuple[np.ndar
 
 
 def _coefficients(families: Families, intact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """c_k K_ij^-1 xi_ik by point, j, k, shape (N, n, n, 2), and which intersections are usable, shape (N, n)."""
+    """c_k K_ij^-1 xi_ik by point, j, k, shape (N, n, n, 2), and which intersections are usable, shape (N, n).
+
+    On a curved sheet R^-1 K_ij^-1 (kernels/kinematics.py) takes the place of K_ij^-1.
+    """
     shared = families.bonds.ndim == 2
     bonds = families.bonds[None] if shared else families.rows_of_points(families.bonds)
     influence = families.influence if shared else families.rows_of_points(families.influence)
@@ -268,4 +271,7 @@ def _coefficients(families: Families, intact: np.ndarray) -> tuple[np.ndarray, n
     usable &= intact
     inverse = np.where(usable[..., None], components, 0.0)[..., [0, 1, 1, 2]].reshape(*usable.shape, 2, 2)
     g = weighted[..., None] * np.einsum("njab,nkb->njka", inverse, np.broadcast_to(bonds, (*c.shape, 2)), optimize=True)
+    if families.frames is not None:
+        tilts = tilts_of(np.einsum("njka,nk->nja", g, families.rises))[:, :, None]
+        g -= (g * tilts).sum(axis=-1, keepdims=True) * tilts
     return g, usable

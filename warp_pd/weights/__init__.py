@@ -19,6 +19,10 @@ The square is the relative change; the logarithm keeps W above f W0. Squares alo
 -4.5 W0 at a horizon of 3.15 spacings, and Newton's method then finds no equilibrium of a sheet that is
 clamped at both ends and stretched by 1.2.
 
+On a curved sheet the stress is an equal tension in all directions, G_ij,m are vectors in space (R^-1 K_ij^-1 in place
+of K_ij^-1, kernels/kinematics.py), and the balance is that of the components along the surface. It does not fix the sum
+of the weights there, which is the area in any equal growth; one more constraint keeps it.
+
 The bond-associated family is that of Yang, Chen & Liu (Eng. Fract. Mech. 2024, 110131). Their published force
 uses other weights and has no energy; the energy, the plain weights and the correction are this project's own.
 """

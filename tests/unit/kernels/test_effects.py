@@ -221,7 +221,7 @@ def _gathered(built, launch, size):
     for name, array in _arrays(launch):
         values = kept[array.ptr][1]
         axis = _point_axis(values, size)
-        if axis is None or values.dtype.kind != "f" or name.split(".")[0] == "family":
+        if axis is None or values.dtype.kind != "f" or _plain(name).split(".")[0] == "family":
             continue
         poisoned = values.copy()
         outside = _outside(values, axis, begin, end)

@@ -5,7 +5,18 @@ import pytest
 from enclosed_cases import CUBE, TETRAHEDRON, ball, enclosed
 from helpers import NEO, build, jittered, rough, square
 
-from warp_pd import BondAssociated, EnclosedGas, EnclosedVolume, Explicit, Fixed, InputError, Motion, Simulation
+from warp_pd import (
+    BondAssociated,
+    CriticalStretch,
+    EnclosedGas,
+    EnclosedVolume,
+    Explicit,
+    Fixed,
+    InputError,
+    Motion,
+    Relaxation,
+    Simulation,
+)
 from warp_pd.shapes.enclosure import edge_rings, other_diagonals, volume_of
 
 GAS = EnclosedGas(gauge=30.0, ambient=100.0, exponent=1.4)
@@ -217,3 +228,10 @@ def test_the_tangent_is_the_derivative_of_the_force():
         free = np.setdiff1d(np.arange(sheet.size), edge)
         expected = ((forces[0] - forces[1]) / 2e-6)[free]
         assert arrays["out"].numpy()[free] == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
+
+
+def test_a_leak_needs_time():
+    sheet = square(5)
+    loads = [Fixed(sheet.edges("all")), EnclosedGas(chamber=1.0, leak=0.6)]
+    with pytest.raises(InputError, match="EnclosedGas: the solver Relaxation has no phase for it"):
+        Simulation(sheet, BondAssociated(NEO), Relaxation(), loads=loads, damage=CriticalStretch(2.0)).build("cpu")

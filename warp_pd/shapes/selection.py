@@ -1,4 +1,4 @@
-"""Points of a shape by name, place or condition."""
+"""Points of a shape, picked by where they are."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .shape import Shape
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Selections(Shape):
-    """A shape whose points can be chosen."""
+class SelectableShape(Shape):
+    """A shape whose points can be picked by where they are."""
 
     def edges(self, *names: str) -> np.ndarray:
         """Indices of the points on named edges; "all" is the outline and all holes.
