@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     )
     from .run.runner import Result
     from .scene import Measure, Outcome
+    from .shapes.curves import Circle, Polygon, Spline
     from .shapes.files import read_mesh
     from .shapes.svg import read_outline
     from .sheet import Sheet
@@ -74,6 +75,7 @@ else:
             "EnclosedVolume Fixed Motion PointForce Pressure RigidBall TearingEnergy",
             "run.runner": "Result",
             "scene": "Measure Outcome",
+            "shapes.curves": "Circle Polygon Spline",
             "shapes.files": "read_mesh",
             "shapes.svg": "read_outline",
             "sheet": "Sheet",
@@ -97,6 +99,7 @@ __all__ = [
     "BondNeoHookean",
     "BoundaryForce",
     "Built",
+    "Circle",
     "CriticalEnergy",
     "CriticalStretch",
     "EnclosedGas",
@@ -120,6 +123,7 @@ __all__ = [
     "Outcome",
     "PairwiseMaterial",
     "PointForce",
+    "Polygon",
     "Pressure",
     "Prony",
     "Relaxation",
@@ -127,6 +131,7 @@ __all__ = [
     "RigidBall",
     "Sheet",
     "Simulation",
+    "Spline",
     "Surface",
     "TearingEnergy",
     "TensionField",

@@ -130,7 +130,8 @@ def _cells(low: np.ndarray, size: float, spacing: Spacing) -> tuple[np.ndarray, 
         sizes.append(np.full(len(found[-1]), size))
         size *= 0.5
         corners = 0.5 * size * np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
-        if 4 * int(wide.sum()) > MAX_CELLS or (depth == DIVISIONS and wide.any()):
+        needed = float(np.sum((2.0 * size / spacing(centres[wide])) ** 2)) if depth >= COARSEST else 0.0
+        if needed > MAX_CELLS or (depth == DIVISIONS and wide.any()):
             raise InputError(
                 f"spacing(x, y) is {float(spacing(centres).min()):.3g} m: expected larger spacings, "
                 "or a number where the sheet has millions of points"
