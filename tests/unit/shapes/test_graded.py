@@ -6,7 +6,9 @@ from helpers import MU, NEO, build, internal_force, strain_energy
 
 from warp_pd import Bimodular, BondAssociated, BondBased, Explicit, Sheet, Simulation
 from warp_pd.checks import InputError
+from warp_pd.measures import TearLine
 from warp_pd.parts import CriticalEnergy, RigidBall, TearingEnergy
+from warp_pd.roughness import rough_surface
 from warp_pd.shapes.curves import Circle
 from warp_pd.shapes.triangulation import boundary_edges
 
@@ -152,3 +154,22 @@ def test_a_ball_must_not_pass_between_the_points_of_the_coarse_part():
     ball = RigidBall(diameter=0.006, start=(0.06, 0.025, 0.01), velocity=(0.0, 0.0, -1.0))
     with pytest.raises(InputError, match=r"RigidBall\.diameter = 0\.006"):
         built(strip(), contact=ball)
+
+
+def test_bumps_are_as_high_as_the_local_spacing_says():
+    sheet = strip()
+    height = np.abs(rough_surface(sheet, 0.1, 0)[:, 2])
+    assert (height <= 0.1 * sheet.spacings).all()
+    assert height.max() > 0.1 * sheet.spacing
+
+
+def test_specks_are_told_by_the_local_spacing():
+    """One torn triangle is a broken bond, not a crack, wherever it is."""
+    sheet = strip()
+    line = TearLine(sheet)
+    for place in ((0.06, 0.025), (0.1, 0.025)):
+        intact = np.ones(len(sheet.triangles), bool)
+        intact[np.argmin(np.linalg.norm(line.centres - place, axis=1))] = False
+        assert line.without_specks(intact).all()
+        intact[np.linalg.norm(line.centres - place, axis=1) < 0.011] = False
+        assert not line.without_specks(intact).all()
