@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from .pieces import placed, together
     from .run.runner import Result
     from .scene import Measure, Outcome
+    from .shapes.curves import Circle, Polygon, Spline
     from .shapes.files import read_mesh
     from .shapes.pieces import Place
     from .shapes.svg import read_outline
@@ -78,6 +79,7 @@ else:
             "EnclosedVolume Fixed Motion PointForce Pressure RigidBall SelfContact TearingEnergy",
             "run.runner": "Result",
             "scene": "Measure Outcome",
+            "shapes.curves": "Circle Polygon Spline",
             "shapes.files": "read_mesh",
             "shapes.pieces": "Place",
             "shapes.svg": "read_outline",
@@ -102,6 +104,7 @@ __all__ = [
     "BondNeoHookean",
     "BoundaryForce",
     "Built",
+    "Circle",
     "CriticalEnergy",
     "CriticalStretch",
     "EnclosedGas",
@@ -126,6 +129,7 @@ __all__ = [
     "PairwiseMaterial",
     "Place",
     "PointForce",
+    "Polygon",
     "Pressure",
     "Prony",
     "Relaxation",
@@ -134,6 +138,7 @@ __all__ = [
     "SelfContact",
     "Sheet",
     "Simulation",
+    "Spline",
     "Surface",
     "TearingEnergy",
     "TensionField",
