@@ -38,7 +38,7 @@ class Built(RenamedAttributes, System):
         checks: Checks of every frame.
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
-        contacts: The contacts on the device.
+        contacts: Contacts on the device; `contact` is the first one, or None.
         rupture: The rupture criterion on the device, or None.
     """
 
@@ -47,13 +47,9 @@ class Built(RenamedAttributes, System):
     checks: FrameChecks
     energy: EnergyBalance
     sums: Sums
-    contacts: tuple[BuiltContact, ...]
+    contact: BuiltContact | None
     rupture: BuiltRupture | None
-
-    @property
-    def contact(self) -> BuiltContact | None:
-        """The first contact, or None."""
-        return self.contacts[0] if self.contacts else None
+    contacts: tuple[BuiltContact, ...] = ()
 
     @property
     def state(self) -> State:
@@ -93,8 +89,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     law = scene.force.build(context)
     law.request_fields(scene.fields)
     built = [part.build(context, law) for part in parts]
-    on_device: dict[int, BuiltPart] = {id(part): each for part, each in zip(parts, built, strict=True)}
-    loads = [each for part, each in zip(parts, built, strict=True) if part.adds_force]
+    loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))
     moved = MovedPoints(context, constraints)
     if scene.solver.dynamic:
@@ -106,14 +101,19 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     context.clock.allocate(context.fields, context.types, context.module)
     checks = FrameChecks(context)
     acting = (law, solver, moved, Ticking(context), *built, external, checks)
+    contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
-        contacts=tuple(cast(BuiltContact, on_device[id(contact)]) for contact in scene.contacts),
-        rupture=cast(BuiltRupture | None, on_device.get(id(scene.damage))),
+        contacts[0] if contacts else None, cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,
     )  # fmt: skip
     _check_columns(scene, made)
     _add_stages(made)
     return made
+
+
+def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> BuiltPart | None:
+    """The built counterpart of a part of the scene."""
+    return next((on_device for part, on_device in zip(parts, built, strict=True) if part is wanted), None)
 
 
 def parts_of(scene: Scene) -> list[Part]:
@@ -142,7 +142,7 @@ def _context(
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
         gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
-        contact=any(contact.changes_velocities for contact in scene.contacts),
+        contact=any(part.changes_velocities for part in scene.contacts),
     )
     return Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),

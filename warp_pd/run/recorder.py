@@ -178,7 +178,6 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
         values = built.to_host(stored.array)
         shown[stored.field.output] = values / built.volume if stored.field.density else values
     rupture = built.rupture
-    centres = (contact.centre(now) for contact in built.contacts)
     return Frame(
         index=index,
         time=now,
@@ -186,6 +185,6 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
         velocity=shown.pop("velocity"),
         intact_faces=None if rupture is None else built.to_host(rupture.intact_faces).view(bool),
         damage=None if rupture is None else built.to_host(rupture.damage),
-        ball_center=next((centre for centre in centres if centre is not None), None),
+        ball_center=next((centre for c in built.contacts if (centre := c.centre(now)) is not None), None),
         point_data=shown,
     )

@@ -266,7 +266,7 @@ def surface_of(built: Built) -> Surface:
     return Surface(
         points=sheet.positions,
         faces=sheet.triangles,
-        ball_diameter=next((d for contact in built.contacts if (d := contact.ball_diameter()) is not None), None),
+        ball_diameter=next((d for c in built.contacts if (d := c.ball_diameter()) is not None), None),
         title=scene.scene,
         metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static},
     )
