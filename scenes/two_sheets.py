@@ -4,8 +4,8 @@ Two neo-Hookean sheets (mu 1 MPa, 1 mm thick). The lower one, 0.1 x 0.06 m, is h
 square and turned by 17 degrees, is pressed on it by a pressure and pulled along x at 0.2 m/s by its right edge. Mass
 damping takes out the vibrations of the start, as air and the rubber's own losses would.
 
-The reference is the pull coefficient x pressure x area. Surfaces of points are bumpy, and bumps resist: points that keep
-2.5 spacings instead of 1.5 make the surface smoother, and the pull 1 % instead of 4 % too large.
+The reference is the pull coefficient x pressure x area. Surfaces of points are bumpy, and bumps resist: points that
+keep 2.5 spacings instead of 1.5 make the surface smoother, and the pull 1 % instead of 4 % too large.
 """
 
 import numpy as np

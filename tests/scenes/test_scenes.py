@@ -92,6 +92,15 @@ def test_fingers_of_the_glove_pull_back():
     assert all(value(result, f"finger_{number}") > 0.1 for number in range(1, 6))
 
 
+def test_sheets_in_contact_rub_as_coulomb_says_and_stay_apart():
+    pull = ran("two_sheets").summary["measures"]["pull"]
+    assert pull["value"] == pytest.approx(pull["reference"], rel=0.04)
+    strip = ran("folded_sheet")
+    assert value(strip, "smallest_clearance") > 1.0
+    assert max(column(strip, "contact")) > 0.0
+    assert abs(value(strip, "worst_energy_balance")) < 0.02
+
+
 def test_balloon_and_tube_have_the_exact_pressures():
     """Up to the volume that their flat triangles lack."""
     balloon, tube = ran("balloon"), ran("tube")

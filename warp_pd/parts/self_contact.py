@@ -72,6 +72,11 @@ class SelfContact(Contact):
         """Whether there is friction."""
         return self.friction > 0.0
 
+    @property
+    def half_steps(self) -> bool:
+        """Whether energies balance with the velocities at half steps: repulsion has a potential, friction has not."""
+        return not self.changes_velocities
+
     def compile_key(self) -> tuple[object, ...]:
         """Whether there is friction."""
         return (self.changes_velocities,)
