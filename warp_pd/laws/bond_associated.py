@@ -119,6 +119,7 @@ class BondAssociatedForce(FamilyLaw):
     coarsens = True
     takes_curved = True
     takes_graded = True
+    takes_tension_field = True
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         breakable, sheet = context.features.breakable, context.sheet

@@ -46,6 +46,7 @@ class FamilyLaw(BuiltLaw):
         fields: Further point fields that the law offers for frames.
         takes_curved: Whether it works on curved sheets.
         takes_graded: Whether it works on sheets of graded spacing.
+        takes_tension_field: Whether its material may be a TensionField.
     """
 
     owner: str
@@ -57,6 +58,7 @@ class FamilyLaw(BuiltLaw):
     offered_fields: Sequence[str] = ()
     takes_curved: bool = False
     takes_graded: bool = False
+    takes_tension_field: bool = False
 
     def __init__(
         self,
@@ -98,7 +100,8 @@ class FamilyLaw(BuiltLaw):
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True)
         self.thickness = context.sheet.thickness
         self.points = context.sheet.size
-        self.lock = capabilities(law.material).lock
+        known = capabilities(law.material)
+        self.lock, self.goes_slack = known.lock, known.goes_slack
         self.constants = context.types.parameters(*padded_constants(law.material))
         self.inverse_horizon = 1.0 / families.horizon
         self.unit_volume = self.thickness * families.reference_area
@@ -209,5 +212,10 @@ class FamilyLaw(BuiltLaw):
             return f"the Gent lock Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step followed"
         if not self.has_energy:
             return "the law has no potential and can add energy; try damping or the law bond_associated"
-        torn = ", as torn edges do" if self.intact is not None else ""
-        return f"the sheet stiffened faster than the step was reduced{torn}; try a smaller safety"
+        stiffened = "the sheet stiffened faster than the step was reduced"
+        if self.intact is None:
+            return f"{stiffened}; try a smaller safety"
+        if self.takes_tension_field and not self.goes_slack:
+            # Torn edges collapse in plane where a real sheet wrinkles: within steps, their stiffness rises many times.
+            return f"{stiffened}, as torn edges do that are compressed; try a TensionField material or a smaller safety"
+        return f"{stiffened}, as torn edges do; try a smaller safety"

@@ -91,6 +91,7 @@ class NodalForce(PointLaw):
     """The nodal law on one sheet and device."""
 
     has_energy = True
+    takes_tension_field = True
 
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context)

@@ -87,6 +87,7 @@ class ViscoForce(ElasticVisco):
     """
 
     depends_on_time = True
+    takes_tension_field = False
 
     def __init__(self, law: Visco, context: Context) -> None:
         super().__init__(law, context)

@@ -3,7 +3,18 @@
 import pytest
 from helpers import NEO, square
 
-from warp_pd import BondAssociated, Explicit, Gent, Neural, Nodal, Simulation
+from warp_pd import (
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Gent,
+    Neural,
+    Nodal,
+    Prony,
+    Simulation,
+    TensionField,
+    Visco,
+)
 
 LAWS = {
     "bond-associated": BondAssociated, "nodal": Nodal,
@@ -19,3 +30,19 @@ def test_every_law_names_the_lock_of_its_material(name):
     ]
     assert "the Gent lock Jm = 20 was reached" in causes[0]
     assert "lock" not in causes[1]
+
+
+@pytest.mark.parametrize(
+    ("law", "remedy"),
+    [
+        (BondAssociated(NEO), "try a TensionField material or a smaller safety"),
+        (BondAssociated(TensionField(NEO)), "as torn edges do; try a smaller safety"),
+        (Visco(NEO), "try a TensionField material or a smaller safety"),
+        (Visco(NEO, prony=(Prony(0.1, 0.1),)), "as torn edges do; try a smaller safety"),
+        (Nodal(NEO), "try a TensionField material or a smaller safety"),
+    ],
+    ids=["bond-associated", "wrinkles already", "elastic Visco", "Visco", "nodal"],
+)
+def test_a_sheet_that_tears_and_cannot_wrinkle_is_told_how(law, remedy):
+    scene = Simulation(square(9), law, Explicit(1.0), damage=CriticalStretch(2.0))
+    assert scene.build("cpu").law.likely_cause().endswith(remedy)
