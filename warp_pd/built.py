@@ -38,7 +38,8 @@ class Built(RenamedAttributes, System):
         checks: Checks of every frame.
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
-        contact: The contact on the device, or None.
+        contact: The first contact on the device, or None.
+        contacts: All contacts on the device.
         rupture: The rupture criterion on the device, or None.
     """
 
@@ -49,6 +50,7 @@ class Built(RenamedAttributes, System):
     sums: Sums
     contact: BuiltContact | None
     rupture: BuiltRupture | None
+    contacts: tuple[BuiltContact, ...] = ()
 
     @property
     def state(self) -> State:
@@ -100,10 +102,12 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     context.clock.allocate(context.fields, context.types, context.module)
     checks = FrameChecks(context)
     acting = (law, solver, moved, Ticking(context), *built, external, checks)
+    contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
-        contact=cast(BuiltContact | None, _built(scene.contact, parts, built)),
+        contact=contacts[0] if contacts else None,
         rupture=cast(BuiltRupture | None, _built(scene.damage, parts, built)),
+        contacts=contacts,
     )  # fmt: skip
     _check_columns(scene, made)
     _add_stages(made)
@@ -122,7 +126,7 @@ def parts_of(scene: Scene) -> list[Part]:
         InputError: for parts that cannot be combined.
     """
     inclusions: list[Part] = [RigidInclusions(scene.sheet.inclusions)] if scene.sheet.inclusions else []
-    parts = [part for part in (*inclusions, *scene.loads, scene.contact, scene.damage) if part is not None]
+    parts = [part for part in (*inclusions, *scene.loads, *scene.contacts, scene.damage) if part is not None]
     for index, part in enumerate(parts):
         part.check([*parts[:index], *parts[index + 1 :]])
     return parts
@@ -141,7 +145,7 @@ def _context(
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
         gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
-        contact=scene.contact is not None,
+        contact=bool(scene.contacts),
     )
     return Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),

@@ -92,7 +92,7 @@ class Scene:
         force: Force law.
         solver: Explicit, Relaxation or Newton.
         loads: Supports and loads.
-        contact: A rigid ball, or None.
+        contact: A rigid body, a list of them, or None.
         damage: Rupture criterion, or None: nothing can break.
         measures: Numbers to report, at every frame; the summary has those of the last one.
         outcomes: Numbers to report of the whole run.
@@ -114,7 +114,7 @@ class Scene:
     force: Law
     solver: Solver
     loads: Sequence[Part] = ()
-    contact: Contact | None = None
+    contact: Contact | Sequence[Contact] | None = None
     damage: Rupture | None = None
     measures: Sequence[Measure] = ()
     outcomes: Sequence[Outcome] = ()
@@ -128,6 +128,13 @@ class Scene:
     pictures: Callable[[History, Path], None] | None = None
     notes: Sequence[str] = ()
     settings: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """All contacts."""
+        if self.contact is None:
+            return ()
+        return tuple(self.contact) if isinstance(self.contact, Sequence) else (self.contact,)
 
     def initial(self, name: str) -> np.ndarray:
         """The initial displacement or velocity, shape (N, 3).
@@ -153,14 +160,16 @@ class Scene:
             ("sheet", self.sheet, Sheet, "a Sheet"),
             ("force", self.force, Law, "a force law, such as BondAssociated(material)"),
             ("solver", self.solver, Solver, "Explicit, Relaxation or Newton"),
-            ("contact", self.contact, Contact | None, "a RigidBall or None"),
             ("damage", self.damage, Rupture | None, "CriticalStretch, CriticalEnergy or None"),
         )
+        if isinstance(self.contact, str) or not isinstance(self.contact, Contact | Sequence | None):
+            raise InputError(f"contact = {said(self.contact)}: expected a RigidBall, a RigidBody, a list, or None")
         for name, part, kind, words in expected:
             if isinstance(part, type) or not isinstance(part, kind):
                 raise InputError(f"{name} = {said(part)}: expected {words}")
         lists: tuple[tuple[str, Any, Any], ...] = (
-            ("loads", self.loads, Part), ("measures", self.measures, Measure), ("outcomes", self.outcomes, Outcome),
+            ("loads", self.loads, Part), ("contact", self.contacts, Contact), ("measures", self.measures, Measure),
+            ("outcomes", self.outcomes, Outcome),
         )  # fmt: skip
         for name, parts, kind in lists:
             if not isinstance(parts, Sequence) or isinstance(parts, str):
@@ -170,7 +179,10 @@ class Scene:
                     raise InputError(f"{name}[{index}] = {said(part)}: expected a list of {name}")
         if isinstance(self.fields, str) or not all(isinstance(name, str) for name in self.fields):
             raise InputError(f"fields = {said(self.fields)}: expected a list of names")
-        given = [*(("loads", part) for part in self.loads), ("contact", self.contact), ("damage", self.damage)]
+        given = [
+            *(("loads", part) for part in self.loads), *(("contact", part) for part in self.contacts),
+            ("damage", self.damage),
+        ]  # fmt: skip
         for name, part in given:
             if part is not None and part.argument != name:
                 raise InputError(f"{name}: {type(part).__name__} is given here, expected as {part.argument}")
@@ -179,7 +191,7 @@ class Scene:
 
     def _check_regions(self) -> None:
         """Refuse points that were taken from another sheet, such as this one before a hole was cut into it."""
-        for part in [*self.loads, *(part for part in (self.contact, self.damage) if part is not None)]:
+        for part in [*self.loads, *self.contacts, *([self.damage] if self.damage is not None else [])]:
             for name, value in getattr(part, "__dict__", {}).items():
                 if isinstance(value, Region) and not value.fits(self.sheet.points):
                     raise InputError(

@@ -11,6 +11,7 @@ import numpy as np
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..frame import Body
 from ..schedules import Schedule
 from ..sheet import Sheet
 from .built_part import BuiltPart
@@ -152,6 +153,14 @@ class BuiltContact(BuiltPart, Protocol):
 
     def centre(self, time: float) -> np.ndarray | None:
         """Centre of the ball at a time [m], shape (3,), or None."""
+        return None
+
+    def outline(self) -> Body | None:
+        """Another body to be drawn, or None."""
+        return None
+
+    def pose(self) -> np.ndarray | None:
+        """Position of its centre [m] and unit quaternion (x, y, z, w) at a frame, shape (7,), or None."""
         return None
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from ..checks import InputError
-from ..frame import Frame, Surface
+from ..frame import Body, Frame, Surface
 from .shapes import bounding_box, camera_place, damage_colours, plain_metadata, point_normals, require_writable
 
 _BALL_COLOUR = (0.32, 0.37, 0.42)
@@ -119,6 +120,8 @@ class UsdAnimation:
             _define_lights(stage)
             if self.surface.ball_diameter is not None:
                 _define_ball(stage, self.surface.ball_diameter)
+            for body in self.surface.bodies:
+                _define_body(stage, body)
         if self._has_damage != (frame.damage is not None):
             raise ValueError(
                 f"damage of frame {frame.index} is {'None' if frame.damage is None else 'given'}; "
@@ -126,7 +129,8 @@ class UsdAnimation:
             )
         self._write_sheet(UsdGeom.Mesh.Get(stage, _SHEET), frame, code)
         self._write_ball(stage, frame, code)
-        self._widen_view(frame.positions(self.surface), frame.faces(self.surface), frame.ball_center)
+        self._write_bodies(stage, frame, code)
+        self._widen_view(frame.positions(self.surface), frame.faces(self.surface), frame.ball_center, frame.bodies)
         _aim_camera(stage, self._view_box)
         stage.SetEndTimeCode(frame.index)
         self._frames = frame.index + 1
@@ -193,7 +197,7 @@ class UsdAnimation:
         for index in range(first):
             points = np.asarray(mesh.GetPointsAttr().Get(index))
             faces = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(index)).reshape(-1, 3)
-            self._widen_view(points, faces, _ball_center(stage, index))
+            self._widen_view(points, faces, _ball_center(stage, index), _poses(stage, self.surface.bodies, index))
         self._held_faces = faces
         self._has_damage = bool(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage"))
         self._frames = first
@@ -226,13 +230,21 @@ class UsdAnimation:
         sphere = UsdGeom.Sphere.Get(stage, _BALL)
         sphere.GetPrim().GetAttribute("xformOp:translate").Set(Gf.Vec3d(*map(float, frame.ball_center)), code)
 
+    def _write_bodies(self, stage: Usd.Stage, frame: Frame, code: Usd.TimeCode) -> None:
+        for body, pose in zip(self.surface.bodies, () if frame.bodies is None else frame.bodies, strict=True):
+            prim = stage.GetPrimAtPath(_path_of(body))
+            x, y, z, qx, qy, qz, qw = map(float, pose)
+            prim.GetAttribute("xformOp:translate").Set(Gf.Vec3d(x, y, z), code)
+            prim.GetAttribute("xformOp:orient").Set(Gf.Quatd(qw, qx, qy, qz), code)
+
     def _widen_view(
         self,
         points: NDArray[np.floating],
         faces: NDArray[np.integer],
         ball_center: NDArray[np.floating] | None,
+        poses: NDArray[np.floating] | None,
     ) -> None:
-        """Widen the box the camera frames by one frame: the points that still carry a face, and the ball."""
+        """Widen the box the camera frames by one frame: the points that still carry a face, the ball, and bodies."""
         boxes = [self._view_box]
         if len(faces):
             # In the precision of the file, so that a run that is resumed ends with the same camera.
@@ -240,6 +252,10 @@ class UsdAnimation:
         if ball_center is not None and self.surface.ball_diameter is not None:
             radius = 0.5 * self.surface.ball_diameter
             boxes.append(np.array([np.asarray(ball_center) - radius, np.asarray(ball_center) + radius]))
+        for body, pose in zip(self.surface.bodies, () if poses is None else poses, strict=True):
+            # A half space has no end.
+            if body.kind != "plane":
+                boxes.append(bounding_box(body.placed(np.asarray(pose, np.float32).astype(np.float64))))
         middle = self._reference_box.mean(axis=0)
         reach = 0.5 * _LARGEST_VIEW * np.linalg.norm(self._reference_box[1] - self._reference_box[0])
         self._view_box = np.clip(bounding_box(np.concatenate(boxes)), middle - reach, middle + reach)
@@ -319,6 +335,46 @@ def _define_ball(stage: Usd.Stage, diameter: float) -> None:
     sphere.AddTranslateOp()
     sphere.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_BALL_COLOUR)]))
     _bind_material(sphere, "/World/Materials/Steel", roughness=0.25)
+
+
+def _define_body(stage: Usd.Stage, body: Body) -> None:
+    """A body in its own frame; an outline of triangles if USD has no such shape."""
+    path, sizes = _path_of(body), body.sizes
+    if body.kind == "sphere":
+        shape = UsdGeom.Sphere.Define(stage, path)
+        shape.CreateRadiusAttr(sizes[0])
+    elif body.kind in ("capsule", "cylinder"):
+        shape = (UsdGeom.Capsule if body.kind == "capsule" else UsdGeom.Cylinder).Define(stage, path)
+        shape.CreateAxisAttr(UsdGeom.Tokens.z)
+        shape.CreateRadiusAttr(sizes[0])
+        shape.CreateHeightAttr(2.0 * sizes[1])
+    else:
+        shape = UsdGeom.Mesh.Define(stage, path)
+        shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        shape.CreatePointsAttr(_vectors(body.vertices))
+        shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(body.triangles), 3, np.int32)))
+        shape.CreateFaceVertexIndicesAttr(
+            Vt.IntArray.FromNumpy(np.ascontiguousarray(body.triangles, np.int32).ravel())
+        )  # fmt: skip
+    shape.CreateExtentAttr(_extent(body.vertices))
+    shape.AddTranslateOp()
+    shape.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+    shape.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_BALL_COLOUR)]))
+    _bind_material(shape, "/World/Materials/Steel", roughness=0.25)
+
+
+def _path_of(body: Body) -> str:
+    return f"/World/Bodies/{body.name}"
+
+
+def _poses(stage: Usd.Stage, bodies: Sequence[Body], index: int) -> NDArray[np.float64] | None:
+    """Positions [m] and quaternions of bodies at a frame that is written already, shape (B, 7)."""
+    found = []
+    for body in bodies:
+        prim = stage.GetPrimAtPath(_path_of(body))
+        turned = prim.GetAttribute("xformOp:orient").Get(index)
+        found.append([*prim.GetAttribute("xformOp:translate").Get(index), *turned.GetImaginary(), turned.GetReal()])
+    return np.array(found) if found else None
 
 
 def _bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None:

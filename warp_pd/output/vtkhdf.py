@@ -24,11 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import InputError
-from ..frame import Frame, Surface
+from ..frame import Body, Frame, Surface
 from .point_fields import plain_value, point_fields, same_arrays
 from .shapes import require_writable
 
 _VERSION = (2, 2)
+# What the names of columns with the position and quaternion of a body begin with.
+POSE = "pose_"
 
 # The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
 _KINDS = ("Vertices", "Lines", "Polygons", "Strips")
@@ -172,6 +174,11 @@ class VtkHdfSeries:
             _add_rows(root["FieldData/ball_center"], [frame.ball_center])
             _add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
             _add_rows(steps["FieldDataSizes/ball_center"], [[3, 1]])
+        for body, pose in zip(self.surface.bodies, () if frame.bodies is None else frame.bodies, strict=True):
+            column = f"{POSE}{body.name}"
+            _add_rows(root["FieldData"][column], [pose])
+            _add_rows(steps["FieldDataOffsets"][column], [frame.index])
+            _add_rows(steps["FieldDataSizes"][column], [[7, 1]])
         _add_rows(steps["PointOffsets"], [begin])
         _add_rows(steps["NumberOfParts"], [1])
         _add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
@@ -252,9 +259,19 @@ def read_frame(
 def read_ball(path: str | os.PathLike[str], index: int) -> tuple[NDArray[np.float64], float] | None:
     """Centre [m], shape (3,), and diameter [m] of the ball in one frame of a VTKHDF file; None without a ball."""
     with h5py.File(path, "r", locking=False) as file:
-        if "FieldData" not in file["VTKHDF"]:
+        if "ball_diameter" not in file["warp_pd"].attrs:
             return None
         return file["VTKHDF/FieldData/ball_center"][index], float(file["warp_pd"].attrs["ball_diameter"])
+
+
+def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[np.float64], NDArray[np.int32]]]:
+    """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
+    with h5py.File(path, "r", locking=False) as file:
+        found = []
+        for name, stored in file["warp_pd"].items():
+            body = Body(name, str(stored.attrs["kind"]), (), stored["vertices"][:], stored["triangles"][:])
+            found.append((body.placed(file["VTKHDF/FieldData"][f"{POSE}{name}"][index]), body.triangles))
+        return found
 
 
 class _NotASeries(Exception):
@@ -316,7 +333,16 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
         _create_column(root.create_group("FieldData"), "ball_center", np.float64, (3,))
         _create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
         _create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
+    for body in surface.bodies:
+        column = f"{POSE}{body.name}"
+        _create_column(root.require_group("FieldData"), column, np.float64, (7,))
+        _create_column(steps.require_group("FieldDataOffsets"), column, np.int64)
+        _create_column(steps.require_group("FieldDataSizes"), column, np.int64, (2,))
     own = file.create_group("warp_pd")
+    for body in surface.bodies:
+        stored = own.create_group(body.name)
+        stored.attrs["kind"], stored.attrs["sizes"] = body.kind, body.sizes
+        stored["vertices"], stored["triangles"] = body.vertices, body.triangles
     for name, value in {"title": surface.title, **surface.metadata}.items():
         own.attrs[name] = value
     if surface.ball_diameter is not None:
@@ -373,7 +399,8 @@ def _cut(root: h5py.Group, frames: int) -> None:
     for column in _columns(root["PointData"]):
         _shorten(column, frames * points)
     if "FieldData" in root:
-        _shorten(root["FieldData/ball_center"], frames)
+        for column in _columns(root["FieldData"]):
+            _shorten(column, frames)
     _shorten(root["NumberOfPoints"], parts)
     for kind in _KINDS:
         cells = root[kind]

@@ -1,5 +1,8 @@
 """The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
 
+from .bodies import RigidBody
+from .body_motion import Free, Path
+from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh
 from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
 from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
@@ -12,18 +15,27 @@ __all__ = [
     "BodyForce",
     "BondCriterion",
     "BoundaryForce",
+    "Box",
+    "Capsule",
     "CriticalEnergy",
     "CriticalStretch",
+    "Cylinder",
     "Enclosed",
     "EnclosedGas",
     "EnclosedVolume",
     "Fixed",
+    "Free",
     "Motion",
+    "Path",
+    "Plane",
     "PointForce",
     "Pressure",
     "RigidBall",
+    "RigidBody",
     "RigidContact",
+    "Sphere",
     "TearingEnergy",
+    "TriangleMesh",
     "stretch_or_energy",
     "stretching_edges",
     "tip_width",

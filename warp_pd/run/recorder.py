@@ -177,7 +177,8 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
     for stored in built.context.fields.shown():
         values = built.to_host(stored.array)
         shown[stored.field.output] = values / built.volume if stored.field.density else values
-    rupture, contact = built.rupture, built.contact
+    rupture = built.rupture
+    poses = [pose for c in built.contacts if (pose := c.pose()) is not None]
     return Frame(
         index=index,
         time=now,
@@ -185,6 +186,7 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
         velocity=shown.pop("velocity"),
         intact_faces=None if rupture is None else built.to_host(rupture.intact_faces).view(bool),
         damage=None if rupture is None else built.to_host(rupture.damage),
-        ball_center=None if contact is None else contact.centre(now),
+        ball_center=next((centre for c in built.contacts if (centre := c.centre(now)) is not None), None),
         point_data=shown,
+        bodies=np.array(poses) if poses else None,
     )

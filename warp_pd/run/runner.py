@@ -266,9 +266,10 @@ def surface_of(built: Built) -> Surface:
     return Surface(
         points=sheet.positions,
         faces=sheet.triangles,
-        ball_diameter=None if built.contact is None else built.contact.ball_diameter(),
+        ball_diameter=next((d for c in built.contacts if (d := c.ball_diameter()) is not None), None),
         title=scene.scene,
         metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static},
+        bodies=tuple(body for c in built.contacts if (body := c.outline()) is not None),
     )
 
 
