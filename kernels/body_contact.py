@@ -170,6 +170,7 @@ def body_contact(
         impulse: wp.array(dtype=vec3)
         turn: wp.array(dtype=vec3)
         loss: wp.array(dtype=wp.float64)
+        rubbed: wp.array(dtype=wp.float64)
         need: wp.array(dtype=wp.float64)
         rows: wp.array(dtype=vec6d)
         push: wp.array(dtype=wp.vec3d)
@@ -298,6 +299,13 @@ def body_contact(
                 a.push_work[i] = wp.float64(0.0)
 
     @wp.func(module=module)
+    def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, a: BodyContact):
+        """Sum up what friction takes [J], `relative` being the velocity before it."""
+        if wp.static(tracked):
+            heat = wp.float64(a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
+            a.rubbed[i] = a.rubbed[i] - heat
+
+    @wp.func(module=module)
     def inward(change: wp.float64):
         return wp.max(change, wp.float64(0.0))
 
@@ -335,7 +343,7 @@ def body_contact(
 
     @pointwise(
         module, BodyContact,
-        writes=("displacement", "velocity", "work", "impulse", "turn", "loss", "push", "arms", "push_work"),
+        writes=("displacement", "velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
     )  # fmt: skip
     def project_out(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
@@ -352,6 +360,7 @@ def body_contact(
                         change = inward(-wp.dot(relative, n)) * n
                     if wp.static(rubs):
                         lost = arrest(relative, change, n, a.friction)
+                        warm(i, relative + change, lost, a)
                         change += lost
                         shift += dt * lost
                         q = a.rotation[0]
@@ -362,8 +371,16 @@ def body_contact(
                     a.displacement[i] = a.displacement[i] + narrow(shift)
                     start = (a.velocity[i] - half_kick(i, a)) / (real(1.0) - half_loss(a))
                     strike(i, change, start, arm, a)
+                    if wp.static(tracked and loaded):
+                        # The drift took the load along the way that the point did not go.
+                        undone = wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
+                        a.work[i] = a.work[i] + undone
 
-    @pointwise(module, BodyContact, writes=("velocity", "work", "impulse", "turn", "loss", "push", "arms", "push_work"))
+    @pointwise(
+        module,
+        BodyContact,
+        writes=("velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
+    )
     def separate_from(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
             forget(i, a)
@@ -377,7 +394,9 @@ def body_contact(
                     if approach > wp.float64(0.0):
                         change = approach * n
                         if wp.static(rubs):
-                            change += arrest(relative, change, n, a.friction)
+                            lost = arrest(relative, change, n, a.friction)
+                            warm(i, relative + change, lost, a)
+                            change += lost
                         strike(i, change, a.velocity[i], arm, a)
 
     return BodyContactKernels(project_out, separate_from, find_inside, find_touching)

@@ -38,8 +38,7 @@ class Built(RenamedAttributes, System):
         checks: Checks of every frame.
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
-        contact: The first contact on the device, or None.
-        contacts: All contacts on the device.
+        contacts: Contacts on the device; `contact` is the first one, or None.
         rupture: The rupture criterion on the device, or None.
     """
 
@@ -105,9 +104,8 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
-        contact=contacts[0] if contacts else None,
-        rupture=cast(BuiltRupture | None, _built(scene.damage, parts, built)),
-        contacts=contacts,
+        contacts[0] if contacts else None,
+        cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,
     )  # fmt: skip
     _check_columns(scene, made)
     _add_stages(made)

@@ -13,19 +13,17 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, Vt
 
 from ..checks import InputError
-from ..frame import Body, Frame, Surface
+from ..frame import Frame, Surface
 from .shapes import bounding_box, camera_place, damage_colours, plain_metadata, point_normals, require_writable
-
-_BALL_COLOUR = (0.32, 0.37, 0.42)
+from .usd_bodies import BALL, bind_material, define_ball, define_body, extent, poses, vectors, write_bodies
 
 _FOCAL_LENGTH = 50.0
 _APERTURE = (36.0, 20.25)
@@ -33,7 +31,7 @@ _APERTURE = (36.0, 20.25)
 # Rubber stretches several times over, but a fragment that flies off must not take the camera with it.
 _LARGEST_VIEW = 4.0
 
-_SHEET, _BALL, _CAMERA = "/World/Sheet", "/World/Ball", "/World/Camera"
+_SHEET, _CAMERA = "/World/Sheet", "/World/Camera"
 
 
 class UsdAnimation:
@@ -119,9 +117,9 @@ class UsdAnimation:
             _define_sheet(stage, self.surface, has_damage=self._has_damage)
             _define_lights(stage)
             if self.surface.ball_diameter is not None:
-                _define_ball(stage, self.surface.ball_diameter)
+                define_ball(stage, self.surface.ball_diameter)
             for body in self.surface.bodies:
-                _define_body(stage, body)
+                define_body(stage, body)
         if self._has_damage != (frame.damage is not None):
             raise ValueError(
                 f"damage of frame {frame.index} is {'None' if frame.damage is None else 'given'}; "
@@ -129,7 +127,7 @@ class UsdAnimation:
             )
         self._write_sheet(UsdGeom.Mesh.Get(stage, _SHEET), frame, code)
         self._write_ball(stage, frame, code)
-        self._write_bodies(stage, frame, code)
+        write_bodies(stage, self.surface, frame, code)
         self._widen_view(frame.positions(self.surface), frame.faces(self.surface), frame.ball_center, frame.bodies)
         _aim_camera(stage, self._view_box)
         stage.SetEndTimeCode(frame.index)
@@ -197,7 +195,7 @@ class UsdAnimation:
         for index in range(first):
             points = np.asarray(mesh.GetPointsAttr().Get(index))
             faces = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(index)).reshape(-1, 3)
-            self._widen_view(points, faces, _ball_center(stage, index), _poses(stage, self.surface.bodies, index))
+            self._widen_view(points, faces, _ball_center(stage, index), poses(stage, self.surface.bodies, index))
         self._held_faces = faces
         self._has_damage = bool(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage"))
         self._frames = first
@@ -206,15 +204,15 @@ class UsdAnimation:
     def _write_sheet(self, mesh: UsdGeom.Mesh, frame: Frame, code: Usd.TimeCode) -> None:
         positions, faces = frame.positions(self.surface), frame.faces(self.surface)
         self._write_faces(mesh, faces, code)
-        mesh.GetPointsAttr().Set(_vectors(positions), code)
-        mesh.GetExtentAttr().Set(_extent(positions), code)
+        mesh.GetPointsAttr().Set(vectors(positions), code)
+        mesh.GetExtentAttr().Set(extent(positions), code)
         normals = point_normals(positions, faces, fallback=self._reference_normals)
-        mesh.GetNormalsAttr().Set(_vectors(normals), code)
+        mesh.GetNormalsAttr().Set(vectors(normals), code)
         mesh.GetPrim().GetAttribute("warp_pd:time").Set(float(frame.time), code)
         if frame.damage is not None:
             values = np.asarray(frame.damage, np.float32)
             UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage").Set(Vt.FloatArray.FromNumpy(values), code)
-            mesh.GetDisplayColorAttr().Set(_vectors(damage_colours(values)), code)
+            mesh.GetDisplayColorAttr().Set(vectors(damage_colours(values)), code)
 
     def _write_faces(self, mesh: UsdGeom.Mesh, faces: NDArray[np.int32], code: Usd.TimeCode) -> None:
         """Write the triangles if a crack has cut any since the last frame; USD holds them until then."""
@@ -227,22 +225,15 @@ class UsdAnimation:
     def _write_ball(self, stage: Usd.Stage, frame: Frame, code: Usd.TimeCode) -> None:
         if frame.ball_center is None or self.surface.ball_diameter is None:
             return
-        sphere = UsdGeom.Sphere.Get(stage, _BALL)
+        sphere = UsdGeom.Sphere.Get(stage, BALL)
         sphere.GetPrim().GetAttribute("xformOp:translate").Set(Gf.Vec3d(*map(float, frame.ball_center)), code)
-
-    def _write_bodies(self, stage: Usd.Stage, frame: Frame, code: Usd.TimeCode) -> None:
-        for body, pose in zip(self.surface.bodies, () if frame.bodies is None else frame.bodies, strict=True):
-            prim = stage.GetPrimAtPath(_path_of(body))
-            x, y, z, qx, qy, qz, qw = map(float, pose)
-            prim.GetAttribute("xformOp:translate").Set(Gf.Vec3d(x, y, z), code)
-            prim.GetAttribute("xformOp:orient").Set(Gf.Quatd(qw, qx, qy, qz), code)
 
     def _widen_view(
         self,
         points: NDArray[np.floating],
         faces: NDArray[np.integer],
         ball_center: NDArray[np.floating] | None,
-        poses: NDArray[np.floating] | None,
+        placed: NDArray[np.floating] | None,
     ) -> None:
         """Widen the box the camera frames by one frame: the points that still carry a face, the ball, and bodies."""
         boxes = [self._view_box]
@@ -252,7 +243,7 @@ class UsdAnimation:
         if ball_center is not None and self.surface.ball_diameter is not None:
             radius = 0.5 * self.surface.ball_diameter
             boxes.append(np.array([np.asarray(ball_center) - radius, np.asarray(ball_center) + radius]))
-        for body, pose in zip(self.surface.bodies, () if poses is None else poses, strict=True):
+        for body, pose in zip(self.surface.bodies, () if placed is None else placed, strict=True):
             # A half space has no end.
             if body.kind != "plane":
                 boxes.append(bounding_box(body.placed(np.asarray(pose, np.float32).astype(np.float64))))
@@ -323,74 +314,8 @@ def _define_sheet(stage: Usd.Stage, surface: Surface, *, has_damage: bool) -> No
         UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("damage", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
     else:
         colour.SetInterpolation(UsdGeom.Tokens.constant)
-        colour.Set(_vectors(damage_colours(np.zeros(1))))
-    _bind_material(mesh, "/World/Materials/Rubber", roughness=0.6)
-
-
-def _define_ball(stage: Usd.Stage, diameter: float) -> None:
-    sphere = UsdGeom.Sphere.Define(stage, _BALL)
-    radius = 0.5 * float(diameter)
-    sphere.CreateRadiusAttr(radius)
-    sphere.CreateExtentAttr(_extent(np.array([[-radius] * 3, [radius] * 3])))
-    sphere.AddTranslateOp()
-    sphere.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_BALL_COLOUR)]))
-    _bind_material(sphere, "/World/Materials/Steel", roughness=0.25)
-
-
-def _define_body(stage: Usd.Stage, body: Body) -> None:
-    """A body in its own frame; an outline of triangles if USD has no such shape."""
-    path, sizes = _path_of(body), body.sizes
-    if body.kind == "sphere":
-        shape = UsdGeom.Sphere.Define(stage, path)
-        shape.CreateRadiusAttr(sizes[0])
-    elif body.kind in ("capsule", "cylinder"):
-        shape = (UsdGeom.Capsule if body.kind == "capsule" else UsdGeom.Cylinder).Define(stage, path)
-        shape.CreateAxisAttr(UsdGeom.Tokens.z)
-        shape.CreateRadiusAttr(sizes[0])
-        shape.CreateHeightAttr(2.0 * sizes[1])
-    else:
-        shape = UsdGeom.Mesh.Define(stage, path)
-        shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-        shape.CreatePointsAttr(_vectors(body.vertices))
-        shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(body.triangles), 3, np.int32)))
-        shape.CreateFaceVertexIndicesAttr(
-            Vt.IntArray.FromNumpy(np.ascontiguousarray(body.triangles, np.int32).ravel())
-        )  # fmt: skip
-    shape.CreateExtentAttr(_extent(body.vertices))
-    shape.AddTranslateOp()
-    shape.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
-    shape.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_BALL_COLOUR)]))
-    _bind_material(shape, "/World/Materials/Steel", roughness=0.25)
-
-
-def _path_of(body: Body) -> str:
-    return f"/World/Bodies/{body.name}"
-
-
-def _poses(stage: Usd.Stage, bodies: Sequence[Body], index: int) -> NDArray[np.float64] | None:
-    """Positions [m] and quaternions of bodies at a frame that is written already, shape (B, 7)."""
-    found = []
-    for body in bodies:
-        prim = stage.GetPrimAtPath(_path_of(body))
-        turned = prim.GetAttribute("xformOp:orient").Get(index)
-        found.append([*prim.GetAttribute("xformOp:translate").Get(index), *turned.GetImaginary(), turned.GetReal()])
-    return np.array(found) if found else None
-
-
-def _bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None:
-    """Give a shape a plain surface that takes its colour from `primvars:displayColor`."""
-    material = UsdShade.Material.Define(shape.GetPrim().GetStage(), path)
-    reader = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Colour")
-    reader.CreateIdAttr("UsdPrimvarReader_float3")
-    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
-    surface = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Surface")
-    surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(roughness)
-    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
-        reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
-    )
-    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", Sdf.ValueTypeNames.Token))
-    UsdShade.MaterialBindingAPI.Apply(shape.GetPrim()).Bind(material)
+        colour.Set(vectors(damage_colours(np.zeros(1))))
+    bind_material(mesh, "/World/Materials/Rubber", roughness=0.6)
 
 
 def _define_lights(stage: Usd.Stage) -> None:
@@ -428,16 +353,8 @@ def _drop_samples(stage: Usd.Stage, first: int) -> None:
 
 def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
     """Centre of the ball [m] at a frame that is written already, shape (3,)."""
-    translate = stage.GetAttributeAtPath(f"{_BALL}.xformOp:translate")
+    translate = stage.GetAttributeAtPath(f"{BALL}.xformOp:translate")
     return np.array(translate.Get(index)) if translate else None
-
-
-def _vectors(values: NDArray[np.floating]) -> Vt.Vec3fArray:
-    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
-
-
-def _extent(points: NDArray[np.floating]) -> Vt.Vec3fArray:
-    return _vectors(bounding_box(np.asarray(points, np.float32)))
 
 
 def describe_animation(path: Path) -> str:

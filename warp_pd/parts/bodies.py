@@ -99,6 +99,9 @@ class BuiltBody(BuiltContact):
         self.impulse: Array | None = None
         self.turn: Array | None = None
         self.loss: Array | None = None
+        self.rubbed: Array | None = None
+        if part.friction > 0.0 and tracked:
+            self.rubbed = context.array(f"{name}_rubbed", name, wp.float64, shape=sheet.size, restart=True)
         if not part.motion.free:
             self.impulse, self.turn = (
                 context.array(f"{name}_{what}", name, types.vec3, shape=sheet.size, restart=True)
@@ -157,18 +160,19 @@ class BuiltBody(BuiltContact):
             "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
             "damping": state.damping, "force": state.force, "external": state.external,
             "displacement": state.displacement, "velocity": state.velocity, "work": state.work,
-            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, **flying,
+            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **flying,
         }  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
         """What the points were given, unless the motion sums it up."""
-        found = {"impulse": self.impulse, "turn": self.turn, "loss": self.loss}
+        found = {"impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed}
         return {f"{self.part.name}_{name}": array for name, array in found.items() if array is not None}
 
     def column_names(self) -> Sequence[str]:
         """Force, torque, place and motion; what contact lost, and the energies of a free body."""
         name, motion = self.part.name, self.motion.columns()
         lost = [f"{name}_loss"] if self.context.features.tracked else []
+        lost += [f"{name}_rubbed"] if self.rubbed is not None else []
         return [*(f"{name}_{what}_{c}" for what in ("force", "torque") for c in "xyz"), *motion, *lost]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
@@ -183,6 +187,8 @@ class BuiltBody(BuiltContact):
         row |= self.motion.columns()
         if self.context.features.tracked:
             row[f"{name}_loss"] = totals[f"{name}_loss"]
+        if self.rubbed is not None:
+            row[f"{name}_rubbed"] = totals[f"{name}_rubbed"]
         return row
 
     def end_frame(self) -> None:
