@@ -1,8 +1,8 @@
 """A blunt needle is pushed through a sheet.
 
-A neo-Hookean sheet of rubber (mu 0.4 MPa, 1 mm), clamped at its edges; bonds lose their weight by a tearing energy. The
-needle is a capsule, as thick as the points resolve, with friction. The sheet is drawn into a cone, tears at the tip, and
-slips up the shaft. There is no closed form; the force grows, falls as the sheet tears, and what is left is friction.
+A neo-Hookean sheet of rubber (mu 0.4 MPa, 1 mm), clamped at its edges; bonds lose their weight by a tearing energy.
+The needle is a capsule, as thick as the points resolve, with friction. The sheet is drawn into a cone, tears at the
+tip, and slips up the shaft. There is no closed form: the force grows, and falls as the sheet tears.
 """
 
 from warp_pd import (

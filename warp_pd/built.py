@@ -144,6 +144,7 @@ def _context(
         breakable=scene.damage is not None,
         gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
         contact=bool(scene.contacts),
+        half_steps=all(part.half_steps for part in scene.contacts),
     )
     return Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),

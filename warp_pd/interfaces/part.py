@@ -166,10 +166,16 @@ class BuiltContact(BuiltPart, Protocol):
 
 @runtime_checkable
 class Contact(Part, Protocol):
-    """Contact with a body."""
+    """Contact with a body.
+
+    Attributes:
+        half_steps: Whether its work is exact if the kinetic energy takes the velocities at half steps; see
+            kernels/body_contact.py and kernels/integrate.py.
+    """
 
     argument: ClassVar[str] = "contact"
     does_work: ClassVar[bool] = True
+    half_steps: ClassVar[bool] = False
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The contact on a device."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import warp as wp
@@ -48,6 +49,8 @@ class RigidBody(Contact):
     motion: BodyMotion
     friction: float = 0.0
     name: str = "body"
+
+    half_steps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
