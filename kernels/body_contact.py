@@ -364,9 +364,11 @@ def body_contact(
                         change += lost
                         shift += dt * lost
                         q = a.rotation[0]
-                        left = distance(wp.quat_rotate_inv(q, x + shift - a.place[0]), a.skin, a.body)
-                        if left[3] < wp.float64(0.0):
-                            shift -= left[3] * wp.quat_rotate(q, wp.vec3d(left[0], left[1], left[2]))
+                        reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
+                        for _again in range(3):
+                            left = distance(wp.quat_rotate_inv(q, x + shift - a.place[0]), reach, a.body)
+                            if left[3] < wp.float64(0.0):
+                                shift -= left[3] * wp.quat_rotate(q, wp.vec3d(left[0], left[1], left[2]))
                         arm = x + shift - a.place[0]
                     a.displacement[i] = a.displacement[i] + narrow(shift)
                     start = (a.velocity[i] - half_kick(i, a)) / (real(1.0) - half_loss(a))

@@ -38,7 +38,7 @@ def with_normal(n: wp.vec3d, distance: wp.float64):
 @wp.func
 def from_point(arm: wp.vec3d, radius: wp.float64):
     length = wp.length(arm)
-    n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    n = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
     if length > wp.float64(0.0):
         n = arm / length
     return with_normal(n, length - radius)

@@ -21,6 +21,8 @@ SMALL = {
     "balloon": {"points": 8, "stretch": 1.6, "frames": 4},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
     "drum": {"points": 21},
+    "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
+    "needle": {"points": 21, "depth": 0.05, "frames": 10},
     "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12},
     "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40},

@@ -255,7 +255,7 @@ def read_ball(path: str | os.PathLike[str], index: int) -> tuple[NDArray[np.floa
         return file["VTKHDF/FieldData/ball_center"][index], float(file["warp_pd"].attrs["ball_diameter"])
 
 
-def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[np.float64], NDArray[np.int32]]]:
+def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
     """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
     with h5py.File(path, "r", locking=False) as file:
         return bodies_in(file, index)

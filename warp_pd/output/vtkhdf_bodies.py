@@ -39,7 +39,7 @@ def add_poses(root: Any, steps: Any, surface: Surface, frame: Frame) -> None:
         add_rows(steps["FieldDataSizes"][column], [[7, 1]])
 
 
-def bodies_in(file: Any, index: int) -> list[tuple[NDArray[np.float64], NDArray[np.int32]]]:
+def bodies_in(file: Any, index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
     """Vertices [m], shape (V, 3), and triangles of each body in a frame."""
     found = []
     for name, stored in file["warp_pd"].items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -152,7 +152,7 @@ class BuiltBody(BuiltContact):
         stage.pointwise(part.name, act, context.sheet.size, **shared)
         self.motion.after(stage)
 
-    def _arguments(self) -> dict[str, object]:
+    def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
         flying = {name: getattr(motion, name, None) for name in ("need", "rows", "push", "arms", "push_work")}

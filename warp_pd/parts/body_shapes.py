@@ -291,7 +291,7 @@ class TriangleMesh(BodyShape):
         volume = volume_of(points - points[0], triangles)
         if not volume > 0.0:
             raise InputError(
-                f"{where} encloses {volume:.4g} m^3: expected triangles counter-clockwise seen from outside"
+                f"{where} encloses {volume:.4g} m^3: expected triangles that face outwards"
             )
         used = np.unique(triangles)
         renumber = np.zeros(len(points), np.int32)
@@ -325,7 +325,7 @@ class TriangleMesh(BodyShape):
     def inertia(self) -> np.ndarray:
         """By the integrals over the tetrahedra below the triangles [m^2]."""
         volume, _, second = _moments(self.vertices - self.centroid, self.triangles)
-        return (np.trace(second) * np.eye(3) - second) / volume
+        return np.asarray((np.trace(second) * np.eye(3) - second) / volume
 
     def outline(self, extent: float) -> Outline:
         """The mesh."""
@@ -392,6 +392,6 @@ def signed_distances(shape: BodyShape, points: np.ndarray, device: wp.Device) ->
     found = wp.empty(len(points), dtype=wp.vec4d, device=device)
     # A mesh is searched as far as the furthest point.
     reach = 2.0 * float(np.linalg.norm(points, axis=1).max(initial=0.0)) + (shape.sizes()[0] if mesh else 0.0)
-    arm = wp.array(np.ascontiguousarray(points, np.float64), dtype=wp.vec3d, device=device)
+    arm: Any = wp.array(np.ascontiguousarray(points, np.float64), dtype=wp.vec3d, device=device)
     wp.launch(kernel, len(points), inputs=[arm, reach, body, 0], outputs=[found], device=device)
     return np.asarray(found.numpy())

@@ -20,18 +20,23 @@ from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    Box,
     CriticalStretch,
     EnclosedGas,
     EnclosedVolume,
     Explicit,
     Fixed,
+    Free,
     Motion,
     Newton,
+    Path,
     PointForce,
     Pressure,
     Relaxation,
     RigidBall,
+    RigidBody,
     Simulation,
+    Sphere,
     TearingEnergy,
 )
 from warp_pd.device import launches
@@ -50,6 +55,12 @@ CASES = (
     "boundary force torn", "inclusion", "critical energy visco", "fields", "relaxed", "relaxed pressure",
     "relaxed cloud", "newton", "newton jacobi", "newton pressure", "newton bonds constant",
 )  # fmt: skip
+
+
+def bodies(friction):
+    """One on a path and a free one."""
+    still = RigidBody(Box((1.0, 1.0, 1.0)), Path.still((0.0, 0.0, 9.0)), friction=friction, name="still")
+    return [still, RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")]
 
 
 def further():
@@ -74,6 +85,10 @@ def further():
             damage=TearingEnergy(30.0),
             loads=[Fixed([0]), Pressure(2.0)],
             contact=RigidBall(1.0, (0.0, 0.0, 9.0)),
+        ),
+        "bodies": Simulation(plane, law, Explicit(1.0), loads=loads(plane), contact=bodies(0.0)),
+        "bodies torn": Simulation(
+            small_tube(), law, Explicit(1.0, damping=1.0), damage=TearingEnergy(30.0), contact=bodies(0.3)
         ),
         "curved relaxed": Simulation(small_tube(), law, Relaxation(), loads=[Fixed([0]), Pressure(2.0)]),
         "curved bonds": Simulation(small_tube(), bonds, Explicit(1.0)),
