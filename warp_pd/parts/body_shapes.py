@@ -290,9 +290,7 @@ class TriangleMesh(BodyShape):
         require_closed(where, triangles)
         volume = volume_of(points - points[0], triangles)
         if not volume > 0.0:
-            raise InputError(
-                f"{where} encloses {volume:.4g} m^3: expected triangles that face outwards"
-            )
+            raise InputError(f"{where} encloses {volume:.4g} m^3: expected triangles that face outwards")
         used = np.unique(triangles)
         renumber = np.zeros(len(points), np.int32)
         renumber[used] = np.arange(len(used))
@@ -325,7 +323,7 @@ class TriangleMesh(BodyShape):
     def inertia(self) -> np.ndarray:
         """By the integrals over the tetrahedra below the triangles [m^2]."""
         volume, _, second = _moments(self.vertices - self.centroid, self.triangles)
-        return np.asarray((np.trace(second) * np.eye(3) - second) / volume
+        return np.asarray((np.trace(second) * np.eye(3) - second) / volume)
 
     def outline(self, extent: float) -> Outline:
         """The mesh."""
