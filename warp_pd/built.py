@@ -104,8 +104,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
-        contacts[0] if contacts else None,
-        cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,
+        contacts[0] if contacts else None, cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,
     )  # fmt: skip
     _check_columns(scene, made)
     _add_stages(made)

@@ -16,6 +16,7 @@ import warp as wp
 from curved_sheets import small_tube
 from helpers import NEO, square
 
+import warp_pd
 from warp_pd import (
     Bimodular,
     BondAssociated,
@@ -29,7 +30,6 @@ from warp_pd import (
     Free,
     Motion,
     Newton,
-    Path,
     PointForce,
     Pressure,
     Relaxation,
@@ -59,7 +59,7 @@ CASES = (
 
 def bodies(friction):
     """One on a path and a free one."""
-    still = RigidBody(Box((1.0, 1.0, 1.0)), Path.still((0.0, 0.0, 9.0)), friction=friction, name="still")
+    still = RigidBody(Box((1.0, 1.0, 1.0)), warp_pd.Path.still((0.0, 0.0, 9.0)), friction=friction, name="still")
     return [still, RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")]
 
 
@@ -281,10 +281,11 @@ def _kernels_of_the_package():
 def test_every_kernel_is_looked_at(recorded):
     seen = {launch.name for _, launch in recorded}
     # On a GPU alone: fast paths, linear iterations. In `warp-pd bench`, the training of a network and the set-up of
-    # families alone: the rest.
+    # families, and the check that bodies begin outside the sheet alone: the rest.
     elsewhere = {
         "family_block_force", "gather_from_reverse_bonds", "combine", "scale_blocks", "multiply_adds", "samples",
         "list_near_points", "find_reverse_members", "mark_common_members", "sum_intersection_shapes",
+        "find_distances",
     }  # fmt: skip
     missing = {name for _, name in _kernels_of_the_package()} - seen - elsewhere
     assert missing == set()
