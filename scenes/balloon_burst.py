@@ -4,12 +4,13 @@ A latex sphere of radius 0.1 m and 0.3 mm thickness without stress, mu 0.4 MPa (
 inflated to twice its radius by air. A rigid needle, as fine as the points resolve, is pushed into its pole. Bonds lose
 their weight by a tearing energy; the air acts on what is whole and leaves through what is torn, as through an orifice.
 Rubber slackens as it snaps back, and wrinkles finer than the spacing: the tension field. There is no closed form. What
-counts is the balance of energies, and that the rubber snaps back no faster than its waves, 50 to 90 m/s here.
+counts is the balance of energies, and that the rubber snaps back no faster than its waves: at sqrt(4 mu / rho) = 40 m/s
+times the stretch.
 
-Weights are corrected: with plain ones the stress of an irregular grid is out of balance by some percent, and an inflated
-neo-Hookean sphere bulges wherever it is weakest. The tearing energy must keep the inflated balloon whole. At a coarse
-spacing that takes more than the 3 to 10 kJ/m^2 of latex, since what a bond represents grows with the spacing: 25 kJ/m^2
-at the default of 24 points on a quarter of the circumference, 5 kJ/m^2 at 120.
+Weights are corrected: with plain ones the stress of an irregular grid is out of balance by some percent, and an
+inflated neo-Hookean sphere bulges wherever it is weakest. The tearing energy must keep the inflated balloon whole. At a
+coarse spacing that takes more than the 3 to 10 kJ/m^2 of latex, since what a bond represents grows with the spacing: 25
+kJ/m^2 at the default of 24 points on a quarter of the circumference, 5 kJ/m^2 at 120.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
 """The blank of a latex glove, from an SVG file, is pulled at its fingers.
 
-`glove.svg` is a hand of 153 x 185 mm, drawn in any drawing program; its document says its size. The sheet of 0.25 mm latex
-(neo-Hookean, mu 0.4 MPa) is held at the cuff, and the tips of all five fingers are pulled away from the palm by 30 mm.
-No bond crosses the gaps between fingers. There is no closed form: the forces of the fingers settle as the spacing shrinks.
+`glove.svg` is a hand of 153 x 185 mm; its document says its size. The sheet of 0.25 mm latex (neo-Hookean, mu 0.4 MPa)
+is held at the cuff, and the tips of all five fingers are pulled away from the palm by 30 mm. No bond crosses the gaps
+between fingers. There is no closed form: the forces of the fingers settle as the spacing shrinks.
 """
 
 from pathlib import Path

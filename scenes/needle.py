@@ -6,6 +6,7 @@ tip, and slips up the shaft. There is no closed form: the force grows, and falls
 """
 
 from warp_pd import (
+    BodyPath,
     BondAssociated,
     Capsule,
     Explicit,
@@ -13,7 +14,6 @@ from warp_pd import (
     Measure,
     NeoHookean,
     Outcome,
-    Path,
     RigidBody,
     Sheet,
     Simulation,
@@ -43,7 +43,7 @@ def build(
     diameter, length = positive("thickness", thickness) * sheet.spacing, 0.2
     begin = 0.5 * (length + 1.02 * diameter)
     duration = positive("depth", depth) / positive("speed", speed)
-    way = Path([0.0, duration], [(0.075, 0.075, begin), (0.075, 0.075, begin - depth)])
+    way = BodyPath([0.0, duration], [(0.075, 0.075, begin), (0.075, 0.075, begin - depth)])
     clamp = sheet.edges("all")
     return Simulation(
         sheet,
@@ -58,7 +58,7 @@ def build(
             Outcome("tear_begins", "s", time_above("torn_area_share", 0.0)),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
-        section="needle",
+        section="blunt needle",
         pictures=pictures,
     )
 

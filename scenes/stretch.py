@@ -10,14 +10,14 @@ The bond-based laws, `bond_based` as published and `bond_based_refitted`, are ma
 the constants of another mode. They need points at the centres of cells and layers of points outside the sheet as wide
 as the horizon (HE section 4.3), which move as in a uniform stretch: in the direction across the edge (`grip` =
 roller) or in both (`clamp`). `bond_associated` needs no mode and no layers; its points lie on the
-edges. The default of 32 points takes seconds, uniaxial half a minute; the paper takes `--points 100` (equibiaxial,
-planar) and `--points 50` (uniaxial). The crack's gap of 5 mm is the spacing of those 100 points: here no bond crosses
-its line. `inclusion` is rigid, `stiff_inclusion` the same rubber 100 times as stiff.
+edges, those of the hole, the crack and the inclusion too. The default of 32 points takes seconds, uniaxial half a
+minute; the paper takes `--points 100` (equibiaxial, planar) and `--points 50` (uniaxial). The crack's gap of 5 mm is
+the spacing of those 100 points: here it has none. `inclusion` is rigid, `stiff_inclusion` the same rubber 100 times as
+stiff.
 
-The scene reports the force on the right edge at the last stretch, next to the exact one of the sheet without defect or,
-with a hole, that of membrane finite elements with edges on rollers. A uniaxial sheet with a defect is compressed across
-the pull over 17 to 58 % of its area: a real one wrinkles there, and plane solutions, these and the paper's, stop being
-physical.
+The scene reports the force on the right edge at the last stretch, next to the exact one of the sheet without defect or
+that of membrane finite elements, edges on rollers. A uniaxial sheet with a defect is compressed across the pull over
+17 to 58 % of its area: a real one wrinkles there, and plane solutions, these and the paper's, stop being physical.
 """
 
 from dataclasses import replace
@@ -27,6 +27,7 @@ import numpy as np
 from warp_pd import (
     BondAssociated,
     BondNeoHookean,
+    Circle,
     Fixed,
     HyperelasticBonds,
     InputError,
@@ -39,7 +40,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.bond_neo_hookean import MODES, exact_traction
-from warp_pd.checks import finite, one_of, positive
+from warp_pd.checks import count, finite, one_of, positive
 from warp_pd.laws import ForceLaw
 from warp_pd.measures import support_force
 from warp_pd.solvers import Solver
@@ -48,10 +49,20 @@ SIDE, THICKNESS, MU, DENSITY = 0.5, 0.01, 0.109e9 / 3.0, 1000.0
 HALF, RADIUS, CRACK = 0.5 * SIDE, 0.08, 0.16
 HORIZON = {"equibiaxial": 3.015, "planar": 3.015, "uniaxial": 9.015}
 STIFF = 100.0
-# Force on an edge of the sheet with a hole [N], by stretch: Q9 membrane elements, edges on rollers.
-HOLE = {
-    "equibiaxial": {1.5: 202.99e3, 2.0: 301.24e3, 2.5: 383.71e3, 3.0: 462.65e3},
-    "planar": {1.5: 176.58e3, 2.0: 282.81e3, 2.5: 371.99e3, 3.0: 455.03e3},
+# Force on the right edge of the sheet with a defect [N], edges on rollers, by mode and stretch: tests/references.
+ELEMENTS = {
+    "hole": {
+        "equibiaxial": {1.5: 202.989e3, 2.0: 301.244e3, 2.5: 383.708e3, 3.0: 462.646e3},
+        "planar": {1.5: 176.584e3, 2.0: 282.806e3, 2.5: 371.988e3, 3.0: 455.026e3},
+    },
+    "crack": {
+        "equibiaxial": {1.5: 224.788e3, 2.0: 328.240e3, 2.5: 416.542e3, 3.0: 501.741e3},
+        "planar": {1.5: 194.404e3, 2.0: 309.358e3, 2.5: 405.159e3, 3.0: 494.512e3},
+    },
+    "inclusion": {
+        "equibiaxial": {1.5: 267.664e3, 2.0: 390.422e3, 2.5: 500.324e3, 3.0: 607.952e3},
+        "planar": {1.5: 239.798e3, 2.0: 375.293e3, 2.5: 491.787e3, 3.0: 602.748e3},
+    },
 }
 # The uniaxial sheet without defect in grips that hold its width, likewise.
 GRIPPED = {1.5: 200.42e3, 2.0: 326.49e3, 2.5: 432.34e3, 3.0: 530.80e3, 3.5: 625.99e3, 4.0: 719.51e3}
@@ -86,11 +97,11 @@ def build(
     if horizon is None:
         horizon = HORIZON[mode] if bonds else 2.015
     positive("horizon", horizon)
-    sheet = whole_sheet(points, horizon, mode, bonds)
+    if bonds:
+        sheet = with_defect(whole_sheet(points, horizon, mode), defect)
+    else:
+        sheet = outlined(points, defect)
     edge = sheet.where(lambda x, y: (x >= HALF * (1.0 - 1e-9)) & (np.abs(y) <= HALF * (1.0 + 1e-9)))
-    right = sheet.points[edge]
-    sheet = with_defect(sheet, defect, bonds)
-    edge = np.flatnonzero((sheet.points[:, None] == right).all(axis=2).any(axis=1))
     chosen: ForceLaw
     if bonds:
         fit = "published" if force == "bond_based" else "refitted"
@@ -134,38 +145,51 @@ def build(
     )
 
 
-def whole_sheet(points: int, horizon: float, mode: str, bonds: bool) -> Sheet:
-    """The sheet without defect, centred at the origin; for bond-based laws with points in cells and layers outside."""
-    layers = int(horizon + 1e-6) if bonds else 0
+def whole_sheet(points: int, horizon: float, mode: str) -> Sheet:
+    """The sheet of bond-based laws without defect, centred at the origin: points in cells, layers of points outside."""
+    layers = int(horizon + 1e-6)
     return Sheet.rectangle(
-        SIDE, SIDE, thickness=THICKNESS, density=DENSITY, points=points, origin=(-HALF, -HALF), centred=bonds,
+        SIDE, SIDE, thickness=THICKNESS, density=DENSITY, points=points, origin=(-HALF, -HALF), centred=True,
         layers=(layers, layers if mode != "uniaxial" else 0),
     )  # fmt: skip
 
 
-def with_defect(sheet: Sheet, defect: str, bonds: bool) -> Sheet:
-    if defect == "hole" and bonds:
+def with_defect(sheet: Sheet, defect: str) -> Sheet:
+    """The sheet of bond-based laws with a defect, whose edge is a staircase of cells."""
+    if defect == "hole":
         # As in the paper, every remaining point represents its cell.
         holed = sheet.hole((0.0, 0.0), RADIUS)
         return replace(holed, areas=np.full(holed.size, sheet.areas[0]))
-    if defect == "hole":
-        return with_round_hole(sheet)
     if defect == "crack":
         return sheet.cut((0.0, -0.5 * CRACK), (0.0, 0.5 * CRACK))
     if defect == "inclusion":
         return sheet.inclusion((0.0, 0.0), RADIUS)
     if defect == "stiff_inclusion":
-        return sheet.stiffened(sheet.within((0.0, 0.0), RADIUS), STIFF)
+        return stiff_inside(sheet)
     return sheet
 
 
-def with_round_hole(sheet: Sheet) -> Sheet:
-    """Points on the edge of the hole, and those of the sheet that lie at least half a spacing outside it."""
-    outside = np.hypot(*sheet.points.T) > RADIUS + 0.5 * sheet.spacing
-    angle = np.linspace(0.0, 2.0 * np.pi, round(2.0 * np.pi * RADIUS / sheet.spacing), endpoint=False)
-    ring = RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
-    points = np.vstack([sheet.points[outside], ring])
-    return Sheet.from_points(points, thickness=THICKNESS, density=DENSITY, spacing=sheet.spacing)
+def outlined(points: int, defect: str) -> Sheet:
+    """The sheet of the bond-associated law, centred at the origin: points on all edges, those of the defect too."""
+    if defect in ("none", "stiff_inclusion"):
+        sheet = Sheet.rectangle(
+            SIDE, SIDE, thickness=THICKNESS, density=DENSITY, points=points, origin=(-HALF, -HALF)
+        )  # fmt: skip
+        return sheet if defect == "none" else stiff_inside(sheet)
+    circle = Circle((0.0, 0.0), RADIUS)
+    return Sheet.outline(
+        [(-HALF, -HALF), (HALF, -HALF), (HALF, HALF), (-HALF, HALF)],
+        spacing=SIDE / (count("points", points, 2) - 1),
+        thickness=THICKNESS,
+        density=DENSITY,
+        holes=[circle] if defect == "hole" else [],
+        cracks=[[(0.0, -0.5 * CRACK), (0.0, 0.5 * CRACK)]] if defect == "crack" else [],
+        inclusions=[circle] if defect == "inclusion" else [],
+    )
+
+
+def stiff_inside(sheet: Sheet) -> Sheet:
+    return sheet.stiffened(sheet.within((0.0, 0.0), RADIUS), STIFF)
 
 
 def supports(sheet: Sheet, mode: str, grip: str, stretch: float) -> list[Fixed | Motion]:
@@ -195,8 +219,8 @@ def reference(mode: str, defect: str, grip: str, stretch: float) -> tuple[float 
         return MU * SIDE * THICKNESS * exact_traction(mode, stretch), "exact, incompressible neo-Hookean"
     if defect == "none":
         return GRIPPED.get(stretch), "membrane finite elements, Q9, width held in the grips"
-    if defect == "hole" and grip == "roller":
-        return HOLE.get(mode, {}).get(stretch), "membrane finite elements, Q9, edges on rollers"
+    if grip == "roller":
+        return ELEMENTS.get(defect, {}).get(mode, {}).get(stretch), "finite elements, tools/references"
     return None, ""
 
 

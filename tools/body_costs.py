@@ -11,7 +11,7 @@ from time import perf_counter
 import numpy as np
 import warp as wp
 
-from warp_pd import BondAssociated, Explicit, Fixed, Free, NeoHookean, Path, RigidBody, Sheet, Simulation
+from warp_pd import BodyPath, BondAssociated, Explicit, Fixed, Free, NeoHookean, RigidBody, Sheet, Simulation
 from warp_pd.parts import Sphere, TriangleMesh
 
 
@@ -61,6 +61,7 @@ def seconds_of_a_step(sheet, contact, device, steps):
 
 
 def main():
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--points", type=int, default=1000, help="along a side")
     parser.add_argument("--triangles", type=int, default=10000)
@@ -70,7 +71,7 @@ def main():
     sheet = Sheet.rectangle(1.0, 1.0, thickness=1e-3, density=1000.0, points=given.points)
     mesh, ball = sphere_mesh(0.4, given.triangles), Sphere(0.4)
     # It rolls over the sheet at 0.1 m/s, pressed in by a micrometre a step.
-    path = Path([0.0, 1.0], [(0.5, 0.5, 0.2001), (0.6, 0.5, -9.8)])
+    path = BodyPath([0.0, 1.0], [(0.5, 0.5, 0.2001), (0.6, 0.5, -9.8)])
     cases = {
         "no body": None,
         "sphere": RigidBody(ball, path),

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .output.sheet_plot import draw_sheet
     from .parts import (
         BodyForce,
+        BodyPath,
         BoundaryForce,
         Box,
         Capsule,
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
         Fixed,
         Free,
         Motion,
-        Path,
         Plane,
         PointForce,
         Pressure,
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     )
     from .run.runner import Result
     from .scene import Measure, Outcome
+    from .shapes.curves import Circle, Polygon, Spline
     from .shapes.files import read_mesh
     from .shapes.svg import read_outline
     from .sheet import Sheet
@@ -79,11 +80,12 @@ else:
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
             "output.sheet_plot": "draw_sheet",
-            "parts": "BodyForce BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
-            "EnclosedVolume Fixed Free Motion Path Plane PointForce Pressure RigidBall RigidBody Sphere TearingEnergy "
+            "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
+            "EnclosedVolume Fixed Free Motion Plane PointForce Pressure RigidBall RigidBody Sphere TearingEnergy "
             "TriangleMesh",
             "run.runner": "Result",
             "scene": "Measure Outcome",
+            "shapes.curves": "Circle Polygon Spline",
             "shapes.files": "read_mesh",
             "shapes.svg": "read_outline",
             "sheet": "Sheet",
@@ -102,6 +104,7 @@ __all__ = [
     "ArrudaBoyce",
     "Bimodular",
     "BodyForce",
+    "BodyPath",
     "BondAssociated",
     "BondBased",
     "BondNeoHookean",
@@ -109,6 +112,7 @@ __all__ = [
     "Box",
     "Built",
     "Capsule",
+    "Circle",
     "CriticalEnergy",
     "CriticalStretch",
     "Cylinder",
@@ -133,9 +137,9 @@ __all__ = [
     "Ogden",
     "Outcome",
     "PairwiseMaterial",
-    "Path",
     "Plane",
     "PointForce",
+    "Polygon",
     "Pressure",
     "Prony",
     "Relaxation",
@@ -145,6 +149,7 @@ __all__ = [
     "Sheet",
     "Simulation",
     "Sphere",
+    "Spline",
     "Surface",
     "TearingEnergy",
     "TensionField",

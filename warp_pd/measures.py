@@ -127,13 +127,16 @@ class TearLine:
 
     def without_specks(self, intact: np.ndarray) -> np.ndarray:
         """Whole faces, shape (F,), with small torn patches taken as whole and then small whole pieces as torn."""
-        unit = self.sheet.spacing**2
-        label, area = self._joined(~intact)
+        unit, areas = self.sheet.spacing**2, self.areas
+        if self.sheet.spacings is not None:
+            # As if the spacing were the least one everywhere.
+            areas = areas * unit / self.sheet.spacings[self.sheet.triangles].mean(axis=1) ** 2
+        label, area = self._joined(~intact, areas)
         whole = intact | (area[label] < PATCH * unit)
-        label, area = self._joined(whole)
+        label, area = self._joined(whole, areas)
         return np.asarray(whole & (area[label] >= SHRED * unit))
 
-    def _joined(self, intact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _joined(self, intact: np.ndarray, areas: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Piece of each face, shape (F,), and area of each piece [m^2]; the other faces are in pieces of no area."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
@@ -142,7 +145,7 @@ class TearLine:
         n = len(intact)
         graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
         count, label = connected_components(graph, directed=False)
-        return label, np.bincount(label[intact], self.areas[intact], minlength=count)
+        return label, np.bincount(label[intact], (self.areas if areas is None else areas)[intact], minlength=count)
 
 
 def _shared_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

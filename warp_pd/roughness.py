@@ -24,7 +24,7 @@ def rough_surface(sheet: Sheet, roughness: float, seed: int, flat: np.ndarray | 
         InputError: for a negative roughness.
     """
     bumps = np.zeros((sheet.size, 3))
-    height = not_negative("roughness", roughness) * sheet.spacing
+    height = not_negative("roughness", roughness) * (sheet.spacing if sheet.spacings is None else sheet.spacings)
     bumps[:, 2] = height * np.random.default_rng(seed).uniform(-1.0, 1.0, sheet.size)
     if sheet.frames is not None:
         bumps = bumps[:, 2:] * sheet.normals

@@ -13,7 +13,8 @@ from .checks import InputError, finite, point_indices, positive, vector
 from .shapes.clouds import cloud
 from .shapes.edits import punched, slit, turned
 from .shapes.files import flat_shape, read_mesh
-from .shapes.outline import Named, outline
+from .shapes.lines import Named
+from .shapes.outline import outline
 from .shapes.rectangles import filled, line, rectangle
 from .shapes.selection import SelectableShape
 from .shapes.shape import Shape
@@ -26,7 +27,7 @@ from .shapes.triangulation import Segment
 class Sheet(SelectableShape):
     """A shape with a thickness and a density.
 
-    Make one with `rectangle` or `from_points`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
+    Make one with `rectangle` or `outline`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
 
     Attributes:
         thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
@@ -87,8 +88,7 @@ class Sheet(SelectableShape):
             InputError: for a size, thickness or density that is not above zero, fewer than 3 points, or layers
                 below zero.
         """
-        shape = rectangle(width, height, points, origin, layers, centred)
-        return Sheet.of(shape, thickness=thickness, density=density)
+        return Sheet.of(rectangle(width, height, points, origin, layers, centred), thickness=thickness, density=density)
 
     @staticmethod
     def line(length: float, section: float, *, density: float, points: int) -> Sheet:
@@ -173,8 +173,7 @@ class Sheet(SelectableShape):
         Raises:
             InputError: for curves that cross or leave the sheet, or a spacing too coarse for them.
         """
-        shape = outline(boundary, holes, cracks, inclusions, spacing)
-        return Sheet.of(shape, thickness=thickness, density=density)
+        return Sheet.of(outline(boundary, holes, cracks, inclusions, spacing), thickness=thickness, density=density)
 
     @staticmethod
     def from_points(
@@ -185,8 +184,12 @@ class Sheet(SelectableShape):
         triangles: np.ndarray | None = None,
         areas: np.ndarray | None = None,
         spacing: float | None = None,
+        outline: Any = None,
     ) -> Sheet:
-        """A sheet on any cloud of points.
+        """A sheet on any cloud of points; no bond leaves its triangulation.
+
+        Its boundary is the part "outline" (of several pieces "outline 1", ...), holes are "hole 1", "hole 2", ..., the
+        largest first.
 
         Args:
             points: Positions [m], shape (N, 2).
@@ -196,11 +199,14 @@ class Sheet(SelectableShape):
                 circumscribed circle is wider than two and a half spacings (notches and holes).
             areas: Area of each point [m^2]; by default a third of each adjacent triangle.
             spacing: Reference spacing [m]; by default the root of the mean area of the points.
+            outline: A closed curve, as for `Sheet.outline`, or what `read_outline` gives: Delaunay's triangles are then
+                those inside it.
 
         Raises:
-            InputError: for coincident points, coordinates that are not finite, or wrong shapes.
+            InputError: for coincident points, coordinates that are not finite, wrong shapes, or points outside the
+                outline.
         """
-        return Sheet.of(cloud(points, triangles, areas, spacing), thickness=thickness, density=density)
+        return Sheet.of(cloud(points, triangles, areas, spacing, outline), thickness=thickness, density=density)
 
     @staticmethod
     def from_file(
@@ -335,10 +341,8 @@ class Sheet(SelectableShape):
         members = self.within(centre, radius)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            raise InputError(
-                f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points: "
-                f"expected three or more that are not on one line"
-            )
+            held = f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points"
+            raise InputError(f"{held}: expected three or more that are not on one line")
         return replace(self, inclusions=(*self.inclusions, members))
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:
@@ -370,8 +374,7 @@ class Sheet(SelectableShape):
         """
         stretches = positive("first", first), positive("second", first if second is None else second)
         before = np.eye(2) if self.stretch is None else self.stretch
-        stretched = replace(self, stretch=np.diag(stretches) @ before)
-        stretched.unstretched()
+        (stretched := replace(self, stretch=np.diag(stretches) @ before)).unstretched()
         return stretched
 
     def unstretched(self) -> Sheet:
@@ -394,4 +397,4 @@ class Sheet(SelectableShape):
         """
         self._require_flat("turned")
         sheet, rotation = turned(self, finite("degrees", degrees))
-        return replace(sheet, stretch=None if self.stretch is None else rotation @ self.stretch @ rotation.T)
+        return sheet if self.stretch is None else replace(sheet, stretch=rotation @ self.stretch @ rotation.T)

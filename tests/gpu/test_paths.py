@@ -67,7 +67,9 @@ def test_fast_kernels_of_curved_sheets_are_the_reference_kernels(device, kind, s
         names = [name for launch in built.context.stages["step"] for name in launch.parts]
         assert ("family_block_force" in names) == (fast and device != "cpu")
         forces.append(internal_force(built, rough_motion(sheet)))
-        assert np.abs(internal_force(built, sheet.points @ rotation().T - sheet.points)).max() < TOLERANCE[precision]
+        turned = sheet.points @ rotation().T - sheet.points
+        round_off = np.finfo(f"f{precision // 8}").eps * np.abs(turned).max()
+        assert np.abs(internal_force(built, turned)).max() < 3.0 * round_off * GENT.constants[0] * sheet.thickness
     close(*forces, 5.0 * TOLERANCE[precision])
 
 

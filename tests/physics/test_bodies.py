@@ -10,6 +10,7 @@ from small_runs import run, simulate
 
 from warp_pd import (
     BodyForce,
+    BodyPath,
     Box,
     Capsule,
     Cylinder,
@@ -17,7 +18,6 @@ from warp_pd import (
     Fixed,
     Free,
     InputError,
-    Path,
     Plane,
     RigidBall,
     RigidBody,
@@ -89,7 +89,7 @@ def test_a_block_on_an_incline_sticks_and_slides_at_the_angle_of_friction(precis
     load = (DENSITY * GRAVITY * np.sin(angle), 0.0, -DENSITY * GRAVITY * np.cos(angle))
     result = run(
         square(7, 0.02), Explicit(duration, frames=2, safety=0.5), precision=precision, loads=[BodyForce(load)],
-        contact=RigidBody(Plane(), Path.still((0.0, 0.0, 0.0)), friction=friction),
+        contact=RigidBody(Plane(), BodyPath.still((0.0, 0.0, 0.0)), friction=friction),
     )  # fmt: skip
     speed = result.frame.velocity[:, 0].mean()
     if share < 1.0:
@@ -122,7 +122,7 @@ def test_no_point_ends_a_step_inside_a_body_at_ten_times_the_wave_speed(shape, f
     sheet = square(15)
     speed = 10.0 * np.sqrt(3.0)  # c^2 = 3 mu / density, with mu = 1 kPa
     turned = TURNED if shape.bounded else (0.0, 0.0, 0.0, 1.0)
-    body = RigidBody(shape, Path.still((0.05, 0.05, -0.04), turned), friction=friction)
+    body = RigidBody(shape, BodyPath.still((0.05, 0.05, -0.04), turned), friction=friction)
     simulation = simulate(
         sheet, Explicit(0.005, frames=25, safety=0.15), contact=body,
         initial_velocity=np.tile([0.3, 0.2, -speed], (sheet.size, 1)),
@@ -153,7 +153,7 @@ def test_a_point_does_not_pass_a_thin_body_within_one_step():
     # One step takes the points two spacings, through a plate that is thinner than that.
     sheet = square(7)
     dt, spacing = 1e-5, sheet.spacing
-    plate = RigidBody(Box((1.0, 1.0, 1.5 * spacing)), Path.still((0.0, 0.0, -1.0 * spacing)))
+    plate = RigidBody(Box((1.0, 1.0, 1.5 * spacing)), BodyPath.still((0.0, 0.0, -1.0 * spacing)))
     result = run(
         sheet, Explicit(dt, frames=1, step=dt), precision=64, contact=plate,
         initial_velocity=np.tile([0.0, 0.0, -1.99 * spacing / dt], (sheet.size, 1)),
@@ -164,7 +164,7 @@ def test_a_point_does_not_pass_a_thin_body_within_one_step():
 
 def test_a_body_on_a_path_turns_and_pushes_like_the_ball():
     sheet, solver = square(15), Explicit(0.1, frames=5, safety=0.3)
-    path = Path.straight((0.05, 0.05, 0.0151), (0.0, 0.0, -0.1), 0.1)
+    path = BodyPath.straight((0.05, 0.05, 0.0151), (0.0, 0.0, -0.1), 0.1)
     ball = run(sheet, solver, loads=[Fixed(sheet.edges())], contact=RigidBall(0.03, (0.05, 0.05, 0.0151), (0, 0, -0.1)))
     body = run(sheet, solver, loads=[Fixed(sheet.edges())], contact=RigidBody(Sphere(0.03), path))
     np.testing.assert_allclose(body.frame.displacement, ball.frame.displacement, atol=2e-4)
@@ -176,7 +176,7 @@ def test_a_turning_drum_drags_the_sheet():
     sheet = square(9)
     quarter = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
     half = (0.5, 0.5, -0.5, 0.5)  # a quarter turn about y after it
-    path = Path([0.0, 0.1], [(0.05, 0.05, -0.0201)] * 2, [quarter, half])
+    path = BodyPath([0.0, 0.1], [(0.05, 0.05, -0.0201)] * 2, [quarter, half])
     load = BodyForce((0.0, 0.0, -2e4))
     result = run(
         sheet, Explicit(0.05, frames=2), loads=[load], contact=RigidBody(Cylinder(0.04, 0.3), path, friction=0.5)
@@ -191,7 +191,7 @@ def test_two_bodies_at_once_restart_in_contact(tmp_path):
     def scene():
         sheet = square(11)
         ball = RigidBody(Sphere(0.03), falling(), name="ball", friction=0.2)
-        floor = RigidBody(TriangleMesh(*Box((0.2, 0.2, 0.02)).outline(0.0)), Path.still((0.05, 0.05, -0.012)))
+        floor = RigidBody(TriangleMesh(*Box((0.2, 0.2, 0.02)).outline(0.0)), BodyPath.still((0.05, 0.05, -0.012)))
         return simulate(sheet, Explicit(0.02, frames=4), contact=[ball, floor])
 
     complete = require_same_when_stopped(scene, tmp_path, [2], precision=32)
@@ -203,7 +203,7 @@ def test_two_bodies_at_once_restart_in_contact(tmp_path):
 def test_bodies_are_in_files_and_pictures(tmp_path):
     shapes = [Sphere(0.03), Capsule(0.02, 0.03), Cylinder(0.02, 0.03), Box((0.02, 0.03, 0.02)), Plane()]
     bodies = [
-        RigidBody(s, Path.straight((0.05, 0.05, -0.1), (0.0, 0.0, -1.0), 1e-3, TURNED), name=s.kind) for s in shapes
+        RigidBody(s, BodyPath.straight((0.05, 0.05, -0.1), (0.0, 0.0, -1.0), 1e-3, TURNED), name=s.kind) for s in shapes
     ]
     simulate(square(9), Explicit(1e-3, frames=2), contact=bodies).run(device="cpu", out=tmp_path / "run")
     stage = Usd.Stage.Open(str(tmp_path / "run" / "animation.usd"))
@@ -221,10 +221,14 @@ def test_bodies_are_in_files_and_pictures(tmp_path):
 def test_what_is_not_used_leaves_nothing():
     plan = simulate(square(7), contact=RigidBall(0.1, (0.0, 0.0, 5.0))).plan("cpu", 64)
     assert "body" not in plan
-    plan = simulate(square(7), contact=RigidBody(Sphere(0.1), Path.still((0.0, 0.0, 5.0)))).plan("cpu", 64)
+    plan = simulate(square(7), contact=RigidBody(Sphere(0.1), BodyPath.still((0.0, 0.0, 5.0)))).plan("cpu", 64)
     assert "body_impulse" in plan
     for name in ("body_rubbed", "gather_touching", "body_push"):
         assert name not in plan
+
+
+def built(contact):
+    return simulate(square(7), contact=contact).build("cpu")
 
 
 def cube(**changes):
@@ -237,27 +241,27 @@ def cube(**changes):
     [
         (lambda: Free(0.0, (0, 0, 0)), r"Free.mass = 0.0: expected a positive number"),
         (lambda: Free(1.0, (0, 0, 0), inertia=(1.0, 0.0, 1.0)), "expected positive moments"),
-        (lambda: Path([0.0], [(0, 0, np.nan)]), "Path.positions"),
-        (lambda: Path([1.0, 0.0], [(0, 0, 0)] * 2), "expected rising times"),
-        (lambda: Path([0.0], [(0, 0, 0)], [(0, 0, 0, 2.0)]), "expected a unit quaternion"),
-        (lambda: RigidBody(Sphere(1.0), Path.still((0, 0, 0)), friction=-0.1), "RigidBody.friction = -0.1"),
+        (lambda: BodyPath([0.0], [(0, 0, np.nan)]), "BodyPath.positions"),
+        (lambda: BodyPath([1.0, 0.0], [(0, 0, 0)] * 2), "expected rising times"),
+        (lambda: BodyPath([0.0], [(0, 0, 0)], [(0, 0, 0, 2.0)]), "expected a unit quaternion"),
+        (lambda: RigidBody(Sphere(1.0), BodyPath.still((0, 0, 0)), friction=-0.1), "RigidBody.friction = -0.1"),
         (lambda: RigidBody(Plane(), Free(1.0, (0, 0, 0))), "a plane has no mass"),
-        (lambda: RigidBody(Sphere, Path.still((0, 0, 0))), "RigidBody.shape"),
+        (lambda: RigidBody(Sphere, BodyPath.still((0, 0, 0))), "RigidBody.shape"),
         (lambda: RigidBody(Sphere(1.0), (0, 0, 0)), "RigidBody.motion"),
         (lambda: TriangleMesh(**cube(triangles=cube()["triangles"][1:])), "expected a closed surface"),
         (lambda: TriangleMesh(**cube(triangles=cube()["triangles"][:, ::-1])), "expected triangles that face outwards"),
         (lambda: TriangleMesh(**cube(vertices=np.full((8, 3), np.nan))), "TriangleMesh.vertices"),
         (lambda: Box((1.0, 1.0, -1.0)), "Box.sides = -1.0"),
         (
-            lambda: simulate(square(7), contact=RigidBody(Sphere(0.05), Path.still((0.05, 0.05, 0.01)))).build("cpu"),
+            lambda: built(RigidBody(Sphere(0.05), BodyPath.still((0.05, 0.05, 0.01)))),
             r"point 24 is 0.015 m inside it",
         ),
         (
-            lambda: simulate(square(7), contact=RigidBody(Sphere(0.01), Path.still((0.0, 0.0, 1.0)))).build("cpu"),
+            lambda: simulate(square(7), contact=RigidBody(Sphere(0.01), BodyPath.still((0.0, 0.0, 1.0)))).build("cpu"),
             "expected at least 1.42 spacings",
         ),
         (
-            lambda: simulate(square(7), contact=[RigidBody(Plane(), Path.still((0.0, 0.0, -1.0)))] * 2).build("cpu"),
+            lambda: built([RigidBody(Plane(), BodyPath.still((0.0, 0.0, -1.0)))] * 2),
             "expected different names",
         ),
         (lambda: simulate(square(7), contact="ball").build("cpu"), "contact = 'ball'"),

@@ -20,9 +20,11 @@ SMALL = {
     "square_wrinkles": {"points": 24},
     "balloon": {"points": 8, "stretch": 1.6, "frames": 4},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
+    "balloon_burst": {"points": 10, "tearing_energy": 6e4, "duration": 4e-3, "frames": 8},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
     "needle": {"points": 21, "depth": 0.05, "frames": 10},
+    "glove": {"spacing": 6e-3, "load_steps": 2},
     "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12},
     "off_plane_tear": {"points": 20, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40},
@@ -76,6 +78,18 @@ def test_a_scene_runs_to_its_end_says_what_it_rebuilds_and_draws(name):
     assert result.summary["section"].split()[1] in inspect.getdoc(load_scene(name))
     assert result.summary["pictures"]
     assert all((result.folder / picture).stat().st_size > 5000 for picture in result.summary["pictures"])
+
+
+def test_a_balloon_stays_whole_until_the_needle_is_in_it():
+    result = ran("balloon_burst")
+    damage = column(result, "mean_damage")
+    assert damage[1] == 0.0 and damage[-1] > 0.0
+    assert value(result, "energy_balance") < 5e-3
+
+
+def test_fingers_of_the_glove_pull_back():
+    result = ran("glove")
+    assert all(value(result, f"finger_{number}") > 0.1 for number in range(1, 6))
 
 
 def test_balloon_and_tube_have_the_exact_pressures():

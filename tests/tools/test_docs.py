@@ -34,6 +34,16 @@ def test_scenes_in_the_documentation_can_be_built(code):
     assert re.search(r"^  setup +\w*force", launches, re.MULTILINE)
 
 
+SHAPES = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / "shapes.md").read_text(), re.DOTALL)
+
+
+@pytest.mark.parametrize("code", SHAPES, ids=range(len(SHAPES)))
+def test_examples_of_shapes_run(code, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "shapes", "exec"), {})
+    assert sorted(path.name for path in tmp_path.iterdir()) == re.findall(r"[a-z]+\.png", code)
+
+
 def test_every_page_is_in_the_navigation():
     named = [line for line in (ROOT / "mkdocs.yml").read_text().splitlines() if not line.strip().startswith("#")]
     pages = {str(path.relative_to(ROOT / "docs")) for path in (ROOT / "docs").rglob("*.md")}

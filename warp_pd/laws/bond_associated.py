@@ -40,7 +40,8 @@ class BondAssociated:
                 fractions (BA eqs. 38 and 43). It has no energy and misses uniform stress by about 1 %.
             "plain": in proportion to |D_ij|; conserves energy, exact for uniform stress inside the sheet.
             "corrected": the nearest weights for which uniform stress is in equilibrium also at the edges.
-            "auto": "plain" if bonds can break or at horizons above 4.5, "corrected" otherwise.
+            "auto": "plain" if bonds can break or at horizons above 4.5, "corrected" otherwise; on graded sheets,
+                where plain weights are out of balance, also if bonds can break.
             With rupture, "corrected" applies as long as the family of a point is undamaged; `broken` sets the
             weights of a damaged family.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
@@ -76,11 +77,16 @@ class BondAssociated:
         influence_function(self.influence)
         check_material(self.material, "functions")
 
-    def resolved_weights(self, breakable: bool) -> str:
-        """The weights with "auto" resolved."""
+    def resolved_weights(self, breakable: bool, graded: bool = False) -> str:
+        """The weights with "auto" resolved.
+
+        Args:
+            breakable: Whether bonds can break.
+            graded: Whether the spacing of the sheet varies.
+        """
         if self.weights != "auto":
             return self.weights
-        return "plain" if breakable or self.horizon > MAX_CORRECTED else "corrected"
+        return "plain" if (breakable and not graded) or self.horizon > MAX_CORRECTED else "corrected"
 
     @property
     def form(self) -> str:
@@ -112,10 +118,11 @@ class BondAssociatedForce(FamilyLaw):
     has_energy = True
     coarsens = True
     takes_curved = True
+    takes_graded = True
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         breakable, sheet = context.features.breakable, context.sheet
-        self.law, self.weights = law, law.resolved_weights(breakable)
+        self.law, self.weights = law, law.resolved_weights(breakable, sheet.spacings is not None)
         self.material, self.fast = law.material, law.fast
         broken = law.broken if breakable else None
         if self.weights == "published" or broken == "redistribute":

@@ -45,6 +45,7 @@ class FamilyLaw(BuiltLaw):
         thickness: Thickness of the sheet [m].
         fields: Further point fields that the law offers for frames.
         takes_curved: Whether it works on curved sheets.
+        takes_graded: Whether it works on sheets of graded spacing.
     """
 
     owner: str
@@ -55,6 +56,7 @@ class FamilyLaw(BuiltLaw):
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
     takes_curved: bool = False
+    takes_graded: bool = False
 
     def __init__(
         self,
@@ -74,11 +76,15 @@ class FamilyLaw(BuiltLaw):
             weights: Weights by row, shape (R, n).
 
         Raises:
-            InputError: for a curved sheet, if the law works on flat ones alone.
+            InputError: for a curved or graded sheet on which the law does not work.
         """
         if context.sheet.frames is not None and not self.takes_curved:
             raise InputError(
                 f"force = {type(law).__name__}: expected BondAssociated, Visco or BondBased on a curved sheet"
+            )
+        if context.sheet.spacings is not None and not self.takes_graded:
+            raise InputError(
+                f"force = {type(law).__name__}: expected BondAssociated or Visco on a sheet of graded spacing"
             )
         self.owner = type(law).__name__
         self.label, self.context, self.families = f"force = {self.owner}", context, families

@@ -1,7 +1,7 @@
 """The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
 
 from .bodies import RigidBody
-from .body_motion import Free, Path
+from .body_motion import BodyPath, Free
 from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh
 from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
@@ -13,6 +13,7 @@ from .tearing_energy import TearingEnergy, stretch_or_energy, tip_width
 
 __all__ = [
     "BodyForce",
+    "BodyPath",
     "BondCriterion",
     "BoundaryForce",
     "Box",
@@ -26,7 +27,6 @@ __all__ = [
     "Fixed",
     "Free",
     "Motion",
-    "Path",
     "Plane",
     "PointForce",
     "Pressure",

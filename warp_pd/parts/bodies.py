@@ -37,7 +37,7 @@ class RigidBody(Contact):
 
     Attributes:
         shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.
-        motion: Path or Free.
+        motion: BodyPath or Free.
         friction: Coefficient of Coulomb friction; 0 for none.
         name: What its columns of the history begin with; bodies of one scene have different names.
 
@@ -56,7 +56,7 @@ class RigidBody(Contact):
         if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
             raise InputError(f"RigidBody.shape = {said(self.shape)}: expected a shape, such as Sphere(0.1)")
         if isinstance(self.motion, type) or not isinstance(self.motion, BodyMotion):
-            raise InputError(f"RigidBody.motion = {said(self.motion)}: expected Path or Free")
+            raise InputError(f"RigidBody.motion = {said(self.motion)}: expected BodyPath or Free")
         not_negative("RigidBody.friction", self.friction)
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise InputError(f"RigidBody.name = {said(self.name)}: expected a name, such as 'needle'")

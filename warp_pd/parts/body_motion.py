@@ -47,7 +47,7 @@ class BodyMotion(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Path(BodyMotion):
+class BodyPath(BodyMotion):
     """A motion that is prescribed, whatever the sheet does: linear in time between knots, still before and after them.
 
     Attributes:
@@ -69,17 +69,17 @@ class Path(BodyMotion):
         Raises:
             InputError: for times that do not rise, other shapes, numbers that are not finite, or no rotation.
         """
-        times = numbers("Path.times", self.times)
+        times = numbers("BodyPath.times", self.times)
         if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
-            raise InputError(f"Path.times = {said(self.times)}: expected rising times, at least one")
-        positions = numbers("Path.positions", self.positions)
+            raise InputError(f"BodyPath.times = {said(self.times)}: expected rising times, at least one")
+        positions = numbers("BodyPath.positions", self.positions)
         if positions.shape != (len(times), 3):
-            raise InputError(f"Path.positions has shape {positions.shape}: expected ({len(times)}, 3)")
+            raise InputError(f"BodyPath.positions has shape {positions.shape}: expected ({len(times)}, 3)")
         given = np.tile(NOT_TURNED, (len(times), 1)) if self.rotations is None else self.rotations
-        rotations = numbers("Path.rotations", given)
+        rotations = numbers("BodyPath.rotations", given)
         if rotations.shape != (len(times), 4):
-            raise InputError(f"Path.rotations has shape {rotations.shape}: expected ({len(times)}, 4)")
-        rotations = np.array([unit_quaternion("Path.rotations", q) for q in rotations])
+            raise InputError(f"BodyPath.rotations has shape {rotations.shape}: expected ({len(times)}, 4)")
+        rotations = np.array([unit_quaternion("BodyPath.rotations", q) for q in rotations])
         # A quaternion and its opposite are one rotation: the closer one is the shorter way.
         signs = np.cumprod([1.0, *np.where(np.sum(rotations[1:] * rotations[:-1], axis=1) < 0.0, -1.0, 1.0)])
         object.__setattr__(self, "times", times)
@@ -87,16 +87,16 @@ class Path(BodyMotion):
         object.__setattr__(self, "rotations", signs[:, None] * rotations)
 
     @staticmethod
-    def still(position: Vector, rotation: Vector = NOT_TURNED) -> Path:
+    def still(position: Vector, rotation: Vector = NOT_TURNED) -> BodyPath:
         """No motion at all, at a position [m]."""
-        return Path([0.0], [position], [rotation])
+        return BodyPath([0.0], [position], [rotation])
 
     @staticmethod
-    def straight(start: Vector, velocity: Vector, duration: float, rotation: Vector = NOT_TURNED) -> Path:
+    def straight(start: Vector, velocity: Vector, duration: float, rotation: Vector = NOT_TURNED) -> BodyPath:
         """From a position [m] at a velocity [m/s] for a duration [s], which begins at 0."""
-        begin, speed = (np.array(vector(f"Path {n}", v, 3)) for n, v in (("start", start), ("velocity", velocity)))
-        end = positive("Path duration", duration)
-        return Path([0.0, end], [begin, begin + end * speed], [rotation, rotation])
+        begin, speed = (np.array(vector(f"BodyPath {n}", v, 3)) for n, v in (("start", start), ("velocity", velocity)))
+        end = positive("BodyPath duration", duration)
+        return BodyPath([0.0, end], [begin, begin + end * speed], [rotation, rotation])
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Position [m], shape (3,), and quaternion, shape (4,), at a time [s]."""
@@ -192,7 +192,7 @@ class Free(BodyMotion):
             InputError: for one.
         """
         if not shape.bounded:
-            raise InputError(f"motion = Free: a {shape.kind} has no mass: expected a Path")
+            raise InputError(f"motion = Free: a {shape.kind} has no mass: expected a BodyPath")
 
     def build(self, name: str, shape: BodyShape, context: Context) -> BuiltMotion:
         """The motion on a device."""

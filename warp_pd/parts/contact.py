@@ -149,7 +149,7 @@ class BuiltBall(RigidContact):
         )
         self.body = body
         # A smaller ball passes between points.
-        resolved("RigidBall.diameter", body.diameter, context.sheet.spacing, MIN_DIAMETER)
+        resolved("RigidBall.diameter", body.diameter, context.sheet.widest_spacing, MIN_DIAMETER)
         self._check_apart()
 
     def _check_apart(self) -> None:

@@ -105,6 +105,8 @@ class CriticalEnergy(BondCriterion):
         values.energy_release = context.array(
             "energy_release", "CriticalEnergy", context.types.real, shape=shape, per="bond", restart=True
         )
+        if context.sheet.spacings is not None:
+            raise InputError("damage = CriticalEnergy: expected a sheet of one spacing, got a graded one")
         values.critical = self.energy / crossing_bonds(law.horizon)
         return found, values
 

@@ -7,13 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, positive
+from ..checks import InputError, point_indices, positive
 from ..device.context import Context
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltRupture, History
 from ..kernels.rupture import Criterion, elongation
 from ..kernels.softening import softening
 from ..materials import borne, stretch_of_density
+from ..sheet import Sheet
 from .rupture import BondCriterion, BreakingBonds, CriticalStretch, Damaged
 
 # Width kappa of a crack tip in spacings, see docs/tearing.md: of bonds that break at once, and of bonds that lose their
@@ -22,6 +23,8 @@ TIP_WIDTH = 2.07
 GRADUAL_HORIZONS, GRADUAL_WIDTHS = (2.015, 3.15, 4.15), (1.32, 1.20, 1.40)
 # A bond loses its weight while its elongation is between these shares of the critical one.
 BEGIN, END = 0.4, 1.6
+# How much the spacing may vary where bonds may break.
+EVEN = 0.1
 # Range of the critical stretch: below it round-off and roughness break bonds, above it no rubber is known.
 MIN_STRETCH, MAX_STRETCH = 1.05, 30.0
 
@@ -65,13 +68,13 @@ class TearingEnergy(BondCriterion):
         Raises:
             InputError: for a law without an energy density, or a spacing that cannot resolve the tearing energy.
         """
-        return _elongation(context, self.critical_stretch(context, law))
+        return _elongation(context, self.critical_stretch(context, law), self.spared)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The criterion on a device."""
         if context.features.gradual:
             return SofteningBonds(self, context, law)
-        return TearingBonds("TearingEnergy", self, context, law)
+        return TearingBonds(self, context, law)
 
     def critical_stretch(self, context: Context, law: BuiltLaw) -> float:
         """Critical stretch s_c that stands for the tearing energy on a sheet.
@@ -79,7 +82,7 @@ class TearingEnergy(BondCriterion):
         Raises:
             InputError: if there is none in the range that the spacing resolves.
         """
-        spacing = context.sheet.spacing
+        spacing = tearing_spacing(context.sheet, self.spared)
         width = tip_width(law.horizon, context.features.gradual) * spacing
         stretches = np.geomspace(MIN_STRETCH, MAX_STRETCH, 400)
         found = stretch_of_density(law.energy_density, self.energy / width, stretches)
@@ -99,9 +102,13 @@ class TearingBonds(BreakingBonds):
 
     criterion: Any
 
+    def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
+        super().__init__("TearingEnergy", rupture, context, law)
+        self._spacing = tearing_spacing(context.sheet, rupture.spared)
+
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """The critical stretch that was used."""
-        return [_stands_for(self.criterion.stretch, self.context)]
+        return [_stands_for(self.criterion.stretch, self._spacing)]
 
 
 class SofteningBonds(Damaged):
@@ -117,7 +124,8 @@ class SofteningBonds(Damaged):
         super().__init__("TearingEnergy", rupture, context, law)
         self.critical = rupture.critical_stretch(context, law)
         begin, self.end = (1.0 + share * (self.critical - 1.0) for share in (BEGIN, END))
-        _, self.beginning = _elongation(context, begin)
+        _, self.beginning = _elongation(context, begin, rupture.spared)
+        self._spacing = tearing_spacing(context.sheet, rupture.spared)
         self._kernel = softening(
             context.layout, context.bits, self.spared is not None, self.tracked_energy, context.module
         )
@@ -131,24 +139,48 @@ class SofteningBonds(Damaged):
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """The stretches that were used."""
-        said = _stands_for(self.critical, self.context)
+        said = _stands_for(self.critical, self._spacing)
         return [f"{said}: bonds lose their weight between {self.beginning.stretch:.4g} and {self.end:.4g}"]
 
 
-def _elongation(context: Context, stretch: float) -> tuple[Criterion, Any]:
+def _elongation(context: Context, stretch: float, spared: Any) -> tuple[Criterion, Any]:
     """The criterion of elongation, and its struct filled in."""
     found = elongation(context.layout, context.bits, context.module)
     values = found.struct()
-    values.stretch, values.spacing = stretch, context.sheet.spacing
+    values.stretch, values.spacing = stretch, tearing_spacing(context.sheet, spared)
     return found, values
 
 
-def _stands_for(stretch: float, context: Context) -> str:
+def _stands_for(stretch: float, spacing: float) -> str:
     """What a tearing energy is on this sheet."""
-    return (
-        f"the tearing energy stands for a critical stretch of {stretch:.4g} at a spacing of "
-        f"{context.sheet.spacing:.4g} m"
-    )
+    return f"the tearing energy stands for a critical stretch of {stretch:.4g} at a spacing of {spacing:.4g} m"
+
+
+def tearing_spacing(sheet: Sheet, spared: Any) -> float:
+    """Spacing [m] where bonds may break.
+
+    Args:
+        sheet: The sheet.
+        spared: Points whose bonds never break, or None.
+
+    Raises:
+        InputError: on a graded sheet, if it varies there by more than `EVEN`.
+    """
+    if sheet.spacings is None:
+        return sheet.spacing
+    breakable = np.ones(sheet.size, bool)
+    if spared is not None:
+        breakable[point_indices("TearingEnergy.spared", spared, sheet.size)] = False
+    there = sheet.spacings[breakable]
+    if len(there) == 0:
+        return sheet.spacing
+    low, high = float(there.min()), float(there.max())
+    if high > (1.0 + EVEN) * low:
+        raise InputError(
+            f"TearingEnergy on a graded sheet, with spacings from {low:.3g} to {high:.3g} m where bonds may break: "
+            f"expected one within {EVEN:.0%}; spare the other points, as with spared=sheet.where(...)"
+        )
+    return float(np.sqrt(low * high))
 
 
 def tip_width(horizon: float, gradual: bool) -> float:

@@ -65,7 +65,8 @@ def _compared(item: Measure | Outcome, value: float | None, of: str) -> dict[str
     """Value, unit and reference of a reported number; a number that does not exist (yet) is None."""
     if value is not None and not np.isfinite(value):
         value = None
-    error = None if item.reference is None or value is None else value / item.reference - 1.0
+    # Of zero there is no relative error.
+    error = None if not item.reference or value is None else value / item.reference - 1.0
     return {
         "value": value,
         "unit": item.unit,

@@ -7,9 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..checks import InputError
 from .cracks import split_along
+from .edges import SIDES
 from .shape import Shape
 from .triangulation import boundary_edges, point_areas, voronoi_areas
+
+# Names of other points: the sides of the bounding box, and the whole boundary.
+RESERVED = (*SIDES, "all")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +43,13 @@ def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks:
     """
     parts: dict[str, np.ndarray] = {}
     for ring in rings:
-        parts |= _ring_parts(ring)
+        _add(parts, _ring_parts(ring))
     parts["all"] = np.unique(np.concatenate([ring.points for ring in rings]))
     opened = base
     edge = np.unique(boundary_edges(base.triangles))
     for crack in cracks:
         opened, sides = _opened(opened, crack, edge)
-        parts |= sides
+        _add(parts, sides)
     middle = opened.points[opened.triangles].mean(axis=1)
     body, of_triangle = np.zeros(opened.size, np.int32), np.zeros(len(opened.triangles), np.int32)
     inclusions = []
@@ -54,7 +59,7 @@ def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks:
         body[inner] = number
         of_triangle[_inside(middle, opened.points[ring.points])] = number
         inclusions.append(np.union1d(ring.points, np.flatnonzero(inner)).astype(np.int32))
-        parts[ring.name] = np.sort(ring.points)
+        _add(parts, {ring.name: np.sort(ring.points)})
     outside = opened.triangles[of_triangle == 0]
     barriers = boundary_edges(outside)
     return replace(
@@ -65,6 +70,19 @@ def assembled(base: Shape, rings: Sequence[Part], rigid: Sequence[Part], cracks:
         barriers=barriers,
         parts={name: np.asarray(points, np.int32) for name, points in parts.items()},
     )
+
+
+def _add(parts: dict[str, np.ndarray], more: dict[str, np.ndarray]) -> None:
+    """Add named points.
+
+    Raises:
+        InputError: for a name that is taken.
+    """
+    for name in more:
+        if name in parts or name in RESERVED:
+            taken = ", ".join(repr(one) for one in (*RESERVED, *parts))
+            raise InputError(f"two parts have the name {name!r}: expected one that is not among {taken}")
+    parts.update(more)
 
 
 def _ring_parts(ring: Part) -> dict[str, np.ndarray]:

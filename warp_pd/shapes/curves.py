@@ -8,12 +8,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..checks import InputError, positions, positive, vector
+from ..checks import InputError, positions, positive, said, vector
 
 # Spacing [m] at points of shape (P, 2), shape (P,).
 Spacing = Callable[[np.ndarray], np.ndarray]
 # Places at which a smooth curve is sampled to measure its length.
 DENSE = 2048
+# Most points between two corners.
+MAX_PIECES = 10_000_000
 
 
 class Curve(Protocol):
@@ -140,14 +142,13 @@ def as_curve(name: str, given: Any) -> Curve:
     Raises:
         InputError: for anything else.
     """
+    if isinstance(given, type | str) or given is None:
+        raise InputError(
+            f"{name} = {said(given)}: expected a Polygon, Circle or Spline, a function of t, or corners of shape (C, 2)"
+        )
     if hasattr(given, "sampled"):
         return given  # type: ignore[no-any-return]
-    if callable(given):
-        return ParametricCurve(given)
-    try:
-        return Polygon(given)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
+    return ParametricCurve(given) if callable(given) else Polygon(given)
 
 
 def spread_on_segment(start: np.ndarray, end: np.ndarray, spacing: Spacing) -> np.ndarray:
@@ -166,7 +167,7 @@ def spread_on_curve(
     """Points of a smooth closed curve, and zeros: it has one side."""
     t = spread_evenly(at, spacing, multiple)[:-1]
     if len(t) < 4:
-        raise InputError(f"a curve has {len(t)} points at this spacing: expected 4 or more; take a finer spacing")
+        raise InputError(f"it has {len(t)} points at this spacing: expected 4 or more; take a finer spacing")
     return at(t), np.zeros(len(t), np.int64)
 
 
@@ -177,5 +178,9 @@ def spread_evenly(at: Callable[[np.ndarray], np.ndarray], spacing: Spacing, mult
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     middle = spacing(0.5 * (points[1:] + points[:-1]))
     count = np.concatenate([[0.0], np.cumsum(step / middle)])
+    if not count[-1] < MAX_PIECES:
+        raise InputError(
+            f"spacing: a curve gets {count[-1]:.3g} points: expected {MAX_PIECES} or fewer; take a coarser spacing"
+        )
     pieces = max(1, round(float(count[-1]) / multiple)) * multiple
     return np.interp(np.linspace(0.0, count[-1], pieces + 1), count, dense)

@@ -26,7 +26,7 @@ def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
 
 def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
     """Mask of the points on the outline and around all holes, shape (N,); cracks and cuts are no edges."""
-    outer = known if shape.frames is not None else ("outline",) if "outline" in known else SIDES
+    outer = known if shape.frames is not None else [name for name in known if name.startswith("outline")] or SIDES
     chosen = np.zeros(shape.size, bool)
     for name in {*outer, *(name for name in known if name.startswith("hole "))}:
         chosen[known[name]] = True

@@ -70,8 +70,10 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
     barriers = None
     if shape.barriers is not None:
         old = shape.barriers[kept[shape.barriers].all(axis=1)]
-        barriers = renumber[np.unique(np.concatenate([old, new_edges[np.isin(new_edges, rim).any(axis=1)]]), axis=0)]
-    count = 1 + sum(part.startswith("hole ") and part[5:].isdigit() for part in shape.parts)
+        size = np.array([shape.size, 1])
+        fresh = ~np.isin(new_edges @ size, boundary_edges(shape.triangles) @ size)
+        barriers = renumber[np.unique(np.concatenate([old, new_edges[fresh]]), axis=0)]
+    count = next(k for k in range(1, len(shape.parts) + 2) if f"hole {k}" not in shape.parts)
     parts = {part: left(points) for part, points in shape.parts.items()} | {f"hole {count}": left(rim)}
     if "all" in parts:
         parts["all"] = np.union1d(parts["all"], left(rim)).astype(np.int32)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import InputError
 from .curves import Spacing
 from .triangulation import signed_areas
 
@@ -15,9 +16,11 @@ CLEAR = 0.7
 BAND = 2.6
 # Rounds of relaxation; the triangulation is renewed in each, and serves a few moves.
 ROUNDS, MOVES = 8, 4
-GRADED_ROUNDS = 25
-# Deepest division of the cells of a graded sheet.
-DIVISIONS = 12
+GRADED_ROUNDS, RENEWED = 30, 5
+# Edges shorter than the first, and circles around triangles wider in radius than the second, in spacings, are mended.
+NARROW, WIDE = 0.7, 0.8
+# Least and most divisions of the cells of a graded sheet, and most of them.
+COARSEST, DIVISIONS, MAX_CELLS = 5, 20, 40_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,54 +80,119 @@ def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> 
 
 def fill_graded(region: Any, fixed: np.ndarray, curves: Any, spacing: Spacing) -> Filling:
     """Points whose distance follows a function; arguments as for `fill_evenly`."""
-    import shapely
-
-    low, high = np.reshape(region.bounds, (2, 2))
-    size = float((high - low).max())
-    centres = _cells(low, size, spacing)
-    shapely.prepare(region)
-    centres = centres[shapely.contains_xy(region, *centres.T)]
-    centres = centres[shapely.distance(shapely.points(centres), curves) > CLEAR * spacing(centres)]
-    points = _relaxed(np.vstack([centres, fixed]), len(centres), region, spacing, GRADED_ROUNDS)
+    seeds = _seeds(region, curves, spacing)
+    points = _relaxed(np.vstack([seeds, fixed]), len(seeds), region, spacing, GRADED_ROUNDS)
     return Filling(points, np.full(points.shape, -1, np.int32), np.full(fixed.shape, -1, np.int32))
 
 
-def _cells(low: np.ndarray, size: float, spacing: Spacing) -> np.ndarray:
-    """Centres of square cells as wide as the spacing there: cells are divided while they are wider."""
-    centres, found = low[None] + 0.5 * size, []
-    for _ in range(DIVISIONS + 1):
-        wide = size > 1.42 * spacing(centres)
+def _seeds(region: Any, curves: Any, spacing: Spacing) -> np.ndarray:
+    """As many points as the spacing asks for, spread by it [m], shape (M, 2).
+
+    Cells that are narrower than half a spacing follow each other on Morton's curve; wherever their areas add up to
+    one point, there is one. Half a spacing along curves belongs to the points on them.
+    """
+    import shapely
+
+    low, high = np.reshape(region.bounds, (2, 2))
+    centres, sizes = _cells(low, float((high - low).max()), spacing)
+    shapely.prepare(region)
+    inside = shapely.contains_xy(region, *centres.T)
+    centres, sizes = centres[inside], sizes[inside]
+    here = spacing(centres)
+    clear = shapely.distance(shapely.points(centres), curves) > 0.5 * here
+    centres, sizes, here = centres[clear], sizes[clear], here[clear]
+    order = np.argsort(_morton(centres - low, float((high - low).max())))
+    count = np.floor(np.cumsum((sizes / here)[order] ** 2) + 0.5)
+    return np.asarray(centres[order[np.diff(count, prepend=0.0) > 0.0]])
+
+
+def _morton(places: np.ndarray, size: float) -> np.ndarray:
+    """Place on Morton's curve of places in a square, uint64, shape (P,)."""
+    whole = np.clip(places / size * 2**DIVISIONS, 0, 2**DIVISIONS - 1).astype(np.uint64)
+    key = np.zeros(len(whole), np.uint64)
+    for bit in range(DIVISIONS):
+        for axis in range(2):
+            key |= ((whole[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(2 * bit + axis)
+    return key
+
+
+def _cells(low: np.ndarray, size: float, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of square cells, shape (P, 2), and their widths [m]: cells wider than half the spacing are divided.
+
+    Raises:
+        InputError: for a spacing that asks for too many.
+    """
+    centres, found, sizes = low[None] + 0.5 * size, [], []
+    # Some divisions at least: a function may be fine in a small place.
+    for depth in range(DIVISIONS + 1):
+        wide = (size > 0.5 * spacing(centres)) | (depth < COARSEST)
         found.append(centres[~wide])
+        sizes.append(np.full(len(found[-1]), size))
         size *= 0.5
         corners = 0.5 * size * np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
+        needed = float(np.sum((2.0 * size / spacing(centres[wide])) ** 2)) if depth >= COARSEST else 0.0
+        if needed > MAX_CELLS or (depth == DIVISIONS and wide.any()):
+            raise InputError(
+                f"spacing(x, y) is {float(spacing(centres).min()):.3g} m: expected larger spacings, "
+                "or a number where the sheet has millions of points"
+            )
         centres = (centres[wide][:, None] + corners).reshape(-1, 2)
         if not len(centres):
             break
-    return np.concatenate([*found, centres])
+    return np.concatenate(found), np.concatenate(sizes)
 
 
 def _relaxed(points: np.ndarray, free: int, region: Any, spacing: Spacing | None, rounds: int) -> np.ndarray:
     """The first `free` points, each moved to the middle of the triangles around it, again and again.
 
-    With a spacing, triangles weigh as its fourth power inverse: the size of the triangles then follows it.
+    With a spacing, triangles weigh as its fourth power inverse: the size of the triangles then follows it. Points are
+    added in wide triangles and taken from narrow ones, too.
     """
     import shapely
     from scipy.spatial import Delaunay
 
     points = points.copy()
-    for _ in range(rounds):
+    for number in range(rounds):
         triangles = Delaunay(points).simplices
         middle = points[triangles].mean(axis=1)
         triangles = triangles[shapely.contains_xy(region, *middle.T)]
+        if spacing is not None and number % RENEWED == RENEWED - 1 and number < rounds - RENEWED:
+            moved = _renewed(points, free, triangles, spacing)
+            points, free = np.vstack([moved, points[free:]]), len(moved)
+            continue
         for _ in range(MOVES):
             middle = points[triangles].mean(axis=1)
             weight = np.abs(signed_areas(points, triangles))
             if spacing is not None:
                 weight = weight / spacing(middle) ** 4
-            total, sums = np.zeros(len(points)), np.zeros(points.shape)
-            for corner in range(3):
-                np.add.at(total, triangles[:, corner], weight)
-                np.add.at(sums, triangles[:, corner], weight[:, None] * middle)
-            moved = sums[:free] / np.maximum(total[:free], 1e-300)[:, None]
+            corner = triangles.ravel()
+            total = np.bincount(corner, np.repeat(weight, 3), len(points))
+            sums = [np.bincount(corner, np.repeat(weight * m, 3), len(points))[:free] for m in middle.T]
+            moved = np.column_stack(sums) / np.maximum(total[:free], 1e-300)[:, None]
             points[:free] = np.where(total[:free, None] > 0.0, moved, points[:free])
     return points[:free]
+
+
+def _renewed(points: np.ndarray, free: int, triangles: np.ndarray, spacing: Spacing) -> np.ndarray:
+    """The free points without those that crowd others, and with one more in the middle of each wide triangle."""
+    sides = points[triangles] - points[np.roll(triangles, -1, axis=1)]
+    here = spacing(points[triangles].mean(axis=1))
+    length = np.linalg.norm(sides, axis=2) / here[:, None]
+    narrow = np.argwhere(length < NARROW)
+    narrow = narrow[np.argsort(length[tuple(narrow.T)], kind="stable")]
+    touched, gone = np.zeros(len(points), bool), np.zeros(len(points), bool)
+    for one, other in np.column_stack(
+        [triangles[tuple(narrow.T)], np.roll(triangles, -1, axis=1)[tuple(narrow.T)]]
+    ).tolist():
+        crowding = one if one < free else other
+        if crowding < free and not touched[[one, other]].any():
+            gone[crowding] = touched[one] = touched[other] = True
+    area = np.maximum(np.abs(signed_areas(points, triangles)) / here**2, 1e-300)
+    radius = length.prod(axis=1) / (4.0 * area)
+    wide = np.flatnonzero((radius > WIDE) & (area > 0.5 * NARROW**2))
+    more = []
+    for triangle in wide[np.argsort(-radius[wide], kind="stable")].tolist():
+        if not touched[triangles[triangle]].any():
+            touched[triangles[triangle]] = True
+            more.append(points[triangles[triangle]].mean(axis=0))
+    return np.vstack([points[:free][~gone[:free]], *more])

@@ -18,7 +18,7 @@ class Shape:
         points: Reference positions [m], float64, shape (N, 2); of a curved sheet (N, 3).
         areas: Area that each point stands for [m^2], shape (N,).
         triangles: Triangulation, counter-clockwise (of a curved sheet: seen from outside), shape (F, 3), int32.
-        spacing: Distance of neighbouring points [m]; the horizon is a multiple of it.
+        spacing: Distance of neighbouring points [m], the least one of a graded sheet; the horizon is a multiple of it.
         lattice: The grid, if the points form a complete one.
         cuts: Segments that no bond crosses.
         inclusions: Point indices of each rigid inclusion.
@@ -52,6 +52,11 @@ class Shape:
     def size(self) -> int:
         """Number of points."""
         return len(self.points)
+
+    @property
+    def widest_spacing(self) -> float:
+        """The largest distance of neighbouring points [m]."""
+        return self.spacing if self.spacings is None else float(self.spacings.max())
 
     @property
     def layout(self) -> str:

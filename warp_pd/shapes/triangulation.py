@@ -105,8 +105,8 @@ def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return areas
 
 
-def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
-    """Delaunay's triangles, without those whose circumscribed circle is wider than two and a half spacings.
+def triangles_of(points: np.ndarray) -> np.ndarray:
+    """Delaunay's triangles of their convex hull.
 
     Raises:
         InputError: for points on one line.
@@ -114,9 +114,18 @@ def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
     from scipy.spatial import Delaunay, QhullError
 
     try:
-        triangles = Delaunay(points).simplices
+        return np.asarray(Delaunay(points).simplices)
     except QhullError:
         raise InputError("points lie on one line: expected points that span an area") from None
+
+
+def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
+    """Delaunay's triangles, without those whose circumscribed circle is wider than two and a half spacings.
+
+    Raises:
+        InputError: for points on one line.
+    """
+    triangles = triangles_of(points)
     signed = np.abs(signed_areas(points, triangles))
     sides = [
         np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))

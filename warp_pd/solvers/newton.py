@@ -34,9 +34,10 @@ class Newton:
     equilibrium again.
 
     A step of Newton is accepted by the work of the unbalanced force along it (Matthies and Strang, Int. J. Numer.
-    Meth. Eng. 14, 1979), which asks for no potential, so follower pressure is no exception; its unsymmetric tangent
-    goes to GMRES, symmetric tangents to conjugate gradients. Where the step fails, or the start is slack, an
-    isotropic tension is added to the tangent (not to the force) and taken back as the steps succeed.
+    Meth. Eng. 14, 1979), unless that force becomes ten times larger. The work asks for no potential, so follower
+    pressure is no exception; its unsymmetric tangent goes to GMRES, symmetric tangents to conjugate gradients. Where
+    the step fails, or the start is slack, an isotropic tension is added to the tangent (not to the force) and taken
+    back as the steps succeed.
 
     Attributes:
         tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is in

@@ -22,6 +22,8 @@ from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this share.
 MAX_OVERSHOOT = 0.5
 MAX_TRIALS = 12
+# Nor may the unbalanced force become so many times larger: beyond an energy barrier that work has no sign to trust.
+MAX_GROWTH = 10.0
 # Added tension over the mean modulus: at a slack start, after a failed step, where it is given up and dropped.
 SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.1, 1e-3, 100.0, 1e-7
 # A linear solve reaches this share of the residual at most, and no further than the tolerance asks.
@@ -352,7 +354,8 @@ class Descent:
             level.step_to(share)
             new_norm, scale = level.evaluate()
             left = dot(level.direction, level.residual)
-            if math.isfinite(new_norm) and (self.lifting or left >= -MAX_OVERSHOOT * work or new_norm < norm):
+            settled = left >= -MAX_OVERSHOOT * work and new_norm < MAX_GROWTH * norm
+            if math.isfinite(new_norm) and (self.lifting or settled or new_norm < norm):
                 self._accept(share, _ratio(new_norm, scale))
                 return new_norm, scale
             share *= min(0.5, max(0.1, work / (work - left))) if math.isfinite(left) else 0.25

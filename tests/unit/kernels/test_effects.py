@@ -59,7 +59,7 @@ CASES = (
 
 def bodies(friction):
     """One on a path and a free one."""
-    still = RigidBody(Box((1.0, 1.0, 1.0)), warp_pd.Path.still((0.0, 0.0, 9.0)), friction=friction, name="still")
+    still = RigidBody(Box((1.0, 1.0, 1.0)), warp_pd.BodyPath.still((0.0, 0.0, 9.0)), friction=friction, name="still")
     return [still, RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")]
 
 
