@@ -99,8 +99,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     context.state = _state(scene, context, external, energy)
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types, context.module)
-    checks = FrameChecks(context)
-    acting = (law, solver, moved, Ticking(context), *built, external, checks)
+    acting = (law, solver, moved, Ticking(context), *built, external, checks := FrameChecks(context))
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
@@ -143,6 +142,7 @@ def _context(
         breakable=scene.damage is not None,
         gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
         contact=any(part.changes_velocities for part in scene.contacts),
+        half_steps=all(c.half_steps for c in scene.contacts),
     )
     return Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),

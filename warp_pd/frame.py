@@ -21,6 +21,30 @@ def format_time(time: float, load_duration: float | None) -> str:
 
 
 @dataclass(frozen=True, eq=False)
+class Body:
+    """How a rigid body is drawn.
+
+    Attributes:
+        name: Its name, unique in a scene.
+        kind: "sphere", "capsule", "cylinder", "box", "plane" or "mesh".
+        sizes: Radius; radius and half of the length along z; half of the sides [m]; the normal of a plane.
+        vertices: Of its outline in its own frame [m], shape (V, 3).
+        triangles: Of its outline, counter-clockwise seen from outside, shape (F, 3).
+    """
+
+    name: str
+    kind: str
+    sizes: tuple[float, ...]
+    vertices: NDArray[np.floating]
+    triangles: NDArray[np.integer]
+
+    def placed(self, pose: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Vertices at a position [m] and unit quaternion (x, y, z, w), shape (7,): shape (V, 3)."""
+        axis = np.cross(pose[3:6], self.vertices)
+        return np.asarray(pose[:3] + self.vertices + 2.0 * (pose[6] * axis + np.cross(pose[3:6], axis)))
+
+
+@dataclass(frozen=True, eq=False)
 class Surface:
     """Data that stay the same in all frames.
 
@@ -31,6 +55,7 @@ class Surface:
         ball_diameter: Diameter of the rigid ball [m]; None if the scene has no ball.
         title: One line that describes the scene.
         metadata: Data to store with the results: configuration, version, units.
+        bodies: Rigid bodies besides the ball.
     """
 
     points: NDArray[np.floating]
@@ -38,6 +63,7 @@ class Surface:
     ball_diameter: float | None = None
     title: str = ""
     metadata: Mapping[str, str | float | int] = field(default_factory=dict)
+    bodies: tuple[Body, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse shapes and point numbers that writers cannot draw."""
@@ -71,6 +97,8 @@ class Frame:
         damage: Damage of each point, the broken fraction of its bonds, 0 to 1, shape (N,); None if bonds cannot break.
         ball_center: Centre of the rigid ball [m], shape (3,); None if the scene has no ball.
         point_data: Further fields by name, each of shape (N,) or (N, 3).
+        bodies: Position of the centre [m] and unit quaternion (x, y, z, w) of each rigid body, shape (B, 7); None
+            without bodies.
     """
 
     index: int
@@ -81,6 +109,7 @@ class Frame:
     damage: NDArray[np.floating] | None = None
     ball_center: NDArray[np.floating] | None = None
     point_data: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    bodies: NDArray[np.floating] | None = None
 
     def in_double(self) -> Frame:
         """The same frame with single-precision numbers converted to double precision."""
@@ -128,6 +157,8 @@ class Frame:
                     "expected 0 to 1"
                 )
         self._require_ball(surface)
+        poses = np.zeros((0, 7)) if self.bodies is None else self.bodies
+        self._require_array("bodies", poses, (len(surface.bodies), 7))
         for name, values in self.point_data.items():
             if np.shape(values) not in ((points,), (points, 3)):
                 raise ValueError(

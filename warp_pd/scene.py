@@ -163,7 +163,9 @@ class Scene:
             ("damage", self.damage, Rupture | None, "CriticalStretch, CriticalEnergy or None"),
         )
         if isinstance(self.contact, str) or not isinstance(self.contact, Contact | Sequence | None):
-            raise InputError(f"contact = {said(self.contact)}: expected a RigidBall, a SelfContact, a list, or None")
+            raise InputError(
+                f"contact = {said(self.contact)}: expected a RigidBall, a RigidBody, a SelfContact, a list, or None"
+            )
         for name, part, kind, words in expected:
             if isinstance(part, type) or not isinstance(part, kind):
                 raise InputError(f"{name} = {said(part)}: expected {words}")

@@ -22,6 +22,8 @@ SMALL = {
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
     "balloon_burst": {"points": 10, "tearing_energy": 6e4, "duration": 4e-3, "frames": 8},
     "drum": {"points": 21},
+    "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
+    "needle": {"points": 21, "depth": 0.05, "frames": 10},
     "glove": {"spacing": 6e-3, "load_steps": 2},
     "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 60, "slow_to": 0.99},
     "off_plane_load": {"points": 17, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12},

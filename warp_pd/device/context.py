@@ -58,6 +58,7 @@ class Features:
         tracked: Whether external work and losses are summed.
         breakable: Whether bonds can break.
         contact: Whether a contact may change velocities.
+        half_steps: Whether the energy balance may take the velocities at half steps.
     """
 
     held: bool = False
@@ -67,6 +68,7 @@ class Features:
     breakable: bool = False
     gradual: bool = False
     contact: bool = False
+    half_steps: bool = True
 
 
 @dataclass(eq=False)

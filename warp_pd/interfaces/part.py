@@ -11,6 +11,7 @@ import numpy as np
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..frame import Body
 from ..schedules import Schedule
 from ..sheet import Sheet
 from .built_part import BuiltPart
@@ -154,6 +155,14 @@ class BuiltContact(BuiltPart, Protocol):
         """Centre of the ball at a time [m], shape (3,), or None."""
         return None
 
+    def outline(self) -> Body | None:
+        """Another body to be drawn, or None."""
+        return None
+
+    def pose(self) -> np.ndarray | None:
+        """Position of its centre [m] and unit quaternion (x, y, z, w) at a frame, shape (7,), or None."""
+        return None
+
 
 @runtime_checkable
 class Contact(Part, Protocol):
@@ -161,6 +170,14 @@ class Contact(Part, Protocol):
 
     argument: ClassVar[str] = "contact"
     does_work: ClassVar[bool] = True
+
+    @property
+    def half_steps(self) -> bool:
+        """Whether its work is exact if the kinetic energy takes the velocities at half steps.
+
+        See kernels/body_contact.py and kernels/integrate.py.
+        """
+        return False
 
     @property
     def changes_velocities(self) -> bool:

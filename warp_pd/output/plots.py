@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..frame import format_time
-from .vtkhdf import read_ball, read_frame, read_series
+from .vtkhdf import read_ball, read_bodies, read_frame, read_series
 
 COLOURS = "inferno_r"
 STYLES = ("-", "--", "-.", ":")
@@ -30,6 +30,7 @@ class Shown:
         fields: Point fields by name; u1, u2, u3 are the components of the displacement, and NAME_1, NAME_2, NAME_3
             those of another vector field NAME.
         ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
+        bodies: Vertices [m] and triangles of the outlines of other rigid bodies.
     """
 
     when: str
@@ -38,6 +39,7 @@ class Shown:
     triangles: np.ndarray
     fields: dict[str, np.ndarray]
     ball: tuple[np.ndarray, float] | None = None
+    bodies: Sequence[tuple[np.ndarray, np.ndarray]] = ()
 
 
 def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:
@@ -57,7 +59,15 @@ def _shown(path: Path, index: int, load_duration: float | None) -> Shown:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]
     when = format_time(time, load_duration)
-    return Shown(when, points, points - fields["displacement"], triangles, fields, read_ball(path, index))
+    return Shown(
+        when,
+        points,
+        points - fields["displacement"],
+        triangles,
+        fields,
+        read_ball(path, index),
+        read_bodies(path, index),
+    )
 
 
 def surfaces(
@@ -99,6 +109,10 @@ def surfaces(
         axes.add_collection3d(_polygons(frame, face))
         if frame.ball is not None:
             axes.plot_surface(*_sphere(*frame.ball), color="tab:blue", alpha=0.35, linewidth=0, zorder=3)
+        for vertices, triangles in frame.bodies:
+            axes.plot_trisurf(
+                *vertices.T, triangles=triangles, color="tab:blue", alpha=0.35, linewidth=0, zorder=3
+            )  # fmt: skip
         grown = shown_extent / extent
         grown /= grown.min()
         stretched = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", grown, strict=True) if g > 1.05]

@@ -18,13 +18,12 @@ from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, Vt
 
 from ..checks import InputError
 from ..frame import Frame, Surface
 from .shapes import bounding_box, camera_place, damage_colours, plain_metadata, point_normals, require_writable
-
-_BALL_COLOUR = (0.32, 0.37, 0.42)
+from .usd_bodies import BALL, bind_material, define_ball, define_body, extent, poses, vectors, write_bodies
 
 _FOCAL_LENGTH = 50.0
 _APERTURE = (36.0, 20.25)
@@ -32,7 +31,7 @@ _APERTURE = (36.0, 20.25)
 # Rubber stretches several times over, but a fragment that flies off must not take the camera with it.
 _LARGEST_VIEW = 4.0
 
-_SHEET, _BALL, _CAMERA = "/World/Sheet", "/World/Ball", "/World/Camera"
+_SHEET, _CAMERA = "/World/Sheet", "/World/Camera"
 
 
 class UsdAnimation:
@@ -118,7 +117,9 @@ class UsdAnimation:
             _define_sheet(stage, self.surface, has_damage=self._has_damage)
             _define_lights(stage)
             if self.surface.ball_diameter is not None:
-                _define_ball(stage, self.surface.ball_diameter)
+                define_ball(stage, self.surface.ball_diameter)
+            for body in self.surface.bodies:
+                define_body(stage, body)
         if self._has_damage != (frame.damage is not None):
             raise ValueError(
                 f"damage of frame {frame.index} is {'None' if frame.damage is None else 'given'}; "
@@ -126,7 +127,8 @@ class UsdAnimation:
             )
         self._write_sheet(UsdGeom.Mesh.Get(stage, _SHEET), frame, code)
         self._write_ball(stage, frame, code)
-        self._widen_view(frame.positions(self.surface), frame.faces(self.surface), frame.ball_center)
+        write_bodies(stage, self.surface, frame, code)
+        self._widen_view(frame.positions(self.surface), frame.faces(self.surface), frame.ball_center, frame.bodies)
         _aim_camera(stage, self._view_box)
         stage.SetEndTimeCode(frame.index)
         self._frames = frame.index + 1
@@ -193,7 +195,7 @@ class UsdAnimation:
         for index in range(first):
             points = np.asarray(mesh.GetPointsAttr().Get(index))
             faces = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(index)).reshape(-1, 3)
-            self._widen_view(points, faces, _ball_center(stage, index))
+            self._widen_view(points, faces, _ball_center(stage, index), poses(stage, self.surface.bodies, index))
         self._held_faces = faces
         self._has_damage = bool(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage"))
         self._frames = first
@@ -202,15 +204,15 @@ class UsdAnimation:
     def _write_sheet(self, mesh: UsdGeom.Mesh, frame: Frame, code: Usd.TimeCode) -> None:
         positions, faces = frame.positions(self.surface), frame.faces(self.surface)
         self._write_faces(mesh, faces, code)
-        mesh.GetPointsAttr().Set(_vectors(positions), code)
-        mesh.GetExtentAttr().Set(_extent(positions), code)
+        mesh.GetPointsAttr().Set(vectors(positions), code)
+        mesh.GetExtentAttr().Set(extent(positions), code)
         normals = point_normals(positions, faces, fallback=self._reference_normals)
-        mesh.GetNormalsAttr().Set(_vectors(normals), code)
+        mesh.GetNormalsAttr().Set(vectors(normals), code)
         mesh.GetPrim().GetAttribute("warp_pd:time").Set(float(frame.time), code)
         if frame.damage is not None:
             values = np.asarray(frame.damage, np.float32)
             UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage").Set(Vt.FloatArray.FromNumpy(values), code)
-            mesh.GetDisplayColorAttr().Set(_vectors(damage_colours(values)), code)
+            mesh.GetDisplayColorAttr().Set(vectors(damage_colours(values)), code)
 
     def _write_faces(self, mesh: UsdGeom.Mesh, faces: NDArray[np.int32], code: Usd.TimeCode) -> None:
         """Write the triangles if a crack has cut any since the last frame; USD holds them until then."""
@@ -223,7 +225,7 @@ class UsdAnimation:
     def _write_ball(self, stage: Usd.Stage, frame: Frame, code: Usd.TimeCode) -> None:
         if frame.ball_center is None or self.surface.ball_diameter is None:
             return
-        sphere = UsdGeom.Sphere.Get(stage, _BALL)
+        sphere = UsdGeom.Sphere.Get(stage, BALL)
         sphere.GetPrim().GetAttribute("xformOp:translate").Set(Gf.Vec3d(*map(float, frame.ball_center)), code)
 
     def _widen_view(
@@ -231,8 +233,9 @@ class UsdAnimation:
         points: NDArray[np.floating],
         faces: NDArray[np.integer],
         ball_center: NDArray[np.floating] | None,
+        placed: NDArray[np.floating] | None,
     ) -> None:
-        """Widen the box the camera frames by one frame: the points that still carry a face, and the ball."""
+        """Widen the box the camera frames by one frame: the points that still carry a face, the ball, and bodies."""
         boxes = [self._view_box]
         if len(faces):
             # In the precision of the file, so that a run that is resumed ends with the same camera.
@@ -240,6 +243,10 @@ class UsdAnimation:
         if ball_center is not None and self.surface.ball_diameter is not None:
             radius = 0.5 * self.surface.ball_diameter
             boxes.append(np.array([np.asarray(ball_center) - radius, np.asarray(ball_center) + radius]))
+        for body, pose in zip(self.surface.bodies, () if placed is None else placed, strict=True):
+            # A half space has no end.
+            if body.kind != "plane":
+                boxes.append(bounding_box(body.placed(np.asarray(pose, np.float32).astype(np.float64))))
         middle = self._reference_box.mean(axis=0)
         reach = 0.5 * _LARGEST_VIEW * np.linalg.norm(self._reference_box[1] - self._reference_box[0])
         self._view_box = np.clip(bounding_box(np.concatenate(boxes)), middle - reach, middle + reach)
@@ -307,34 +314,8 @@ def _define_sheet(stage: Usd.Stage, surface: Surface, *, has_damage: bool) -> No
         UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("damage", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
     else:
         colour.SetInterpolation(UsdGeom.Tokens.constant)
-        colour.Set(_vectors(damage_colours(np.zeros(1))))
-    _bind_material(mesh, "/World/Materials/Rubber", roughness=0.6)
-
-
-def _define_ball(stage: Usd.Stage, diameter: float) -> None:
-    sphere = UsdGeom.Sphere.Define(stage, _BALL)
-    radius = 0.5 * float(diameter)
-    sphere.CreateRadiusAttr(radius)
-    sphere.CreateExtentAttr(_extent(np.array([[-radius] * 3, [radius] * 3])))
-    sphere.AddTranslateOp()
-    sphere.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*_BALL_COLOUR)]))
-    _bind_material(sphere, "/World/Materials/Steel", roughness=0.25)
-
-
-def _bind_material(shape: UsdGeom.Gprim, path: str, *, roughness: float) -> None:
-    """Give a shape a plain surface that takes its colour from `primvars:displayColor`."""
-    material = UsdShade.Material.Define(shape.GetPrim().GetStage(), path)
-    reader = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Colour")
-    reader.CreateIdAttr("UsdPrimvarReader_float3")
-    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
-    surface = UsdShade.Shader.Define(shape.GetPrim().GetStage(), f"{path}/Surface")
-    surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(roughness)
-    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
-        reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
-    )
-    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", Sdf.ValueTypeNames.Token))
-    UsdShade.MaterialBindingAPI.Apply(shape.GetPrim()).Bind(material)
+        colour.Set(vectors(damage_colours(np.zeros(1))))
+    bind_material(mesh, "/World/Materials/Rubber", roughness=0.6)
 
 
 def _define_lights(stage: Usd.Stage) -> None:
@@ -372,16 +353,8 @@ def _drop_samples(stage: Usd.Stage, first: int) -> None:
 
 def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
     """Centre of the ball [m] at a frame that is written already, shape (3,)."""
-    translate = stage.GetAttributeAtPath(f"{_BALL}.xformOp:translate")
+    translate = stage.GetAttributeAtPath(f"{BALL}.xformOp:translate")
     return np.array(translate.Get(index)) if translate else None
-
-
-def _vectors(values: NDArray[np.floating]) -> Vt.Vec3fArray:
-    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
-
-
-def _extent(points: NDArray[np.floating]) -> Vt.Vec3fArray:
-    return _vectors(bounding_box(np.asarray(points, np.float32)))
 
 
 def describe_animation(path: Path) -> str:

@@ -25,19 +25,16 @@ from numpy.typing import NDArray
 
 from ..checks import InputError
 from ..frame import Frame, Surface
+from .hdf_columns import add_rows, columns, create_column, shorten
 from .point_fields import plain_value, point_fields, same_arrays
 from .shapes import require_writable
+from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies
 
 _VERSION = (2, 2)
 
 # The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
 _KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 _POLYGONS = _KINDS.index("Polygons")
-
-
-# HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
-# file. Chunks of many frames make splits rare.
-_CHUNK_BYTES = 2**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,21 +161,22 @@ class VtkHdfSeries:
             if not same_arrays(faces, self._held_faces):
                 _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
-        _add_rows(root["Points"], frame.positions(self.surface))
+        add_rows(root["Points"], frame.positions(self.surface))
         for name, values in fields.items():
-            _add_rows(root["PointData"][name], values)
-            _add_rows(steps["PointDataOffsets"][name], [begin])
+            add_rows(root["PointData"][name], values)
+            add_rows(steps["PointDataOffsets"][name], [begin])
         if frame.ball_center is not None:
-            _add_rows(root["FieldData/ball_center"], [frame.ball_center])
-            _add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
-            _add_rows(steps["FieldDataSizes/ball_center"], [[3, 1]])
-        _add_rows(steps["PointOffsets"], [begin])
-        _add_rows(steps["NumberOfParts"], [1])
-        _add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
-        _add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
-        _add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
+            add_rows(root["FieldData/ball_center"], [frame.ball_center])
+            add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
+            add_rows(steps["FieldDataSizes/ball_center"], [[3, 1]])
+        add_poses(root, steps, self.surface, frame)
+        add_rows(steps["PointOffsets"], [begin])
+        add_rows(steps["NumberOfParts"], [1])
+        add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
+        add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
+        add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
         file.flush()
-        _add_rows(steps["Values"], [frame.time])
+        add_rows(steps["Values"], [frame.time])
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
         self._held_faces = faces
@@ -252,9 +250,15 @@ def read_frame(
 def read_ball(path: str | os.PathLike[str], index: int) -> tuple[NDArray[np.float64], float] | None:
     """Centre [m], shape (3,), and diameter [m] of the ball in one frame of a VTKHDF file; None without a ball."""
     with h5py.File(path, "r", locking=False) as file:
-        if "FieldData" not in file["VTKHDF"]:
+        if "ball_diameter" not in file["warp_pd"].attrs:
             return None
         return file["VTKHDF/FieldData/ball_center"][index], float(file["warp_pd"].attrs["ball_diameter"])
+
+
+def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
+    """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
+    with h5py.File(path, "r", locking=False) as file:
+        return bodies_in(file, index)
 
 
 class _NotASeries(Exception):
@@ -292,67 +296,48 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
     root.attrs["Version"] = np.array(_VERSION, np.int64)
     # Readers take a fixed-length ASCII string only.
     root.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", len("PolyData")))
-    _create_column(root, "Points", np.float32, (3,), points)
-    _create_column(root, "NumberOfPoints", np.int64)
+    create_column(root, "Points", np.float32, (3,), points)
+    create_column(root, "NumberOfPoints", np.int64)
     for kind in _KINDS:
         cells = root.create_group(kind)
         faces = len(surface.faces) if kind == "Polygons" else 0
-        _create_column(cells, "NumberOfCells", np.int64)
-        _create_column(cells, "NumberOfConnectivityIds", np.int64)
-        _create_column(cells, "Offsets", np.int64, rows_per_frame=faces + 1)
-        _create_column(cells, "Connectivity", np.int64, rows_per_frame=3 * faces)
+        create_column(cells, "NumberOfCells", np.int64)
+        create_column(cells, "NumberOfConnectivityIds", np.int64)
+        create_column(cells, "Offsets", np.int64, rows_per_frame=faces + 1)
+        create_column(cells, "Connectivity", np.int64, rows_per_frame=3 * faces)
     steps = root.create_group("Steps")
     # Created one after the other these two stand side by side in the file, and change in one write.
     steps.attrs["NSteps"] = np.int64(0)
-    _create_column(steps, "Values", np.float64)
+    create_column(steps, "Values", np.float64)
     for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
-        _create_column(steps, name, np.int64)
+        create_column(steps, name, np.int64)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
-        _create_column(steps, name, np.int64, (len(_KINDS),))
+        create_column(steps, name, np.int64, (len(_KINDS),))
     for name, values in fields.items():
-        _create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
-        _create_column(steps.require_group("PointDataOffsets"), name, np.int64)
+        create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
+        create_column(steps.require_group("PointDataOffsets"), name, np.int64)
     if frame.ball_center is not None:
-        _create_column(root.create_group("FieldData"), "ball_center", np.float64, (3,))
-        _create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
-        _create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
+        create_column(root.create_group("FieldData"), "ball_center", np.float64, (3,))
+        create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
+        create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
     own = file.create_group("warp_pd")
+    lay_out_bodies(root, steps, own, surface)
     for name, value in {"title": surface.title, **surface.metadata}.items():
         own.attrs[name] = value
     if surface.ball_diameter is not None:
         own.attrs["ball_diameter"] = float(surface.ball_diameter)
 
 
-def _create_column(
-    group: h5py.Group,
-    name: str,
-    dtype: Any,
-    row_shape: tuple[int, ...] = (),
-    rows_per_frame: int = 1,
-) -> None:
-    row_bytes = np.dtype(dtype).itemsize * int(np.prod(row_shape, dtype=int))
-    # A whole number of frames, at most 16 of them, so that a short run of a small sheet makes a small file.
-    frames = min(max(_CHUNK_BYTES // (row_bytes * max(rows_per_frame, 1)), 1), 16)
-    rows = max(frames * rows_per_frame, 64)
-    group.create_dataset(name, (0, *row_shape), dtype, maxshape=(None, *row_shape), chunks=(rows, *row_shape))
-
-
-def _add_rows(column: h5py.Dataset, rows: Any) -> None:
-    held = len(column)
-    column.resize(held + len(rows), axis=0)
-    column[held:] = rows
-
-
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
     """Add the triangles of a frame, shape (number of faces, 3), and the other, empty kinds of cells."""
-    _add_rows(root["NumberOfPoints"], [points])
+    add_rows(root["NumberOfPoints"], [points])
     for kind in _KINDS:
         corners = faces if kind == "Polygons" else np.empty((0, 3), np.int64)
         cells = root[kind]
-        _add_rows(cells["NumberOfCells"], [len(corners)])
-        _add_rows(cells["NumberOfConnectivityIds"], [corners.size])
-        _add_rows(cells["Offsets"], 3 * np.arange(len(corners) + 1))
-        _add_rows(cells["Connectivity"], corners.ravel())
+        add_rows(cells["NumberOfCells"], [len(corners)])
+        add_rows(cells["NumberOfConnectivityIds"], [corners.size])
+        add_rows(cells["Offsets"], 3 * np.arange(len(corners) + 1))
+        add_rows(cells["Connectivity"], corners.ravel())
 
 
 def _before_last(root: h5py.Group, count: str) -> list[int]:
@@ -367,30 +352,18 @@ def _cut(root: h5py.Group, frames: int) -> None:
     steps = root["Steps"]
     parts = int(steps["PartOffsets"][frames - 1]) + 1 if frames else 0
     points = int(root["NumberOfPoints"][0]) if frames else 0
-    for column in _columns(steps):
-        _shorten(column, frames)
-    _shorten(root["Points"], frames * points)
-    for column in _columns(root["PointData"]):
-        _shorten(column, frames * points)
+    for column in columns(steps):
+        shorten(column, frames)
+    shorten(root["Points"], frames * points)
+    for column in columns(root["PointData"]):
+        shorten(column, frames * points)
     if "FieldData" in root:
-        _shorten(root["FieldData/ball_center"], frames)
-    _shorten(root["NumberOfPoints"], parts)
+        for column in columns(root["FieldData"]):
+            shorten(column, frames)
+    shorten(root["NumberOfPoints"], parts)
     for kind in _KINDS:
         cells = root[kind]
-        _shorten(cells["NumberOfCells"], parts)
-        _shorten(cells["NumberOfConnectivityIds"], parts)
-        _shorten(cells["Offsets"], int(np.sum(cells["NumberOfCells"])) + parts)
-        _shorten(cells["Connectivity"], int(np.sum(cells["NumberOfConnectivityIds"])))
-
-
-def _columns(group: h5py.Group) -> list[h5py.Dataset]:
-    """All columns in a group and in the groups inside it."""
-    found: list[h5py.Dataset] = []
-    for member in group.values():
-        found.extend(_columns(member) if isinstance(member, h5py.Group) else [member])
-    return found
-
-
-def _shorten(column: h5py.Dataset, rows: int) -> None:
-    if len(column) > rows:
-        column.resize(rows, axis=0)
+        shorten(cells["NumberOfCells"], parts)
+        shorten(cells["NumberOfConnectivityIds"], parts)
+        shorten(cells["Offsets"], int(np.sum(cells["NumberOfCells"])) + parts)
+        shorten(cells["Connectivity"], int(np.sum(cells["NumberOfConnectivityIds"])))

@@ -1,5 +1,8 @@
 """The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
 
+from .bodies import RigidBody
+from .body_motion import BodyPath, Free
+from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh
 from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
 from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
@@ -11,21 +14,30 @@ from .tearing_energy import TearingEnergy, stretch_or_energy, tip_width
 
 __all__ = [
     "BodyForce",
+    "BodyPath",
     "BondCriterion",
     "BoundaryForce",
+    "Box",
+    "Capsule",
     "CriticalEnergy",
     "CriticalStretch",
+    "Cylinder",
     "Enclosed",
     "EnclosedGas",
     "EnclosedVolume",
     "Fixed",
+    "Free",
     "Motion",
+    "Plane",
     "PointForce",
     "Pressure",
     "RigidBall",
+    "RigidBody",
     "RigidContact",
     "SelfContact",
+    "Sphere",
     "TearingEnergy",
+    "TriangleMesh",
     "stretch_or_energy",
     "stretching_edges",
     "tip_width",

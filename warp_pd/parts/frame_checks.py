@@ -26,7 +26,7 @@ class FrameChecks(BuiltPart):
         fastest: Per block of points, the largest squared speed [m^2/s^2].
         kinetic_energy: Kinetic energy of each point [J], (N,) float64.
         half_step_kinetic: The same from the velocities half a step earlier and later [J], for the energy balance, or
-            None; without contact.
+            None; not with a contact that counts its work otherwise.
     """
 
     def __init__(self, context: Context) -> None:
@@ -34,7 +34,7 @@ class FrameChecks(BuiltPart):
         self._blocks = -(-context.sheet.size // BLOCK)
         self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
         self.half_step_kinetic: Array | None = None
-        if context.features.tracked and not context.features.contact:
+        if context.features.tracked and context.features.half_steps:
             self.half_step_kinetic = context.array("half_step_kinetic", OWNER, wp.float64, shape=context.sheet.size)
         self.not_finite = context.array("not_finite", OWNER, wp.int32, shape=self._blocks, per="block")
         self.fastest = context.array("fastest", OWNER, wp.float64, shape=self._blocks, per="block")

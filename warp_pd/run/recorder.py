@@ -178,6 +178,7 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
         values = built.to_host(stored.array)
         shown[stored.field.output] = values / built.volume if stored.field.density else values
     rupture = built.rupture
+    poses = [pose for c in built.contacts if (pose := c.pose()) is not None]
     return Frame(
         index=index,
         time=now,
@@ -187,4 +188,5 @@ def snapshot(built: Built, index: int, now: float) -> Frame:
         damage=None if rupture is None else built.to_host(rupture.damage),
         ball_center=next((centre for c in built.contacts if (centre := c.centre(now)) is not None), None),
         point_data=shown,
+        bodies=np.array(poses) if poses else None,
     )

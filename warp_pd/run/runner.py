@@ -269,6 +269,7 @@ def surface_of(built: Built) -> Surface:
         ball_diameter=next((d for c in built.contacts if (d := c.ball_diameter()) is not None), None),
         title=scene.scene,
         metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static},
+        bodies=tuple(body for c in built.contacts if (body := c.outline()) is not None),
     )
 
 

@@ -16,23 +16,28 @@ import warp as wp
 from curved_sheets import small_tube
 from helpers import NEO, square
 
+import warp_pd
 from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
+    Box,
     CriticalStretch,
     EnclosedGas,
     EnclosedVolume,
     Explicit,
     Fixed,
+    Free,
     Motion,
     Newton,
     PointForce,
     Pressure,
     Relaxation,
     RigidBall,
+    RigidBody,
     SelfContact,
     Simulation,
+    Sphere,
     TearingEnergy,
     together,
 )
@@ -52,6 +57,12 @@ CASES = (
     "boundary force torn", "inclusion", "critical energy visco", "fields", "relaxed", "relaxed pressure",
     "relaxed cloud", "newton", "newton jacobi", "newton pressure", "newton bonds constant",
 )  # fmt: skip
+
+
+def bodies(friction):
+    """One on a path and a free one."""
+    still = RigidBody(Box((1.0, 1.0, 1.0)), warp_pd.BodyPath.still((0.0, 0.0, 9.0)), friction=friction, name="still")
+    return [still, RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")]
 
 
 def further():
@@ -83,6 +94,10 @@ def further():
         ),
         "two pieces": Simulation(
             both, law, Explicit(1.0), contact=SelfContact(friction=0.3), loads=[Fixed(both.edges("sheet 1"))]
+        ),
+        "bodies": Simulation(plane, law, Explicit(1.0), loads=loads(plane), contact=bodies(0.0)),
+        "bodies torn": Simulation(
+            small_tube(), law, Explicit(1.0, damping=1.0), damage=TearingEnergy(30.0), contact=bodies(0.3)
         ),
         "curved relaxed": Simulation(small_tube(), law, Relaxation(), loads=[Fixed([0]), Pressure(2.0)]),
         "curved bonds": Simulation(small_tube(), bonds, Explicit(1.0)),
@@ -275,10 +290,11 @@ def _kernels_of_the_package():
 def test_every_kernel_is_looked_at(recorded):
     seen = {launch.name for _, launch in recorded}
     # On a GPU alone: fast paths, linear iterations. In `warp-pd bench`, the training of a network and the set-up of
-    # families alone: the rest.
+    # families, and the check that bodies begin outside the sheet alone: the rest.
     elsewhere = {
         "family_block_force", "gather_from_reverse_bonds", "combine", "scale_blocks", "multiply_adds", "samples",
         "list_near_points", "find_reverse_members", "mark_common_members", "sum_intersection_shapes",
+        "find_distances",
     }  # fmt: skip
     missing = {name for _, name in _kernels_of_the_package()} - seen - elsewhere
     assert missing == set()

@@ -1,0 +1,404 @@
+"""Contact of a sheet with a rigid body of any shape, by projection, with Coulomb friction.
+
+After the drift, points inside the body are moved out, and so are those whose way through the body within the step, as
+seen from the body, enters it: the body is never passed through. A point that rested on the surface loses the part of
+its velocity that points into the body, one that arrived is moved by its impulse (the position constraint of RATTLE, as
+in kernels/contact.py). After the second half kick, touching points lose what is left of that part.
+
+Friction takes the tangential velocity relative to the surface, at most the coefficient times the impulse along the
+normal: a point that would have to lose less sticks.
+
+Work. A step has the impulses P before the drift and Q at its end. With velocities at full steps and forces F, kinetic
+energy and strain energy together change by P (v + P / 2m) + Q (v' - Q / 2m), where v is the velocity before the half
+kick and v' the last one; the rest are the terms that central differences have without contact.
+
+The geometry is float64; what points get is the change of their velocity in their own precision.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from .body_motion import vec6d
+from .distances import BodyShape
+from .numeric import numeric
+from .pointwise import Pointwise, pointwise
+
+# Parts of the way of a point within a step in which its entry into a body is sought, at most.
+PARTS = 256
+
+
+@functools.cache
+def ways_out(distance: wp.Function, module: str) -> wp.Function:
+    """Function `way_out` of a shape, for a point that moves from `a0` to `a1` [m] in the frame of the body.
+
+    It gives whether the point touches, the normal there, the shift that brings it out, and its distance at the start.
+    """
+
+    @wp.func(module=module)
+    def normal_of(found: wp.vec4d):
+        return wp.vec3d(found[0], found[1], found[2])
+
+    @wp.func(module=module)
+    def entry(a0: wp.vec3d, way: wp.vec3d, travel: wp.float64, start: wp.vec4d, body: BodyShape, skin: wp.float64):
+        """How far along its way a point enters the body, or -1, and the normal there; the distance bounds each step."""
+        found = start
+        at = wp.float64(0.0)
+        hit = wp.float64(-1.0)
+        least = wp.max(wp.float64(0.5) * skin, travel / wp.static(wp.float64(PARTS)))
+        for _part in range(wp.static(2 * PARTS)):
+            if found[3] < wp.float64(0.1) * skin and wp.dot(normal_of(found), way) < wp.float64(0.0):
+                hit = at
+                break
+            at += wp.max(found[3], least)
+            if at >= travel:
+                break
+            found = distance(a0 + at * way, travel, body)
+        return hit, normal_of(found)
+
+    @wp.func(module=module)
+    def way_out(a0: wp.vec3d, a1: wp.vec3d, body: BodyShape, skin: wp.float64):
+        zero = wp.float64(0.0)
+        travel = wp.length(a1 - a0)
+        reach = travel + wp.float64(2.0) * skin
+        end = distance(a1, reach, body)
+        touches = bool(False)
+        n = normal_of(end)
+        shift = wp.vec3d()
+        gap = skin
+        if end[3] < wp.max(travel, skin):
+            start = distance(a0, reach + wp.abs(end[3]), body)
+            gap = start[3]
+            ahead = wp.dot(normal_of(start), a1 - a0)
+            crosses = bool(False)
+            if end[3] < zero:
+                crosses = wp.dot(normal_of(start), n) < zero
+            else:
+                crosses = gap + end[3] < travel and (gap >= skin or ahead < -skin)
+            if crosses and travel > zero:
+                way = (a1 - a0) / travel
+                hit, facing = entry(a0, way, travel, start, body, skin)
+                if hit >= zero:
+                    below = wp.dot(a1 - (a0 + hit * way), facing)
+                    if below < zero:
+                        touches = True
+                        n = facing
+                        shift = -below * facing
+            if not touches and end[3] < zero:
+                touches = True
+                shift = -end[3] * n
+            if end[3] < skin and gap < skin:
+                touches = True
+            if touches:
+                for _again in range(3):
+                    left = distance(a1 + shift, reach, body)
+                    if left[3] < wp.float64(-1e-3) * skin:
+                        shift -= left[3] * normal_of(left)
+        return touches, n, shift, gap
+
+    return way_out
+
+
+@dataclass(frozen=True)
+class BodyContactKernels:
+    """Pointwise stages of one configuration.
+
+    Attributes:
+        project: Moves points out of the body, after the drift.
+        separate: Removes the velocity into the body, after the second half kick.
+        find_inside: What points need, before a free body yields and `project`.
+        find_touching: The same before `separate`.
+    """
+
+    project: Pointwise
+    separate: Pointwise
+    find_inside: Pointwise
+    find_touching: Pointwise
+
+
+@functools.cache
+def body_contact(
+    bits: int,
+    distance: wp.Function,
+    moves_freely: bool,
+    rubs: bool,
+    curved: bool,
+    held: bool,
+    loaded: bool,
+    damped: bool,
+    tracked: bool,
+    module: str,
+) -> BodyContactKernels:
+    """Stages of contact with a body.
+
+    Args:
+        bits: 32 or 64.
+        distance: Its signed distance, see kernels/distances.py.
+        moves_freely: Whether it feels the sheet; impulses are then kept for its motion, otherwise summed up per point.
+        rubs: Whether there is friction.
+        curved: Whether the reference positions have a z.
+        held: Whether any component is held; held points do not feel the body.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping.
+        tracked: Whether work and losses are summed up.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    way_out = ways_out(distance, module)
+
+    @functools.partial(wp.struct, module=module)
+    class BodyContact:
+        reference: wp.array(dtype=vec3 if curved else types.vec2)
+        mass: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        body: BodyShape
+        radius: wp.float64
+        skin: wp.float64
+        friction: wp.float64
+        place: wp.array(dtype=wp.vec3d)
+        rotation: wp.array(dtype=wp.quatd)
+        motion: wp.array(dtype=wp.vec3d)
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+        work: wp.array(dtype=wp.float64)
+        impulse: wp.array(dtype=vec3)
+        turn: wp.array(dtype=vec3)
+        loss: wp.array(dtype=wp.float64)
+        rubbed: wp.array(dtype=wp.float64)
+        need: wp.array(dtype=wp.float64)
+        rows: wp.array(dtype=vec6d)
+        push: wp.array(dtype=wp.vec3d)
+        arms: wp.array(dtype=wp.vec3d)
+        push_work: wp.array(dtype=wp.float64)
+
+    @wp.func(module=module)
+    def wide(v: vec3):
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @wp.func(module=module)
+    def narrow(v: wp.vec3d):
+        return vec3(real(v[0]), real(v[1]), real(v[2]))
+
+    @wp.func(module=module)
+    def position(i: int, a: BodyContact):
+        X = a.reference[i]
+        x = wide(a.displacement[i])
+        if wp.static(curved):
+            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(X[2]))
+        else:
+            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
+
+    @wp.func(module=module)
+    def feels(i: int, a: BodyContact):
+        if wp.static(held):
+            return a.held_mask[i] == wp.uint8(0)
+        else:
+            return bool(True)
+
+    @wp.func(module=module)
+    def half_kick(i: int, a: BodyContact):
+        """Change of velocity due to the forces over half a step."""
+        total = a.force[i]
+        if wp.static(loaded):
+            total += a.external[i]
+        return (real(0.5) * a.step[0] / a.mass[i]) * total
+
+    @wp.func(module=module)
+    def half_loss(a: BodyContact):
+        """C dt / 2."""
+        loss = real(0.0)
+        if wp.static(damped):
+            loss = real(0.5) * a.step[0] * a.damping[0]
+        return loss
+
+    @wp.func(module=module)
+    def surface_velocity(arm: wp.vec3d, a: BodyContact):
+        return a.motion[0] + wp.cross(a.motion[1], arm)
+
+    @wp.func(module=module)
+    def touch_in_step(i: int, x: wp.vec3d, a: BodyContact):
+        """`way_out` of a point at `x` after the drift, in the coordinates of the sheet."""
+        dt = wp.float64(a.step[0])
+        moved = dt * wide(a.velocity[i])
+        c = a.place[0]
+        c0 = a.place[1]
+        touches = bool(False)
+        n = wp.vec3d()
+        shift = wp.vec3d()
+        gap = a.skin
+        near = wp.length(moved) + wp.length(c - c0) + a.skin
+        near += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
+        if wp.length(x - c) < near:
+            q = a.rotation[0]
+            a1 = wp.quat_rotate_inv(q, x - c)
+            a0 = wp.quat_rotate_inv(a.rotation[1], x - moved - c0)
+            touches, n, shift, gap = way_out(a0, a1, a.body, a.skin)
+            n = wp.quat_rotate(q, n)
+            shift = wp.quat_rotate(q, shift)
+        return touches, n, shift, gap
+
+    @wp.func(module=module)
+    def touch_now(x: wp.vec3d, a: BodyContact):
+        """Whether a point touches, and the normal there."""
+        touches = bool(False)
+        n = wp.vec3d()
+        arm = x - a.place[0]
+        if wp.length(arm) < a.radius + a.skin:
+            q = a.rotation[0]
+            found = distance(wp.quat_rotate_inv(q, arm), wp.float64(2.0) * a.skin, a.body)
+            touches = found[3] < a.skin
+            n = wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2]))
+        return touches, n
+
+    @wp.func(module=module)
+    def arrest(relative: wp.vec3d, change: wp.vec3d, n: wp.vec3d, friction: wp.float64):
+        """Change of velocity by friction, after a change along the normal."""
+        slip = relative + change
+        slip -= wp.dot(slip, n) * n
+        speed = wp.length(slip)
+        least = wp.min(friction * wp.length(change), speed)
+        lost = wp.vec3d()
+        if speed > wp.float64(0.0):
+            lost = (-least / speed) * slip
+        return lost
+
+    @wp.func(module=module)
+    def strike(i: int, change: wp.vec3d, start: vec3, arm: wp.vec3d, a: BodyContact):
+        """`start` is the velocity at the full step, to which the impulse counts."""
+        before = a.velocity[i]
+        after = before + narrow(change)
+        a.velocity[i] = after
+        momentum = wp.float64(a.mass[i]) * (wide(after) - wide(before))
+        gained = wp.float64(0.0)
+        if wp.static(tracked):
+            got = wide(after) - wide(before)
+            gained = wp.dot(momentum, wide(start) + wp.float64(0.5) * got)
+            a.work[i] = a.work[i] + gained
+        if wp.static(moves_freely):
+            a.push[i] = momentum
+            a.arms[i] = arm
+            if wp.static(tracked):
+                a.push_work[i] = gained
+        else:
+            a.impulse[i] = a.impulse[i] + narrow(momentum)
+            a.turn[i] = a.turn[i] + narrow(wp.cross(arm, momentum))
+            if wp.static(tracked):
+                a.loss[i] = a.loss[i] + wp.dot(momentum, surface_velocity(arm, a)) - gained
+
+    @wp.func(module=module)
+    def forget(i: int, a: BodyContact):
+        if wp.static(moves_freely):
+            a.push[i] = wp.vec3d()
+            if wp.static(tracked):
+                a.push_work[i] = wp.float64(0.0)
+
+    @wp.func(module=module)
+    def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, a: BodyContact):
+        """Sum up what friction takes [J], `relative` being the velocity before it."""
+        if wp.static(tracked):
+            heat = wp.float64(a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
+            a.rubbed[i] = a.rubbed[i] - heat
+
+    @wp.func(module=module)
+    def inward(change: wp.float64):
+        return wp.max(change, wp.float64(0.0))
+
+    @pointwise(module, BodyContact, writes=("need", "rows"))
+    def find_inside(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            needed = wp.float64(-1.0)
+            if feels(i, a):
+                x = position(i, a)
+                touches, n, shift, gap = touch_in_step(i, x, a)
+                if touches:
+                    arm = x + shift - a.place[0]
+                    needed = wp.length(shift) / wp.float64(a.step[0])
+                    if gap < a.skin:
+                        needed = inward(wp.dot(surface_velocity(arm, a) - wide(a.velocity[i]), n))
+                    t = wp.cross(arm, n)
+                    a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
+            a.need[i] = needed
+
+    @pointwise(module, BodyContact, writes=("need", "rows"))
+    def find_touching(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            needed = wp.float64(-1.0)
+            if feels(i, a):
+                x = position(i, a)
+                touches, n = touch_now(x, a)
+                if touches:
+                    arm = x - a.place[0]
+                    approach = wp.dot(surface_velocity(arm, a) - wide(a.velocity[i]), n)
+                    if approach > wp.float64(0.0):
+                        needed = approach
+                    t = wp.cross(arm, n)
+                    a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
+            a.need[i] = needed
+
+    @pointwise(
+        module, BodyContact,
+        writes=("displacement", "velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
+    )  # fmt: skip
+    def project_out(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            forget(i, a)
+            if feels(i, a):
+                x = position(i, a)
+                touches, n, shift, gap = touch_in_step(i, x, a)
+                if touches:
+                    dt = wp.float64(a.step[0])
+                    arm = x + shift - a.place[0]
+                    relative = wide(a.velocity[i]) - surface_velocity(arm, a)
+                    change = shift / dt
+                    if gap < a.skin:
+                        change = inward(-wp.dot(relative, n)) * n
+                    if wp.static(rubs):
+                        lost = arrest(relative, change, n, a.friction)
+                        warm(i, relative + change, lost, a)
+                        change += lost
+                        shift += dt * lost
+                        q = a.rotation[0]
+                        reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
+                        for _again in range(3):
+                            left = distance(wp.quat_rotate_inv(q, x + shift - a.place[0]), reach, a.body)
+                            if left[3] < wp.float64(0.0):
+                                shift -= left[3] * wp.quat_rotate(q, wp.vec3d(left[0], left[1], left[2]))
+                        arm = x + shift - a.place[0]
+                    a.displacement[i] = a.displacement[i] + narrow(shift)
+                    start = (a.velocity[i] - half_kick(i, a)) / (real(1.0) - half_loss(a))
+                    strike(i, change, start, arm, a)
+                    if wp.static(tracked and loaded):
+                        # The drift took the load along the way that the point did not go.
+                        undone = wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
+                        a.work[i] = a.work[i] + undone
+
+    @pointwise(
+        module,
+        BodyContact,
+        writes=("velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
+    )
+    def separate_from(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            forget(i, a)
+            if feels(i, a):
+                x = position(i, a)
+                touches, n = touch_now(x, a)
+                if touches:
+                    arm = x - a.place[0]
+                    relative = wide(a.velocity[i]) - surface_velocity(arm, a)
+                    approach = -wp.dot(relative, n)
+                    if approach > wp.float64(0.0):
+                        change = approach * n
+                        if wp.static(rubs):
+                            lost = arrest(relative, change, n, a.friction)
+                            warm(i, relative + change, lost, a)
+                            change += lost
+                        strike(i, change, a.velocity[i], arm, a)
+
+    return BodyContactKernels(project_out, separate_from, find_inside, find_touching)

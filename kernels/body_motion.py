@@ -1,0 +1,345 @@
+"""Motion of rigid bodies: along a path, or free under gravity and the impulses of the sheet. All of it is float64.
+
+Of each body there are
+    place, rotation  now and at the beginning of the step (centre of mass [m], unit quaternion x, y, z, w);
+    motion           velocity [m/s] and spin [1/s], as contact sees them;
+and of a free one
+    momenta          velocity [m/s], angular momentum [kg m^2/s], and velocity and spin at the last full step.
+
+A free body takes the step of the sheet: half kick, drift, half kick. What touches it in one half step gets impulses all
+at once. If every point i that moves into the body by the speed a_i along its normal n_i, at the arm r_i, ends with the
+velocity of the body's surface, then with j_i = (n_i, r_i x n_i) the change d of velocity and spin of the body solves
+    [diag(M, I) + sum m_i j_i j_i^T] d = -sum m_i a_i j_i.
+Points that would have to be pulled are left out of a second solution. The body is moved by it; then the points are
+projected, and the momentum that they took is what the body loses.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .numeric import numeric
+
+# Rows of the sums over points: the upper triangle of the matrix, and the right side.
+ROWS = 27
+vec6d = wp.types.vector(length=6, dtype=wp.float64)
+mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
+
+
+@wp.func
+def turned_by(turn: wp.vec3d, rotation: wp.quatd):
+    """A rotation after which comes another one, about `turn` by its length [rad]."""
+    angle = wp.length(turn)
+    share = wp.float64(0.5)
+    if angle > wp.float64(1e-8):
+        share = wp.sin(wp.float64(0.5) * angle) / angle
+    by = wp.quatd(share * turn[0], share * turn[1], share * turn[2], wp.cos(wp.float64(0.5) * angle))
+    return wp.normalize(by * rotation)
+
+
+@wp.func
+def turn_between(begin: wp.quatd, end: wp.quatd):
+    """The vector of the rotation from one to the other [rad]."""
+    by = end * wp.quat_inverse(begin)
+    axis = wp.vec3d(by[0], by[1], by[2])
+    if by[3] < wp.float64(0.0):
+        axis = -axis
+    sine = wp.length(axis)
+    share = wp.float64(2.0)
+    if sine > wp.float64(1e-12):
+        share = wp.float64(2.0) * wp.atan2(sine, wp.abs(by[3])) / sine
+    return share * axis
+
+
+@wp.func
+def spin_of(rotation: wp.quatd, inverse_inertia: wp.mat33d, angular: wp.vec3d):
+    return wp.quat_rotate(rotation, inverse_inertia * wp.quat_rotate_inv(rotation, angular))
+
+
+@functools.cache
+def path_motion(module: str) -> Kernel:
+    """Kernel `follow_path`: to the place of a step later, along knots between which it is linear."""
+
+    @kernel(module, per="once")
+    def follow_path(
+        times: wp.array(dtype=wp.float64),
+        places: wp.array(dtype=wp.vec3d),
+        rotations: wp.array(dtype=wp.quatd),
+        time: wp.array(dtype=wp.float64),
+        advance: wp.array(dtype=wp.float64),
+        first: int,
+        place: wp.array(dtype=wp.vec3d),
+        rotation: wp.array(dtype=wp.quatd),
+        motion: wp.array(dtype=wp.vec3d),
+    ):
+        dt = advance[0]
+        soon = wp.min(time[0] + dt, advance[1])
+        last = times.shape[0] - 1
+        there = places[0]
+        turned = rotations[0]
+        if soon >= times[last]:
+            there = places[last]
+            turned = rotations[last]
+        else:
+            for k in range(last):
+                if soon >= times[k] and soon < times[k + 1]:
+                    share = (soon - times[k]) / (times[k + 1] - times[k])
+                    there = places[k] + share * (places[k + 1] - places[k])
+                    turned = wp.normalize(wp.quat_slerp(rotations[k], rotations[k + 1], share))
+        here = place[0]
+        was = rotation[0]
+        place[1] = here
+        rotation[1] = was
+        place[0] = there
+        rotation[0] = turned
+        motion[0] = (there - here) / dt
+        motion[1] = turn_between(was, turned) / dt
+
+    return follow_path
+
+
+@dataclass(frozen=True)
+class FreeMotion:
+    """Kernels of a free body.
+
+    Attributes:
+        move: First half kick, and drift.
+        kick: Second half kick.
+        gather: Sums of blocks of points, of the matrix and the right side.
+        reduce: Sums over the blocks.
+        solve: Change of velocity and spin by all that touches.
+        yield_to: Moves the body by that change, before points are projected.
+        foresee: Velocity and spin by that change, before the points get theirs.
+        gather_given: Sums of blocks of what the points were given.
+        give: Takes that from the body.
+    """
+
+    move: Kernel
+    kick: Kernel
+    gather: Kernel
+    reduce: Kernel
+    solve: Kernel
+    yield_to: Kernel
+    foresee: Kernel
+    gather_given: Kernel
+    give: Kernel
+
+
+@functools.cache
+def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
+    """Kernels of a free body; `tracked` as in `body_contact`."""
+    types = numeric(bits)
+    real = types.real
+
+    @kernel(module, per="once")
+    def move_body(
+        inverse_inertia: wp.mat33d,
+        gravity: wp.vec3d,
+        step: wp.array(dtype=real),
+        first: int,
+        place: wp.array(dtype=wp.vec3d),
+        rotation: wp.array(dtype=wp.quatd),
+        motion: wp.array(dtype=wp.vec3d),
+        momenta: wp.array(dtype=wp.vec3d),
+    ):
+        dt = wp.float64(step[0])
+        q = rotation[0]
+        spin = spin_of(q, inverse_inertia, momenta[1])
+        momenta[2] = momenta[0]
+        momenta[3] = spin
+        velocity = momenta[0] + (wp.float64(0.5) * dt) * gravity
+        momenta[0] = velocity
+        place[1] = place[0]
+        rotation[1] = q
+        place[0] = place[0] + dt * velocity
+        halfway = turned_by((wp.float64(0.5) * dt) * spin, q)
+        q = turned_by(dt * spin_of(halfway, inverse_inertia, momenta[1]), q)
+        rotation[0] = q
+        motion[0] = velocity
+        motion[1] = spin_of(q, inverse_inertia, momenta[1])
+
+    @kernel(module, per="once")
+    def kick_body(
+        gravity: wp.vec3d,
+        step: wp.array(dtype=real),
+        first: int,
+        motion: wp.array(dtype=wp.vec3d),
+        momenta: wp.array(dtype=wp.vec3d),
+    ):
+        velocity = momenta[0] + (wp.float64(0.5) * wp.float64(step[0])) * gravity
+        momenta[0] = velocity
+        momenta[2] = velocity
+        momenta[3] = motion[1]
+        motion[0] = velocity
+
+    @kernel(module, per="block")
+    def gather_touching(
+        mass: wp.array(dtype=real),
+        need: wp.array(dtype=wp.float64),
+        rows: wp.array(dtype=vec6d),
+        changes: wp.array(dtype=vec6d),
+        use_changes: int,
+        block: int,
+        first: int,
+        sums: wp.array2d(dtype=wp.float64),
+    ):
+        """Points that need a push; with `use_changes` those that still do after the body has changed."""
+        b = wp.tid() + first
+        A = mat66d()
+        side = vec6d()
+        for i in range(b * block, wp.min((b + 1) * block, need.shape[0])):
+            if need[i] >= wp.float64(0.0):
+                j = rows[i]
+                pushed = bool(True)
+                if use_changes != 0:
+                    pushed = need[i] + wp.dot(j, changes[0]) > wp.float64(0.0)
+                if pushed:
+                    m = wp.float64(mass[i])
+                    A += m * wp.outer(j, j)
+                    side -= (m * need[i]) * j
+        row = int(0)  # noqa: RUF046
+        for r in range(6):
+            for c in range(r, 6):
+                sums[row, b] = A[r, c]
+                row += 1
+        for r in range(6):
+            sums[21 + r, b] = side[r]
+
+    @kernel(module, per="list")
+    def sum_rows(sums: wp.array2d(dtype=wp.float64), first: int, totals: wp.array(dtype=wp.float64)):
+        row = wp.tid() + first
+        total = wp.float64(0.0)
+        for b in range(sums.shape[1]):
+            total += sums[row, b]
+        totals[row] = total
+
+    @kernel(module, per="once")
+    def solve_touching(
+        totals: wp.array(dtype=wp.float64),
+        mass: wp.float64,
+        inertia: wp.mat33d,
+        rotation: wp.array(dtype=wp.quatd),
+        first: int,
+        changes: wp.array(dtype=vec6d),
+    ):
+        """By Cholesky's decomposition; the columns of R I R^T are those of I, turned."""
+        A = mat66d()
+        row = int(0)  # noqa: RUF046
+        for r in range(6):
+            for c in range(r, 6):
+                A[r, c] = totals[row]
+                A[c, r] = totals[row]
+                row += 1
+        q = rotation[0]
+        for c in range(3):
+            A[c, c] = A[c, c] + mass
+            unit = wp.vec3d()
+            unit[c] = wp.float64(1.0)
+            column = wp.quat_rotate(q, inertia * wp.quat_rotate_inv(q, unit))
+            for r in range(3):
+                A[3 + r, 3 + c] = A[3 + r, 3 + c] + column[r]
+        x = vec6d()
+        for r in range(6):
+            x[r] = totals[21 + r]
+        for c in range(6):
+            for k in range(c):
+                A[c, c] = A[c, c] - A[c, k] * A[c, k]
+            A[c, c] = wp.sqrt(A[c, c])
+            for r in range(c + 1, 6):
+                for k in range(c):
+                    A[r, c] = A[r, c] - A[r, k] * A[c, k]
+                A[r, c] = A[r, c] / A[c, c]
+        for r in range(6):
+            for k in range(r):
+                x[r] = x[r] - A[r, k] * x[k]
+            x[r] = x[r] / A[r, r]
+        for back in range(6):
+            r = 5 - back
+            for k in range(r + 1, 6):
+                x[r] = x[r] - A[k, r] * x[k]
+            x[r] = x[r] / A[r, r]
+        changes[0] = x
+
+    @kernel(module, per="once")
+    def foresee(changes: wp.array(dtype=vec6d), first: int, motion: wp.array(dtype=wp.vec3d)):
+        d = changes[0]
+        motion[0] = motion[0] + wp.vec3d(d[0], d[1], d[2])
+        motion[1] = motion[1] + wp.vec3d(d[3], d[4], d[5])
+
+    @kernel(module, per="once")
+    def yield_to(
+        changes: wp.array(dtype=vec6d),
+        step: wp.array(dtype=real),
+        first: int,
+        place: wp.array(dtype=wp.vec3d),
+        rotation: wp.array(dtype=wp.quatd),
+        motion: wp.array(dtype=wp.vec3d),
+    ):
+        dt = wp.float64(step[0])
+        d = changes[0]
+        linear = wp.vec3d(d[0], d[1], d[2])
+        turn = wp.vec3d(d[3], d[4], d[5])
+        motion[0] = motion[0] + linear
+        motion[1] = motion[1] + turn
+        place[0] = place[0] + dt * linear
+        rotation[0] = turned_by(dt * turn, rotation[0])
+
+    @kernel(module, per="block")
+    def gather_given(
+        push: wp.array(dtype=wp.vec3d),
+        arms: wp.array(dtype=wp.vec3d),
+        push_work: wp.array(dtype=wp.float64),
+        block: int,
+        first: int,
+        sums: wp.array2d(dtype=wp.float64),
+    ):
+        b = wp.tid() + first
+        linear = wp.vec3d()
+        turn = wp.vec3d()
+        work = wp.float64(0.0)
+        for i in range(b * block, wp.min((b + 1) * block, push.shape[0])):
+            linear += push[i]
+            turn += wp.cross(arms[i], push[i])
+            if wp.static(tracked):
+                work += push_work[i]
+        for c in range(3):
+            sums[c, b] = linear[c]
+            sums[3 + c, b] = turn[c]
+        sums[6, b] = work
+
+    @kernel(module, per="once")
+    def give(
+        totals: wp.array(dtype=wp.float64),
+        mass: wp.float64,
+        inverse_inertia: wp.mat33d,
+        rotation: wp.array(dtype=wp.quatd),
+        first: int,
+        motion: wp.array(dtype=wp.vec3d),
+        momenta: wp.array(dtype=wp.vec3d),
+        given: wp.array(dtype=wp.float64),
+    ):
+        """`given`: momentum and angular momentum given to the sheet since the last frame, and what contact lost [J]."""
+        linear = wp.vec3d(totals[0], totals[1], totals[2])
+        turn = wp.vec3d(totals[3], totals[4], totals[5])
+        before = momenta[0]
+        spin_before = spin_of(rotation[0], inverse_inertia, momenta[1])
+        velocity = before - linear / mass
+        angular = momenta[1] - turn
+        spin = spin_of(rotation[0], inverse_inertia, angular)
+        momenta[0] = velocity
+        momenta[1] = angular
+        motion[0] = velocity
+        motion[1] = spin
+        for c in range(6):
+            given[c] = given[c] + totals[c]
+        if wp.static(tracked):
+            half = wp.float64(0.5)
+            moved = momenta[2] + half * (velocity - before)
+            turned = momenta[3] + half * (spin - spin_before)
+            given[6] = given[6] + wp.dot(linear, moved) + wp.dot(turn, turned) - totals[6]
+
+    return FreeMotion(
+        move_body, kick_body, gather_touching, sum_rows, solve_touching, yield_to, foresee, gather_given, give
+    )

@@ -1,0 +1,189 @@
+"""Signed distances of rigid bodies: negative inside, with the outward normal of the nearest point of the surface.
+
+A distance is a function (arm, reach, body) -> (normal, distance), one vec4d; `arm` is in the frame of the body [m].
+A body further away than `reach` may answer `reach`. All of it is float64, in any precision of the sheet: what touches
+differs from what does not by less than float32 resolves of a large body.
+
+Meshes are searched by Warp's bounding volume tree, which is float32; the distance to the triangle that it finds is then
+taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import warp as wp
+
+from .effects import Kernel, kernel
+
+# Distance from a mesh over its size below which the normal is that of the nearest triangle.
+NEAR = wp.constant(wp.float64(1e-7))
+
+
+@wp.struct
+class BodyShape:
+    """Sizes [m] of a body, and its surface if it is a mesh; what they mean, each distance says."""
+
+    size: wp.vec4d
+    mesh: wp.uint64
+    vertices: wp.array(dtype=wp.vec3d)
+    triangles: wp.array(dtype=wp.vec3i)
+
+
+@wp.func
+def with_normal(n: wp.vec3d, distance: wp.float64):
+    return wp.vec4d(n[0], n[1], n[2], distance)
+
+
+@wp.func
+def from_point(arm: wp.vec3d, radius: wp.float64):
+    length = wp.length(arm)
+    n = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
+    if length > wp.float64(0.0):
+        n = arm / length
+    return with_normal(n, length - radius)
+
+
+@wp.func
+def sphere_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
+    """Sizes: radius."""
+    return from_point(arm, body.size[0])
+
+
+@wp.func
+def plane_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
+    """Sizes: unit normal."""
+    n = wp.vec3d(body.size[0], body.size[1], body.size[2])
+    return with_normal(n, wp.dot(arm, n))
+
+
+@wp.func
+def capsule_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
+    """Sizes: radius, half of the length of the axis, which is z."""
+    along = wp.clamp(arm[2], -body.size[1], body.size[1])
+    return from_point(wp.vec3d(arm[0], arm[1], arm[2] - along), body.size[0])
+
+
+@wp.func
+def cylinder_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
+    """Sizes: radius, half of the height along z."""
+    zero = wp.float64(0.0)
+    across = wp.sqrt(arm[0] * arm[0] + arm[1] * arm[1])
+    outward = wp.vec3d(wp.float64(1.0), zero, zero)
+    if across > zero:
+        outward = wp.vec3d(arm[0] / across, arm[1] / across, zero)
+    up = wp.vec3d(zero, zero, wp.where(arm[2] < zero, wp.float64(-1.0), wp.float64(1.0)))
+    beside = across - body.size[0]
+    above = wp.abs(arm[2]) - body.size[1]
+    found = with_normal(outward, beside)
+    if beside > zero and above > zero:
+        distance = wp.sqrt(beside * beside + above * above)
+        found = with_normal((beside / distance) * outward + (above / distance) * up, distance)
+    elif above > beside:
+        found = with_normal(up, above)
+    return found
+
+
+@wp.func
+def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
+    """Sizes: half of the sides."""
+    zero = wp.float64(0.0)
+    beyond = wp.vec3d()
+    signs = wp.vec3d()
+    nearest = int(0)  # noqa: RUF046
+    for c in range(3):
+        signs[c] = wp.where(arm[c] < zero, wp.float64(-1.0), wp.float64(1.0))
+        beyond[c] = wp.abs(arm[c]) - body.size[c]
+        if beyond[c] > beyond[nearest]:
+            nearest = c
+    n = wp.vec3d()
+    n[nearest] = signs[nearest]
+    distance = beyond[nearest]
+    if distance > zero:
+        out = wp.vec3d(wp.max(beyond[0], zero), wp.max(beyond[1], zero), wp.max(beyond[2], zero))
+        distance = wp.length(out)
+        n = wp.cw_mul(out / distance, signs)
+    return with_normal(n, distance)
+
+
+@wp.func
+def nearest_of_triangle(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    zero = wp.float64(0.0)
+    ab = b - a
+    ac = c - a
+    d1 = wp.dot(ab, p - a)
+    d2 = wp.dot(ac, p - a)
+    d3 = wp.dot(ab, p - b)
+    d4 = wp.dot(ac, p - b)
+    d5 = wp.dot(ab, p - c)
+    d6 = wp.dot(ac, p - c)
+    va = d3 * d6 - d5 * d4
+    vb = d5 * d2 - d1 * d6
+    vc = d1 * d4 - d3 * d2
+    found = a
+    if d1 <= zero and d2 <= zero:
+        found = a
+    elif d3 >= zero and d4 <= d3:
+        found = b
+    elif vc <= zero and d1 >= zero and d3 <= zero:
+        found = a + (d1 / (d1 - d3)) * ab
+    elif d6 >= zero and d5 <= d6:
+        found = c
+    elif vb <= zero and d2 >= zero and d6 <= zero:
+        found = a + (d2 / (d2 - d6)) * ac
+    elif va <= zero and d4 - d3 >= zero and d5 - d6 >= zero:
+        found = b + ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (c - b)
+    else:
+        found = a + (vb / (va + vb + vc)) * ab + (vc / (va + vb + vc)) * ac
+    return found
+
+
+@wp.func
+def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
+    """Sizes: the largest distance of a vertex from the origin."""
+    point = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
+    # The search is float32: it must not miss what is within reach.
+    further = reach + wp.float64(1e-5) * body.size[0]
+    hit = wp.mesh_query_point_sign_normal(body.mesh, point, wp.float32(further))
+    n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    distance = reach
+    if hit.result:
+        corners = body.triangles[hit.face]
+        a = body.vertices[corners[0]]
+        b = body.vertices[corners[1]]
+        c = body.vertices[corners[2]]
+        out = arm - nearest_of_triangle(arm, a, b, c)
+        n = wp.normalize(wp.cross(b - a, c - a))
+        length = wp.length(out)
+        height = wp.dot(out, n)
+        if length <= NEAR * body.size[0]:
+            distance = height
+        else:
+            side = wp.where(hit.sign < wp.float32(0.0), wp.float64(-1.0), wp.float64(1.0))
+            if wp.abs(height) > wp.float64(0.999) * length:
+                side = wp.where(height < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
+            distance = side * length
+            n = (side / length) * out
+    return with_normal(n, distance)
+
+
+DistanceFunction = Callable[..., Any]
+
+
+@functools.cache
+def distances(distance: wp.Function) -> Kernel:
+    """Kernel of signed distances of many points, `found` (N,) vec4d, from a body at a place with a rotation."""
+    module = f"warp_pd_{distance.key}"
+
+    @kernel(module)
+    def find_distances(
+        points: wp.array(dtype=wp.vec3d),
+        reach: wp.float64,
+        body: BodyShape,
+        first: int,
+        found: wp.array(dtype=wp.vec4d),
+    ):
+        i = wp.tid() + first
+        found[i] = distance(points[i], reach, body)
+
+    return find_distances

@@ -1,0 +1,89 @@
+"""A ball is dropped on a trampoline, which throws it back.
+
+A square of rubber (neo-Hookean, mu 0.4 MPa, 1 mm thick), stretched and clamped at its edges, and a ball without
+friction, which falls on its middle. Nothing damps. Points of the sheet that meet the ball take its velocity at once, as
+in an inelastic impact: that loss, and the waves that stay in the sheet, are what the ball comes back lower by.
+
+There is no closed form. What counts is the balance: energy of the ball, energy of the sheet and loss of the contact are
+together what the ball began with.
+"""
+
+from warp_pd import (
+    BondAssociated,
+    Explicit,
+    Fixed,
+    Free,
+    Measure,
+    NeoHookean,
+    Outcome,
+    RigidBody,
+    Sheet,
+    Simulation,
+    Sphere,
+)
+from warp_pd.checks import count, positive
+from warp_pd.measures import worst_balance
+
+MU = 0.4e6
+
+
+def build(
+    points: int = 41,
+    horizon: float = 3.015,
+    stretch: float = 1.2,
+    diameter: float = 0.08,
+    mass: float = 0.15,
+    drop: float = 0.05,
+    duration: float = 0.4,
+    frames: int = 80,
+    friction: float = 0.0,
+    safety: float = 0.3,
+) -> Simulation:
+    """`drop` is the height from which the ball falls [m]."""
+    sheet = Sheet.rectangle(0.3, 0.3, thickness=1e-3, density=1000.0, points=count("points", points, 11))
+    radius = 0.5 * positive("diameter", diameter)
+    middle = 0.15
+    ball = Free(mass, position=(middle, middle, radius + positive("drop", drop)))
+    return Simulation(
+        sheet.prestretched(stretch),
+        force=BondAssociated(NeoHookean(mu=MU, bulk=100.0 * MU), horizon=horizon, weights="corrected"),
+        loads=[Fixed(sheet.edges("all"))],
+        contact=RigidBody(Sphere(diameter), ball, friction=friction, name="ball"),
+        solver=Explicit(duration, frames=frames, safety=safety),
+        measures=[Measure("deflection", "m", lambda built, frame: float(frame.displacement[:, 2].min()))],
+        outcomes=[
+            Outcome("return_height", "m", highest),
+            Outcome("energy_error", "1", energy_error),
+            Outcome("worst_energy_balance", "1", worst_balance),
+        ],
+        section="dropped ball",
+        pictures=pictures,
+    )
+
+
+def highest(history):
+    """Height of the ball's lowest point after it was lowest, over the sheet's plane [m]."""
+    heights = [row["ball_position_z"] for row in history]
+    lowest = heights.index(min(heights))
+    return max(heights[lowest:])
+
+
+def energy_error(history):
+    """Change of all energies and losses over what the ball falls with."""
+    names = ("ball_kinetic", "ball_potential", "ball_loss", "half_step_kinetic", "strain")
+    totals = [sum(row[name] for name in names) for row in history]
+    scale = max(row["ball_kinetic"] for row in history)
+    return max(abs(total - totals[0]) for total in totals) / scale
+
+
+def pictures(history, folder):
+    from warp_pd.output import plots
+
+    heights = [row["ball_position_z"] for row in history]
+    first = heights.index(min(heights))
+    chosen = (0, first // 2, first, min(2 * first, len(history) - 1))
+    shown = plots.frames_at(folder, [history[k]["time"] for k in chosen])
+    plots.surfaces(folder / "drop.png", shown, field="u3", label="u3 (m)")
+    plots.curves(folder / "height.png", history, ["ball_position_z", "deflection"], ylabel="height (m)")
+    names = ["ball_kinetic", "ball_potential", "kinetic", "strain", "ball_loss"]
+    plots.curves(folder / "energy.png", history, names, ylabel="energy (J)")

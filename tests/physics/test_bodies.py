@@ -1,0 +1,273 @@
+"""Contact with rigid bodies: momentum, energy, friction, no penetration, and that runs repeat."""
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers import square
+from pxr import Usd, UsdGeom
+from resumed_runs import require_same_when_stopped
+from small_runs import run, simulate
+
+from warp_pd import (
+    BodyForce,
+    BodyPath,
+    Box,
+    Capsule,
+    Cylinder,
+    Explicit,
+    Fixed,
+    Free,
+    InputError,
+    Plane,
+    RigidBall,
+    RigidBody,
+    Sphere,
+    TriangleMesh,
+)
+from warp_pd.output.plots import frames_at, surfaces
+from warp_pd.parts.body_shapes import signed_distances
+
+DENSITY, GRAVITY = 1000.0, 9.81
+TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
+
+
+def vector(row, name):
+    return np.array([row[f"{name}_{c}"] for c in "xyz"])
+
+
+def falling(mass=5e-3, **changes):
+    values = {"position": (0.05, 0.052, 0.0153), "velocity": (0.1, 0.0, -0.5), "gravity": (0.0, 0.0, 0.0), **changes}
+    return Free(mass, **values)
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision, friction):
+    solver = Explicit(0.05, frames=10, safety=0.1)
+    body = RigidBody(Sphere(0.03), falling(spin=(0.0, 30.0, 0.0)), friction=friction)
+    result = run(square(15), solver, precision=precision, contact=body)
+    rows, mass = result.history, result.built.to_numpy(result.built.state.mass)[:, None]
+    moved = (mass * result.frame.velocity).sum(axis=0)
+    begin, end = vector(rows[0], "body_velocity"), vector(rows[-1], "body_velocity")
+    round_off = 1e-14 if precision == 64 else 2e-6
+    np.testing.assert_allclose(moved, 5e-3 * (begin - end), rtol=0.0, atol=round_off * 2.5e-3)
+    assert moved[2] < -1e-4
+    names = ("half_step_kinetic", "strain", "body_kinetic", "body_loss")
+    energies = [sum(row[name] for name in names) for row in rows]
+    assert max(abs(e - energies[0]) for e in energies) < 1e-3 * energies[0]
+    assert max(abs(row["balance_error"]) for row in rows) < 2e-3
+    if friction > 0.0:
+        assert (np.diff([row["body_rubbed"] for row in rows]) >= 0.0).all()
+        assert rows[-1]["body_spin_y"] < 30.0
+
+
+def test_both_precisions_agree():
+    bodies = [
+        run(square(15), Explicit(0.03, frames=6, safety=0.2), precision=p, contact=RigidBody(Sphere(0.03), falling()))
+        for p in (32, 64)
+    ]
+    one, other = (vector(result.history[-1], "body_velocity") for result in bodies)
+    np.testing.assert_allclose(one, other, atol=2e-3)
+
+
+def test_a_body_that_nothing_touches_flies_as_it_should():
+    spin, inertia = np.array([1.0, 5.0, -3.0]), (2e-4, 3e-4, 1e-4)
+    body = Free(0.1, (0.0, 0.0, 5.0), (1.0, 0.0, 2.0), tuple(spin), TURNED, inertia)
+    result = run(square(7), Explicit(0.2, frames=4), contact=RigidBody(Box((0.1, 0.1, 0.1)), body))
+    row = result.history[-1]
+    expected = np.array([0.2, 0.0, 5.0 + 0.4 - 0.5 * GRAVITY * 0.04])
+    np.testing.assert_allclose(vector(row, "body_position"), expected, atol=1e-12)
+    energy = [r["body_kinetic"] + r["body_potential"] for r in result.history]
+    assert max(abs(e - energy[0]) for e in energy) < 1e-6 * energy[0]
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("share", [0.99, 1.01, 1.5])
+def test_a_block_on_an_incline_sticks_and_slides_at_the_angle_of_friction(precision, share):
+    friction, duration = 0.5, 0.02
+    angle = np.arctan(share * friction)
+    load = (DENSITY * GRAVITY * np.sin(angle), 0.0, -DENSITY * GRAVITY * np.cos(angle))
+    result = run(
+        square(7, 0.02), Explicit(duration, frames=2, safety=0.5), precision=precision, loads=[BodyForce(load)],
+        contact=RigidBody(Plane(), BodyPath.still((0.0, 0.0, 0.0)), friction=friction),
+    )  # fmt: skip
+    speed = result.frame.velocity[:, 0].mean()
+    if share < 1.0:
+        assert speed == 0.0
+        assert (result.frame.displacement == 0.0).all()
+    else:
+        expected = GRAVITY * (np.sin(angle) - friction * np.cos(angle)) * duration
+        assert speed == pytest.approx(expected, rel=1e-5)
+        weight = DENSITY * 1e-3 * 0.02**2 * GRAVITY * np.cos(angle)
+        assert -result.history[-1]["body_force_z"] == pytest.approx(weight, rel=1e-5)
+        assert result.history[-1]["body_force_x"] == pytest.approx(friction * weight, rel=1e-5)
+
+
+THIN = Box((0.05, 0.06, 0.0105))
+
+
+@pytest.mark.parametrize(
+    ("shape", "friction"),
+    [
+        (Sphere(0.03), 0.0),
+        (THIN, 0.0),
+        (TriangleMesh(*THIN.outline(0.0)), 0.3),
+        (Capsule(0.0105, 0.05), 0.3),
+        (Cylinder(0.05, 0.0105), 0.0),
+        (Plane(), 0.3),
+    ],
+    ids=lambda value: getattr(value, "kind", str(value)),
+)
+def test_no_point_ends_a_step_inside_a_body_at_ten_times_the_wave_speed(shape, friction):
+    sheet = square(15)
+    speed = 10.0 * np.sqrt(3.0)  # c^2 = 3 mu / density, with mu = 1 kPa
+    turned = TURNED if shape.bounded else (0.0, 0.0, 0.0, 1.0)
+    body = RigidBody(shape, BodyPath.still((0.05, 0.05, -0.04), turned), friction=friction)
+    simulation = simulate(
+        sheet, Explicit(0.005, frames=25, safety=0.15), contact=body,
+        initial_velocity=np.tile([0.3, 0.2, -speed], (sheet.size, 1)),
+    )  # fmt: skip
+    depths, path, q = [], body.motion.pose(0.0)[0], np.array(turned)
+
+    class Depths:
+        def write(self, frame):
+            arms = sheet.positions + frame.displacement - path
+            axis = np.cross(-q[:3], arms)
+            arms = arms + 2.0 * (q[3] * axis + np.cross(-q[:3], axis))
+            depths.append(-signed_distances(shape, arms, wp.get_device("cpu"))[:, 3].min())
+
+        def save(self):
+            pass
+
+        close = save
+
+    result = simulation.run(device="cpu", precision=32, writers=[Depths()])
+    assert result.status == "finished"
+    assert max(depths) < 1e-3 * sheet.spacing
+    assert min(row["body_force_z"] for row in result.history) < -0.5
+    if not shape.bounded:
+        assert result.frame.displacement[:, 2].min() > -0.0401
+
+
+def test_a_point_does_not_pass_a_thin_body_within_one_step():
+    # One step takes the points two spacings, through a plate that is thinner than that.
+    sheet = square(7)
+    dt, spacing = 1e-5, sheet.spacing
+    plate = RigidBody(Box((1.0, 1.0, 1.5 * spacing)), BodyPath.still((0.0, 0.0, -1.0 * spacing)))
+    result = run(
+        sheet, Explicit(dt, frames=1, step=dt), precision=64, contact=plate,
+        initial_velocity=np.tile([0.0, 0.0, -1.99 * spacing / dt], (sheet.size, 1)),
+    )  # fmt: skip
+    np.testing.assert_allclose(result.frame.displacement[:, 2], -0.25 * spacing, atol=1e-6 * spacing)
+    assert np.abs(result.frame.velocity[:, 2]).max() < 1e-6
+
+
+def test_a_body_on_a_path_turns_and_pushes_like_the_ball():
+    sheet, solver = square(15), Explicit(0.1, frames=5, safety=0.3)
+    path = BodyPath.straight((0.05, 0.05, 0.0151), (0.0, 0.0, -0.1), 0.1)
+    ball = run(sheet, solver, loads=[Fixed(sheet.edges())], contact=RigidBall(0.03, (0.05, 0.05, 0.0151), (0, 0, -0.1)))
+    body = run(sheet, solver, loads=[Fixed(sheet.edges())], contact=RigidBody(Sphere(0.03), path))
+    np.testing.assert_allclose(body.frame.displacement, ball.frame.displacement, atol=2e-4)
+    assert body.history[-1]["body_force_z"] == pytest.approx(ball.history[-1]["ball_force_z"], rel=0.1)
+    assert max(abs(row["balance_error"]) for row in body.history) < 2e-3
+
+
+def test_a_turning_drum_drags_the_sheet():
+    sheet = square(9)
+    quarter = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+    half = (0.5, 0.5, -0.5, 0.5)  # a quarter turn about y after it
+    path = BodyPath([0.0, 0.1], [(0.05, 0.05, -0.0201)] * 2, [quarter, half])
+    load = BodyForce((0.0, 0.0, -2e4))
+    result = run(
+        sheet, Explicit(0.05, frames=2), loads=[load], contact=RigidBody(Cylinder(0.04, 0.3), path, friction=0.5)
+    )  # fmt: skip
+    row = result.history[-1]
+    assert row["body_spin_y"] == pytest.approx(0.5 * np.pi / 0.1, rel=1e-6)
+    assert result.frame.velocity[:, 0].mean() > 0.01
+    assert row["body_torque_y"] < 0.0
+
+
+def test_two_bodies_at_once_restart_in_contact(tmp_path):
+    def scene():
+        sheet = square(11)
+        ball = RigidBody(Sphere(0.03), falling(), name="ball", friction=0.2)
+        floor = RigidBody(TriangleMesh(*Box((0.2, 0.2, 0.02)).outline(0.0)), BodyPath.still((0.05, 0.05, -0.012)))
+        return simulate(sheet, Explicit(0.02, frames=4), contact=[ball, floor])
+
+    complete = require_same_when_stopped(scene, tmp_path, [2], precision=32)
+    again = scene().run(device="cpu", precision=32)
+    assert again.history == complete.history
+    assert complete.history[-1]["body_force_z"] < 0.0 < complete.history[1]["ball_force_z"]
+
+
+def test_bodies_are_in_files_and_pictures(tmp_path):
+    shapes = [Sphere(0.03), Capsule(0.02, 0.03), Cylinder(0.02, 0.03), Box((0.02, 0.03, 0.02)), Plane()]
+    bodies = [
+        RigidBody(s, BodyPath.straight((0.05, 0.05, -0.1), (0.0, 0.0, -1.0), 1e-3, TURNED), name=s.kind) for s in shapes
+    ]
+    simulate(square(9), Explicit(1e-3, frames=2), contact=bodies).run(device="cpu", out=tmp_path / "run")
+    stage = Usd.Stage.Open(str(tmp_path / "run" / "animation.usd"))
+    found = {str(p.GetTypeName()) for p in stage.GetPrimAtPath("/World/Bodies").GetChildren()}
+    assert found == {"Sphere", "Capsule", "Cylinder", "Mesh"}
+    placed = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Bodies/box")).ComputeLocalToWorldTransform(2)
+    np.testing.assert_allclose(placed.ExtractTranslation(), (0.05, 0.05, -0.101), atol=1e-9)
+    np.testing.assert_allclose(placed.ExtractRotationQuat().GetReal(), TURNED[3], atol=1e-6)
+    shown = frames_at(tmp_path / "run", [1e-3])
+    assert len(shown[0].bodies) == len(shapes)
+    surfaces(tmp_path / "bodies.png", shown, field="u3", label="u3 (m)")
+    assert (tmp_path / "bodies.png").stat().st_size > 1000
+
+
+def test_what_is_not_used_leaves_nothing():
+    plan = simulate(square(7), contact=RigidBall(0.1, (0.0, 0.0, 5.0))).plan("cpu", 64)
+    assert "body" not in plan
+    plan = simulate(square(7), contact=RigidBody(Sphere(0.1), BodyPath.still((0.0, 0.0, 5.0)))).plan("cpu", 64)
+    assert "body_impulse" in plan
+    for name in ("body_rubbed", "gather_touching", "body_push"):
+        assert name not in plan
+
+
+def built(contact):
+    return simulate(square(7), contact=contact).build("cpu")
+
+
+def cube(**changes):
+    vertices, triangles = Box((1.0, 1.0, 1.0)).outline(0.0)
+    return {"vertices": vertices, "triangles": triangles, **changes}
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Free(0.0, (0, 0, 0)), r"Free.mass = 0.0: expected a positive number"),
+        (lambda: Free(1.0, (0, 0, 0), inertia=(1.0, 0.0, 1.0)), "expected positive moments"),
+        (lambda: BodyPath([0.0], [(0, 0, np.nan)]), "BodyPath.positions"),
+        (lambda: BodyPath([1.0, 0.0], [(0, 0, 0)] * 2), "expected rising times"),
+        (lambda: BodyPath([0.0], [(0, 0, 0)], [(0, 0, 0, 2.0)]), "expected a unit quaternion"),
+        (lambda: RigidBody(Sphere(1.0), BodyPath.still((0, 0, 0)), friction=-0.1), "RigidBody.friction = -0.1"),
+        (lambda: RigidBody(Plane(), Free(1.0, (0, 0, 0))), "a plane has no mass"),
+        (lambda: RigidBody(Sphere, BodyPath.still((0, 0, 0))), "RigidBody.shape"),
+        (lambda: RigidBody(Sphere(1.0), (0, 0, 0)), "RigidBody.motion"),
+        (lambda: TriangleMesh(**cube(triangles=cube()["triangles"][1:])), "expected a closed surface"),
+        (lambda: TriangleMesh(**cube(triangles=cube()["triangles"][:, ::-1])), "expected triangles that face outwards"),
+        (lambda: TriangleMesh(**cube(vertices=np.full((8, 3), np.nan))), "TriangleMesh.vertices"),
+        (lambda: Box((1.0, 1.0, -1.0)), "Box.sides = -1.0"),
+        (
+            lambda: built(RigidBody(Sphere(0.05), BodyPath.still((0.05, 0.05, 0.01)))),
+            r"point 24 is 0.015 m inside it",
+        ),
+        (
+            lambda: simulate(square(7), contact=RigidBody(Sphere(0.01), BodyPath.still((0.0, 0.0, 1.0)))).build("cpu"),
+            "expected at least 1.42 spacings",
+        ),
+        (
+            lambda: built([RigidBody(Plane(), BodyPath.still((0.0, 0.0, -1.0)))] * 2),
+            "expected different names",
+        ),
+        (lambda: simulate(square(7), contact="ball").build("cpu"), "contact = 'ball'"),
+    ],
+)  # fmt: skip
+def test_wrong_bodies_are_named_in_one_line(make, words):
+    with pytest.raises(InputError, match=words) as error:
+        make()
+    assert "\n" not in str(error.value)

@@ -1,0 +1,70 @@
+"""Signed distances of bodies, against independent ones."""
+
+import numpy as np
+import pytest
+import warp as wp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from warp_pd import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh
+from warp_pd.parts.body_shapes import signed_distances
+
+CPU = wp.get_device("cpu")
+SIZES, PLACES = st.floats(0.1, 2.0), st.lists(st.tuples(*[st.floats(-3.0, 3.0)] * 3), min_size=1, max_size=20)
+
+
+def measured(shape, points):
+    return signed_distances(shape, np.array(points, float).reshape(-1, 3), CPU)
+
+
+def box(points, half):
+    """Outside, the distance from the clamped point; inside, from the nearest face."""
+    beyond = np.abs(points) - half
+    outside = np.linalg.norm(points - np.clip(points, -half, half), axis=1)
+    return np.where((beyond < 0.0).all(axis=1), beyond.max(axis=1), outside)
+
+
+@settings(max_examples=40, deadline=None)
+@given(diameter=SIZES, length=SIZES, points=PLACES)
+def test_distances_are_exact(diameter, length, points):
+    x, r, h = np.array(points), 0.5 * diameter, 0.5 * length
+    across = np.hypot(x[:, 0], x[:, 1])
+    axis = np.column_stack([0.0 * across, 0.0 * across, np.clip(x[:, 2], -h, h)])
+    section = np.column_stack([across, x[:, 2]])
+    expected = {
+        Sphere(diameter): np.linalg.norm(x, axis=1) - r,
+        Capsule(diameter, length): np.linalg.norm(x - axis, axis=1) - r,
+        Cylinder(diameter, length): box(section, np.array([r, h])),
+        Box((diameter, length, 1.0)): box(x, 0.5 * np.array([diameter, length, 1.0])),
+        Plane((0.0, 3.0, 4.0)): x @ [0.0, 0.6, 0.8],
+    }
+    for shape, distance in expected.items():
+        found = measured(shape, points)
+        np.testing.assert_allclose(found[:, 3], distance, atol=1e-14)
+        np.testing.assert_allclose(np.linalg.norm(found[:, :3], axis=1), 1.0, atol=1e-12)
+        # Along the normal the distance falls to zero.
+        on_surface = x - found[:, 3:] * found[:, :3]
+        np.testing.assert_allclose(measured(shape, on_surface)[:, 3], 0.0, atol=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(sides=st.tuples(SIZES, SIZES, SIZES), points=PLACES)
+def test_the_distance_of_a_mesh_is_that_of_the_box_it_is(sides, points):
+    shape = Box(sides)
+    mesh = TriangleMesh(*shape.outline(0.0))
+    np.testing.assert_allclose(measured(mesh, points)[:, 3], measured(shape, points)[:, 3], atol=2e-6)
+
+
+@pytest.mark.parametrize("shape", [Sphere(1.0), Capsule(0.6, 1.2), Cylinder(1.0, 1.4), Box((1.0, 0.8, 1.2))])
+def test_inertia_is_that_of_the_fine_mesh_and_outlines_are_closed(shape):
+    mesh = TriangleMesh(*shape.outline(0.0))
+    np.testing.assert_allclose(mesh.inertia(), shape.inertia(), atol=0.02 * shape.inertia().max())
+    np.testing.assert_allclose(mesh.centroid, 0.0, atol=1e-12)
+    assert mesh.radius() == pytest.approx(shape.radius(), rel=0.01)
+
+
+def test_a_mesh_moved_from_the_origin_has_its_centroid():
+    vertices, triangles = Box((1.0, 2.0, 3.0)).outline(0.0)
+    mesh = TriangleMesh(vertices + [5.0, 6.0, 7.0], triangles)
+    np.testing.assert_allclose(mesh.centroid, [5.0, 6.0, 7.0], atol=1e-12)
+    np.testing.assert_allclose(mesh.inertia(), Box((1.0, 2.0, 3.0)).inertia(), atol=1e-12)

@@ -1,0 +1,223 @@
+"""Contact with rigid bodies of any shape, on a path or free, with friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, not_negative, resolved, said
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..frame import Body
+from ..interfaces import BuiltContact, BuiltLaw, Contact, Part, StepLimit
+from ..kernels.body_contact import body_contact
+from ..phases import Phase
+from .body_motion import BodyMotion
+from .body_shapes import BodyShape, on_device, signed_distances
+from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
+
+# Layer on the surface in which a point counts as touching, in spacings: more than its place is rounded by.
+SKIN = 1e-4
+# Radius of a half space [m].
+UNBOUNDED = 1e30
+
+
+@dataclass(frozen=True)
+class RigidBody(Contact):
+    """A rigid body of any shape that moves along a path, or freely.
+
+    Points inside it are moved out, and lose the part of their velocity that points into it; with friction they also
+    lose tangential velocity. See kernels/body_contact.py. Points held by a support or in a rigid inclusion do not feel
+    the body, and bodies do not feel each other.
+
+    Attributes:
+        shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.
+        motion: BodyPath or Free.
+        friction: Coefficient of Coulomb friction; 0 for none.
+        name: What its columns of the history begin with; bodies of one scene have different names.
+
+    Raises:
+        InputError: for something that is no shape or motion, or a negative friction.
+    """
+
+    shape: BodyShape
+    motion: BodyMotion
+    friction: float = 0.0
+    name: str = "body"
+
+    half_steps: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
+            raise InputError(f"RigidBody.shape = {said(self.shape)}: expected a shape, such as Sphere(0.1)")
+        if isinstance(self.motion, type) or not isinstance(self.motion, BodyMotion):
+            raise InputError(f"RigidBody.motion = {said(self.motion)}: expected BodyPath or Free")
+        not_negative("RigidBody.friction", self.friction)
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise InputError(f"RigidBody.name = {said(self.name)}: expected a name, such as 'needle'")
+        self.motion.check(self.shape)
+
+    def compile_key(self) -> tuple[object, ...]:
+        """Shape, kind of motion, and whether there is friction."""
+        return self.shape.kind, self.motion.free, self.friction > 0.0
+
+    def check(self, others: Sequence[Part]) -> None:
+        """Refuse another body of the same name.
+
+        Raises:
+            InputError: for one.
+        """
+        if any(getattr(other, "name", None) == self.name for other in others):
+            raise InputError(f"contact: two bodies are called {self.name!r}: expected different names")
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
+        """The body on a device."""
+        return BuiltBody(self, context)
+
+
+class BuiltBody(BuiltContact):
+    """A body on a device.
+
+    Attributes:
+        motion: Its motion.
+    """
+
+    def __init__(self, part: RigidBody, context: Context) -> None:
+        self.part, self.context, self.label = part, context, f"contact = RigidBody {part.name!r}"
+        name, sheet, types = part.name, context.sheet, context.types
+        # A thinner body passes between points.
+        if part.shape.bounded:
+            resolved(f"RigidBody {name!r}: smallest extent", part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
+        self._check_apart()
+        self._body, self._mesh = on_device(part.shape, context.device)
+        self.motion = part.motion.build(name, part.shape, context)
+        curved = sheet.frames is not None
+        self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
+        self._curved, tracked = curved, context.features.tracked
+        self.impulse: Array | None = None
+        self.turn: Array | None = None
+        self.loss: Array | None = None
+        self.rubbed: Array | None = None
+        if part.friction > 0.0 and tracked:
+            self.rubbed = context.array(f"{name}_rubbed", name, wp.float64, shape=sheet.size, restart=True)
+        if not part.motion.free:
+            self.impulse, self.turn = (
+                context.array(f"{name}_{what}", name, types.vec3, shape=sheet.size, restart=True)
+                for what in ("impulse", "turn")
+            )
+            if tracked:
+                self.loss = context.array(f"{name}_loss", name, wp.float64, shape=sheet.size, restart=True)
+
+    def _check_apart(self) -> None:
+        """Refuse a body that begins in the sheet.
+
+        Raises:
+            InputError: for the deepest point inside it.
+        """
+        part, context = self.part, self.context
+        place, q = part.motion.pose(0.0)
+        arms = context.sheet.positions + context.initial_displacement - place
+        axis = np.cross(-q[:3], arms)
+        depth = -signed_distances(
+            part.shape, arms + 2.0 * (q[3] * axis + np.cross(-q[:3], axis)), context.device
+        )[:, 3]  # fmt: skip
+        deepest = int(depth.argmax())
+        if depth[deepest] > TOUCHING * min(part.shape.thinnest(), context.sheet.spacing):
+            raise InputError(
+                f"RigidBody {part.name!r}: expected a body outside the sheet at the start; point {deepest} is "
+                f"{depth[deepest]:.3g} m inside it"
+            )
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the motion, and the pointwise stages of contact."""
+        self.motion.add(phase, stage)
+        if phase not in (Phase.PROJECT, Phase.SEPARATE):
+            return
+        context, part, f = self.context, self.part, self.context.features
+        kernels = body_contact(
+            context.bits, part.shape.distance, part.motion.free, part.friction > 0.0, self._curved, f.held, f.loaded,
+            f.damped, f.tracked, context.module,
+        )  # fmt: skip
+        project = phase is Phase.PROJECT
+        find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
+        shared = self._arguments()
+        if part.motion.free:
+            stage.pointwise(part.name, find, context.sheet.size, **shared)
+            (self.motion.before_projection if project else self.motion.before_separation)(stage)
+        stage.pointwise(part.name, act, context.sheet.size, **shared)
+        self.motion.after(stage)
+
+    def _arguments(self) -> dict[str, Any]:
+        context, state, part, motion = self.context, self.context.state, self.part, self.motion
+        radius = part.shape.radius()
+        flying = {name: getattr(motion, name, None) for name in ("need", "rows", "push", "arms", "push_work")}
+        return {
+            "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
+            "radius": radius if np.isfinite(radius) else UNBOUNDED,
+            "skin": SKIN * context.sheet.spacing, "friction": float(part.friction),
+            "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
+            "damping": state.damping, "force": state.force, "external": state.external,
+            "displacement": state.displacement, "velocity": state.velocity, "work": state.work,
+            "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **flying,
+        }  # fmt: skip
+
+    def sums(self) -> Mapping[str, Array]:
+        """What the points were given, unless the motion sums it up."""
+        found = {"impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed}
+        return {f"{self.part.name}_{name}": array for name, array in found.items() if array is not None}
+
+    def column_names(self) -> Sequence[str]:
+        """Force, torque, place and motion; what contact lost, and the energies of a free body."""
+        name, motion = self.part.name, self.motion.columns()
+        lost = [f"{name}_loss"] if self.context.features.tracked else []
+        lost += [f"{name}_rubbed"] if self.rubbed is not None else []
+        return [*(f"{name}_{what}_{c}" for what in ("force", "torque") for c in "xyz"), *motion, *lost]
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Force [N] and torque about the centre [N m] on the body since the last frame; its place and motion."""
+        name = self.part.name
+        totals = {**totals, **self.motion.taken()}
+        row = {
+            f"{name}_{what}_{c}": -totals[f"{name}_{given}_{c}"] / elapsed if elapsed > 0.0 else 0.0
+            for what, given in (("force", "impulse"), ("torque", "turn"))
+            for c in "xyz"
+        }
+        row |= self.motion.columns()
+        if self.context.features.tracked:
+            row[f"{name}_loss"] = totals[f"{name}_loss"]
+        if self.rubbed is not None:
+            row[f"{name}_rubbed"] = totals[f"{name}_rubbed"]
+        return row
+
+    def end_frame(self) -> None:
+        """Begin to sum up anew."""
+        for array in (self.impulse, self.turn):
+            if array is not None:
+                array.zero_()
+        self.motion.end_frame()
+
+    def step_limit(self) -> StepLimit | None:
+        """It moves a quarter of a spacing, or of its thickness, at most; an eighth if bonds can break."""
+        shape, sheet = self.part.shape, self.context.sheet
+        furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
+        speed = self.part.motion.speed(min(shape.radius(), furthest))
+        if speed == 0.0:
+            return None
+        smaller = min(sheet.spacing, 0.5 * shape.thinnest())
+        travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
+        return StepLimit(travel * smaller / speed, f"in which the body {self.part.name!r} moves {travel} spacings")
+
+    def outline(self) -> Body:
+        """How it is drawn."""
+        shape = self.part.shape
+        vertices, triangles = shape.outline(float(np.ptp(self.context.sheet.positions, axis=0).max()))
+        return Body(self.part.name, shape.kind, shape.sizes(), vertices, triangles)
+
+    def pose(self) -> np.ndarray:
+        """Position of its centre [m] and quaternion (x, y, z, w), shape (7,)."""
+        return np.concatenate([self.motion.place.numpy()[0], self.motion.rotation.numpy()[0]])

@@ -1,0 +1,213 @@
+"""How rigid bodies move: along a path, or freely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+
+from ..checks import InputError, numbers, positive, said, vector
+from ..device.context import Context
+from .body_shapes import BodyShape
+from .built_motion import BuiltMotion, InFlight, OnPath
+
+Vector = Sequence[float]
+NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
+# Smallest least eigenvalue of an inertia over the largest.
+LEAST_INERTIA = 1e-9
+
+
+@runtime_checkable
+class BodyMotion(Protocol):
+    """How a rigid body moves.
+
+    Attributes:
+        free: Whether it feels the sheet.
+    """
+
+    free: ClassVar[bool]
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position of the centre of mass [m], shape (3,), and unit quaternion, shape (4,), at a time [s]."""
+        ...
+
+    def speed(self, radius: float) -> float:
+        """Largest speed of a point at a distance [m] from the centre, as far as it is known [m/s]."""
+        ...
+
+    def check(self, shape: BodyShape) -> None:
+        """Raise InputError for a shape that cannot move so."""
+        ...
+
+    def build(self, name: str, shape: BodyShape, context: Context) -> BuiltMotion:
+        """The motion on a device."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPath(BodyMotion):
+    """A motion that is prescribed, whatever the sheet does: linear in time between knots, still before and after them.
+
+    Attributes:
+        times: Knots [s], rising, shape (K,).
+        positions: Of the centre of mass [m], shape (K, 3).
+        rotations: Unit quaternions (x, y, z, w) from the frame of the body, shape (K, 4); between knots it turns
+            uniformly, the shorter way. None: it does not turn.
+    """
+
+    times: Any
+    positions: Any
+    rotations: Any = None
+
+    free: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Check the knots.
+
+        Raises:
+            InputError: for times that do not rise, other shapes, numbers that are not finite, or no rotation.
+        """
+        times = numbers("BodyPath.times", self.times)
+        if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
+            raise InputError(f"BodyPath.times = {said(self.times)}: expected rising times, at least one")
+        positions = numbers("BodyPath.positions", self.positions)
+        if positions.shape != (len(times), 3):
+            raise InputError(f"BodyPath.positions has shape {positions.shape}: expected ({len(times)}, 3)")
+        given = np.tile(NOT_TURNED, (len(times), 1)) if self.rotations is None else self.rotations
+        rotations = numbers("BodyPath.rotations", given)
+        if rotations.shape != (len(times), 4):
+            raise InputError(f"BodyPath.rotations has shape {rotations.shape}: expected ({len(times)}, 4)")
+        rotations = np.array([unit_quaternion("BodyPath.rotations", q) for q in rotations])
+        # A quaternion and its opposite are one rotation: the closer one is the shorter way.
+        signs = np.cumprod([1.0, *np.where(np.sum(rotations[1:] * rotations[:-1], axis=1) < 0.0, -1.0, 1.0)])
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "rotations", signs[:, None] * rotations)
+
+    @staticmethod
+    def still(position: Vector, rotation: Vector = NOT_TURNED) -> BodyPath:
+        """No motion at all, at a position [m]."""
+        return BodyPath([0.0], [position], [rotation])
+
+    @staticmethod
+    def straight(start: Vector, velocity: Vector, duration: float, rotation: Vector = NOT_TURNED) -> BodyPath:
+        """From a position [m] at a velocity [m/s] for a duration [s], which begins at 0."""
+        begin, speed = (np.array(vector(f"BodyPath {n}", v, 3)) for n, v in (("start", start), ("velocity", velocity)))
+        end = positive("BodyPath duration", duration)
+        return BodyPath([0.0, end], [begin, begin + end * speed], [rotation, rotation])
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position [m], shape (3,), and quaternion, shape (4,), at a time [s]."""
+        place = np.array([np.interp(time, self.times, self.positions[:, c]) for c in range(3)])
+        last = len(self.times) - 1
+        k = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, max(last - 1, 0)))
+        if last == 0:
+            return place, self.rotations[0]
+        share = float(np.clip((time - self.times[k]) / (self.times[k + 1] - self.times[k]), 0.0, 1.0))
+        begin, end = self.rotations[k], self.rotations[k + 1]
+        angle = np.arccos(np.clip(begin @ end, -1.0, 1.0))
+        if angle < 1e-9:
+            return place, begin
+        return place, (np.sin((1.0 - share) * angle) * begin + np.sin(share * angle) * end) / np.sin(angle)
+
+    def speed(self, radius: float) -> float:
+        """Largest speed of a point at a distance [m] from the centre [m/s]."""
+        if len(self.times) == 1:
+            return 0.0
+        moved = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
+        cosines = np.abs(np.sum(self.rotations[1:] * self.rotations[:-1], axis=1))
+        turned = np.where(cosines < 1.0 - 1e-15, 2.0 * np.arccos(np.minimum(cosines, 1.0)), 0.0)
+        return float(((moved + radius * turned) / np.diff(self.times)).max())
+
+    def check(self, shape: BodyShape) -> None:
+        """Any shape can follow a path."""
+
+    def build(self, name: str, shape: BodyShape, context: Context) -> BuiltMotion:
+        """The motion on a device."""
+        return OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
+
+
+@dataclass(frozen=True)
+class Free(BodyMotion):
+    """A body that moves under gravity and what the sheet gives it. Bodies do not feel each other.
+
+    Attributes:
+        mass: [kg].
+        position: Of the centre of mass at time 0 [m].
+        rotation: Unit quaternion (x, y, z, w) at time 0, from the frame of the body.
+        velocity: At time 0 [m/s].
+        spin: Angular velocity at time 0 [1/s], in the coordinates of the sheet.
+        inertia: Moments of inertia in the frame of the body [kg m^2], three or a symmetric matrix; None: those of a
+            uniform density.
+        gravity: [m/s^2].
+    """
+
+    mass: float
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = NOT_TURNED
+    inertia: Any = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+
+    free: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            InputError: for a mass or inertia that is not positive, or vectors that are not finite.
+        """
+        positive("Free.mass", self.mass)
+        for name in ("position", "velocity", "spin", "gravity"):
+            vector(f"Free.{name}", getattr(self, name), 3)
+        unit_quaternion("Free.rotation", self.rotation)
+        if self.inertia is not None:
+            self._given_inertia()
+
+    def _given_inertia(self) -> np.ndarray:
+        found = numbers("Free.inertia", self.inertia)
+        matrix = np.diag(found) if found.shape == (3,) else found
+        if matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T):
+            raise InputError(f"Free.inertia = {said(self.inertia)}: expected three moments or a symmetric matrix")
+        values = np.linalg.eigvalsh(matrix)
+        if not values[0] > LEAST_INERTIA * max(values[-1], 0.0) or not values[0] > 0.0:
+            raise InputError(f"Free.inertia = {said(self.inertia)}: expected positive moments")
+        return matrix
+
+    def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position [m] and quaternion at the start; later ones only the run knows."""
+        return np.array(self.position, float), unit_quaternion("Free.rotation", self.rotation)
+
+    def speed(self, radius: float) -> float:
+        """Largest speed at the start of a point at a distance [m] from the centre [m/s]."""
+        return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
+
+    def check(self, shape: BodyShape) -> None:
+        """Refuse a shape without a mass.
+
+        Raises:
+            InputError: for one.
+        """
+        if not shape.bounded:
+            raise InputError(f"motion = Free: a {shape.kind} has no mass: expected a BodyPath")
+
+    def build(self, name: str, shape: BodyShape, context: Context) -> BuiltMotion:
+        """The motion on a device."""
+        inertia = self.mass * shape.inertia() if self.inertia is None else self._given_inertia()
+        return InFlight(name, self.pose(0.0), self, inertia, context)
+
+
+def unit_quaternion(name: str, value: Any) -> np.ndarray:
+    """A quaternion of length 1, shape (4,).
+
+    Raises:
+        InputError: for one that is not finite, or zero.
+    """
+    found = np.array(vector(name, value, 4))
+    length = float(np.linalg.norm(found))
+    if not abs(length - 1.0) < 1e-3:
+        raise InputError(f"{name} = {said(value)}: expected a unit quaternion (x, y, z, w); its length is {length:.4g}")
+    return np.asarray(found / length)

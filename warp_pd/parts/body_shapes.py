@@ -1,0 +1,395 @@
+"""Shapes of rigid bodies: what their distance needs, their inertia, and how they are drawn."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+import warp as wp
+
+from ..checks import InputError, numbers, positive, vector
+from ..kernels import distances
+from ..shapes.enclosure import volume_of
+from ..shapes.files import read_mesh
+from ..shapes.mesh_checks import require_closed, require_faces, require_surface
+
+Outline = tuple[np.ndarray, np.ndarray]
+# Corners of a circle that is drawn, and arcs from pole to pole.
+AROUND, ARCS = 32, 16
+
+
+@runtime_checkable
+class BodyShape(Protocol):
+    """Shape of a rigid body in a frame of its own, whose origin is its centre of mass.
+
+    Attributes:
+        kind: Its name in results.
+        distance: Warp function of its signed distance, see kernels/distances.py.
+        bounded: Whether it has a mass of its own; half spaces have none.
+    """
+
+    kind: ClassVar[str]
+    distance: ClassVar[Any]
+    bounded: ClassVar[bool] = True
+
+    def sizes(self) -> tuple[float, ...]:
+        """What the distance takes as sizes, four numbers at most."""
+        ...
+
+    def radius(self) -> float:
+        """Distance of the furthest point from the origin [m]."""
+        ...
+
+    def thinnest(self) -> float:
+        """Least extent along a direction [m]."""
+        ...
+
+    def inertia(self) -> np.ndarray:
+        """Moments of inertia over mass about the centre of mass [m^2], shape (3, 3), of a uniform density."""
+        ...
+
+    def outline(self, extent: float) -> Outline:
+        """Vertices [m], shape (V, 3), and triangles, shape (F, 3), to be drawn; `extent` [m] is that of the scene."""
+        ...
+
+    def surface(self) -> Outline | None:
+        """Vertices and triangles that the distance searches, or None."""
+        return None
+
+
+@dataclass(frozen=True)
+class Sphere(BodyShape):
+    """A ball; `diameter` [m]."""
+
+    diameter: float
+
+    kind: ClassVar[str] = "sphere"
+    distance: ClassVar[Any] = distances.sphere_distance
+
+    def __post_init__(self) -> None:
+        positive("Sphere.diameter", self.diameter)
+
+    def sizes(self) -> tuple[float, ...]:
+        """The radius."""
+        return (0.5 * self.diameter,)
+
+    def radius(self) -> float:
+        """The radius [m]."""
+        return 0.5 * self.diameter
+
+    def thinnest(self) -> float:
+        """The diameter [m]."""
+        return self.diameter
+
+    def inertia(self) -> np.ndarray:
+        """Two fifths of the radius squared [m^2]."""
+        return 0.4 * self.radius() ** 2 * np.eye(3)
+
+    def outline(self, extent: float) -> Outline:
+        """Circles of latitude."""
+        polar = np.linspace(0.0, math.pi, ARCS + 1)
+        return _turned(self.radius() * np.sin(polar), self.radius() * np.cos(polar))
+
+
+@dataclass(frozen=True)
+class Plane(BodyShape):
+    """Everything below a plane through the origin, which has the outward normal `normal`."""
+
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    kind: ClassVar[str] = "plane"
+    distance: ClassVar[Any] = distances.plane_distance
+    bounded: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not np.any(vector("Plane.normal", self.normal, 3)):
+            raise InputError(f"Plane.normal = {self.normal!r}: expected a vector of some length")
+
+    def sizes(self) -> tuple[float, ...]:
+        """The unit normal."""
+        normal = np.array(self.normal, float)
+        return tuple((normal / np.linalg.norm(normal)).tolist())
+
+    def radius(self) -> float:
+        """Infinite."""
+        return math.inf
+
+    def thinnest(self) -> float:
+        """Infinite."""
+        return math.inf
+
+    def inertia(self) -> np.ndarray:
+        """None: it has no mass.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError("Plane: a half space has no mass: expected a motion along a Path")
+
+    def outline(self, extent: float) -> Outline:
+        """A square of twice the extent."""
+        normal = np.array(self.sizes())
+        across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
+        across /= np.linalg.norm(across)
+        corners = extent * np.array([across, np.cross(normal, across)])
+        signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        return signs @ corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+
+
+@dataclass(frozen=True)
+class Capsule(BodyShape):
+    """A cylinder along z with half balls at its ends; `length` [m] is that of the axis, without them."""
+
+    diameter: float
+    length: float
+
+    kind: ClassVar[str] = "capsule"
+    distance: ClassVar[Any] = distances.capsule_distance
+
+    def __post_init__(self) -> None:
+        positive("Capsule.diameter", self.diameter)
+        positive("Capsule.length", self.length)
+
+    def sizes(self) -> tuple[float, ...]:
+        """The radius, and half of the length."""
+        return 0.5 * self.diameter, 0.5 * self.length
+
+    def radius(self) -> float:
+        """Half of the whole length [m]."""
+        return 0.5 * (self.diameter + self.length)
+
+    def thinnest(self) -> float:
+        """The diameter [m]."""
+        return self.diameter
+
+    def inertia(self) -> np.ndarray:
+        """That of the cylinder and of the half balls [m^2]."""
+        r, h = self.sizes()
+        tube, ball = 2.0 * h * math.pi * r**2, 4.0 / 3.0 * math.pi * r**3
+        along = 0.5 * tube * r**2 + 0.4 * ball * r**2
+        across = tube * (0.25 * r**2 + h**2 / 3.0) + ball * (0.4 * r**2 + h**2 + 0.75 * h * r)
+        return np.diag([across, across, along]) / (tube + ball)
+
+    def outline(self, extent: float) -> Outline:
+        """Circles along the axis."""
+        polar = np.linspace(0.0, math.pi, ARCS + 2)
+        r, h = self.sizes()
+        z = r * np.cos(polar) + np.where(polar < 0.5 * math.pi, h, -h)
+        return _turned(r * np.sin(polar), z)
+
+
+@dataclass(frozen=True)
+class Cylinder(BodyShape):
+    """A cylinder along z with flat ends; `diameter` and `length` [m]."""
+
+    diameter: float
+    length: float
+
+    kind: ClassVar[str] = "cylinder"
+    distance: ClassVar[Any] = distances.cylinder_distance
+
+    def __post_init__(self) -> None:
+        positive("Cylinder.diameter", self.diameter)
+        positive("Cylinder.length", self.length)
+
+    def sizes(self) -> tuple[float, ...]:
+        """The radius, and half of the length."""
+        return 0.5 * self.diameter, 0.5 * self.length
+
+    def radius(self) -> float:
+        """That of the edges [m]."""
+        return 0.5 * math.hypot(self.diameter, self.length)
+
+    def thinnest(self) -> float:
+        """Diameter or length [m]."""
+        return min(self.diameter, self.length)
+
+    def inertia(self) -> np.ndarray:
+        """About the axes [m^2]."""
+        r, h = self.sizes()
+        across = 0.25 * r**2 + h**2 / 3.0
+        return np.diag([across, across, 0.5 * r**2])
+
+    def outline(self, extent: float) -> Outline:
+        """The circles of the edges."""
+        r, h = self.sizes()
+        return _turned(np.array([0.0, r, r, 0.0]), np.array([h, h, -h, -h]))
+
+
+@dataclass(frozen=True)
+class Box(BodyShape):
+    """A box; `sides` [m] along x, y and z."""
+
+    sides: tuple[float, float, float]
+
+    kind: ClassVar[str] = "box"
+    distance: ClassVar[Any] = distances.box_distance
+
+    def __post_init__(self) -> None:
+        for side in vector("Box.sides", self.sides, 3):
+            positive("Box.sides", float(side))
+
+    def sizes(self) -> tuple[float, ...]:
+        """Half of the sides."""
+        return tuple(0.5 * side for side in self.sides)
+
+    def radius(self) -> float:
+        """Half of the diagonal [m]."""
+        return 0.5 * math.hypot(*self.sides)
+
+    def thinnest(self) -> float:
+        """The shortest side [m]."""
+        return min(self.sides)
+
+    def inertia(self) -> np.ndarray:
+        """About the axes [m^2]."""
+        squares = np.array(self.sides) ** 2
+        return np.diag((squares.sum() - squares) / 12.0)
+
+    def outline(self, extent: float) -> Outline:
+        """Eight corners."""
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * self.sizes()
+        quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+        return corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh(BodyShape):
+    """The inside of a closed surface of triangles. Its frame has its origin at the centre of mass, `centroid`.
+
+    Attributes:
+        vertices: Positions [m], shape (V, 3).
+        triangles: Vertex indices, counter-clockwise seen from outside, shape (F, 3).
+        centroid: Centre of mass of a uniform density, in the coordinates of `vertices` [m], shape (3,).
+
+    Raises:
+        InputError: for a surface with a boundary, degenerate or flipped triangles, or one whose inside is outside.
+    """
+
+    vertices: Any
+    triangles: Any
+    centroid: np.ndarray = field(init=False)
+
+    kind: ClassVar[str] = "mesh"
+    distance: ClassVar[Any] = distances.mesh_distance
+
+    def __post_init__(self) -> None:
+        where = "TriangleMesh"
+        points, triangles = numbers(f"{where}.vertices", self.vertices), np.asarray(self.triangles)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"{where}.vertices has shape {points.shape}: expected (V, 3)")
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+            raise InputError(
+                f"{where}.triangles is {triangles.dtype} of shape {triangles.shape}: expected indices, (F, 3)"
+            )
+        require_faces(where, points, np.full(len(triangles), 3), triangles.ravel())
+        require_surface(where, points, triangles, np.arange(len(triangles)))
+        require_closed(where, triangles)
+        volume = volume_of(points - points[0], triangles)
+        if not volume > 0.0:
+            raise InputError(f"{where} encloses {volume:.4g} m^3: expected triangles that face outwards")
+        used = np.unique(triangles)
+        renumber = np.zeros(len(points), np.int32)
+        renumber[used] = np.arange(len(used))
+        object.__setattr__(self, "vertices", points[used])
+        object.__setattr__(self, "triangles", renumber[triangles])
+        object.__setattr__(self, "centroid", points[0] + _moments(points - points[0], triangles)[1])
+
+    @staticmethod
+    def from_file(path: str | os.PathLike[str], *, unit: str | float | None = None) -> TriangleMesh:
+        """The closed surface of a file; see `warp_pd.read_mesh`.
+
+        Raises:
+            InputError: for a file that cannot be read, or a surface that is not closed.
+        """
+        mesh = read_mesh(path, unit=unit, closed=True)
+        return TriangleMesh(mesh.vertices, mesh.triangles)
+
+    def sizes(self) -> tuple[float, ...]:
+        """The radius."""
+        return (self.radius(),)
+
+    def radius(self) -> float:
+        """Largest distance of a vertex from the centre of mass [m]."""
+        return float(np.linalg.norm(self.vertices - self.centroid, axis=1).max())
+
+    def thinnest(self) -> float:
+        """Least extent along x, y or z [m]."""
+        return float(np.ptp(self.vertices, axis=0).min())
+
+    def inertia(self) -> np.ndarray:
+        """By the integrals over the tetrahedra below the triangles [m^2]."""
+        volume, _, second = _moments(self.vertices - self.centroid, self.triangles)
+        return np.asarray((np.trace(second) * np.eye(3) - second) / volume)
+
+    def outline(self, extent: float) -> Outline:
+        """The mesh."""
+        return self.vertices - self.centroid, self.triangles
+
+    def surface(self) -> Outline:
+        """The mesh."""
+        return self.outline(0.0)
+
+
+def _moments(points: np.ndarray, triangles: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Volume [m^3], centre of mass [m], shape (3,), and integral of x x [m^5], shape (3, 3), of a closed surface."""
+    corners = points[triangles]
+    volumes = np.linalg.det(corners) / 6.0
+    volume, total = float(volumes.sum()), corners.sum(axis=1)
+    second = np.einsum("f,fka,fkb->ab", volumes, corners, corners) + np.einsum("f,fa,fb->ab", volumes, total, total)
+    return volume, volumes @ total / (4.0 * volume), second / 20.0
+
+
+def _turned(radii: np.ndarray, heights: np.ndarray) -> Outline:
+    """A profile, from top to bottom, turned around z; its first and last radius are zero."""
+    angle = np.linspace(0.0, 2.0 * math.pi, AROUND, endpoint=False)
+    circles = np.stack(
+        [np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.repeat(heights[:, None], AROUND, axis=1)],
+        axis=-1,
+    )[1:-1].reshape(-1, 3)
+    vertices = np.vstack([[[0.0, 0.0, heights[0]]], circles, [[0.0, 0.0, heights[-1]]]])
+    here = np.arange(AROUND)
+    after = (here + 1) % AROUND
+    last, rows = len(vertices) - 1, len(radii) - 2
+    triangles = [np.column_stack([np.zeros(AROUND, int), 1 + here, 1 + after])]
+    for row in range(rows - 1):
+        top, low = 1 + row * AROUND, 1 + (row + 1) * AROUND
+        triangles.append(np.column_stack([top + here, low + here, low + after]))
+        triangles.append(np.column_stack([top + here, low + after, top + after]))
+    low = 1 + (rows - 1) * AROUND
+    triangles.append(np.column_stack([low + here, np.full(AROUND, last), low + after]))
+    return vertices, np.vstack(triangles).astype(np.int32)
+
+
+def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]:
+    """What the distance of a shape takes, and the mesh that must live as long."""
+    made = distances.BodyShape()
+    sizes = shape.sizes()
+    made.size = wp.vec4d(*sizes, *[0.0] * (4 - len(sizes)))
+    surface = shape.surface()
+    if surface is None:
+        return made, None
+    vertices, triangles = surface
+    mesh = wp.Mesh(
+        points=wp.array(vertices.astype(np.float32), dtype=wp.vec3, device=device),
+        indices=wp.array(triangles.astype(np.int32).ravel(), dtype=wp.int32, device=device),
+    )
+    made.mesh = mesh.id
+    made.vertices = wp.array(vertices, dtype=wp.vec3d, device=device)
+    made.triangles = wp.array(triangles, dtype=wp.vec3i, device=device)
+    return made, mesh
+
+
+def signed_distances(shape: BodyShape, points: np.ndarray, device: wp.Device) -> np.ndarray:
+    """Signed distances [m] of points in the frame of a shape, shape (N, 3), and their normals: shape (N, 4)."""
+    body, mesh = on_device(shape, device)
+    kernel = distances.distances(shape.distance).kernel
+    found = wp.empty(len(points), dtype=wp.vec4d, device=device)
+    # A mesh is searched as far as the furthest point.
+    reach = 2.0 * float(np.linalg.norm(points, axis=1).max(initial=0.0)) + (shape.sizes()[0] if mesh else 0.0)
+    arm: Any = wp.array(np.ascontiguousarray(points, np.float64), dtype=wp.vec3d, device=device)
+    wp.launch(kernel, len(points), inputs=[arm, reach, body, 0], outputs=[found], device=device)
+    return np.asarray(found.numpy())

@@ -1,0 +1,232 @@
+"""Motions of rigid bodies on a device."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import warp as wp
+
+from ..device.context import Context
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..kernels.body_motion import ROWS, free_motion, path_motion, vec6d
+from ..phases import Phase
+from ..schedules import Schedule
+
+
+class Thrown(Protocol):
+    """What a free body begins with; see `body_motion.Free`."""
+
+    @property
+    def mass(self) -> float:
+        """[kg]."""
+        ...
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """[m/s]."""
+        ...
+
+    @property
+    def spin(self) -> tuple[float, float, float]:
+        """[1/s]."""
+        ...
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """[m/s^2]."""
+        ...
+
+
+class BuiltMotion:
+    """A motion on a device; see kernels/body_motion.py for its arrays."""
+
+    def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
+        """Allocate its pose."""
+        self.name, self.context = name, context
+        place, turned = pose
+        self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
+        self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
+        self.motion = self._array("motion", wp.vec3d, np.zeros((2, 3)))
+
+    def _array(self, name: str, dtype: Any, values: np.ndarray, restart: bool = True, per: str = "body") -> Array:
+        return self.context.array(f"{self.name}_{name}", self.name, dtype, values, per=per, restart=restart)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches that move the body."""
+
+    def before_projection(self, stage: Stage) -> None:
+        """Add launches after points have been found inside, before they are moved out."""
+
+    def before_separation(self, stage: Stage) -> None:
+        """Add launches after touching points have been found, before they are separated."""
+
+    def after(self, stage: Stage) -> None:
+        """Add launches after points have got their impulses."""
+
+    def taken(self) -> dict[str, float]:
+        """Momentum that the sheet was given since the last frame, and the loss; by name, if the motion knows them."""
+        return {}
+
+    def columns(self) -> dict[str, float]:
+        """Columns of the history."""
+        place, moving = self.place.numpy()[0], self.motion.numpy()
+        row = {f"{self.name}_position_{c}": float(x) for c, x in zip("xyz", place, strict=True)}
+        row |= {f"{self.name}_velocity_{c}": float(x) for c, x in zip("xyz", moving[0], strict=True)}
+        return row | {f"{self.name}_spin_{c}": float(x) for c, x in zip("xyz", moving[1], strict=True)}
+
+    def end_frame(self) -> None:
+        """Begin to sum up anew."""
+
+
+class OnPath(BuiltMotion):
+    """A prescribed motion on a device."""
+
+    def __init__(
+        self, name: str, pose: tuple[np.ndarray, np.ndarray], knots: tuple[np.ndarray, ...], context: Context
+    ) -> None:
+        super().__init__(name, pose, context)
+        times, positions, rotations = knots
+        self.knots = self._array("times", wp.float64, times, False, "table")
+        self.places = self._array("places", wp.vec3d, positions, False, "table")
+        self.rotations = self._array("rotations", wp.quatd, rotations, False, "table")
+        # The clock runs where there are schedules.
+        context.clock.register(Schedule(np.array([0.0]), positions[:1]))
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launch that follows the path."""
+        if phase is Phase.RIGID_DRIFT:
+            clock = self.context.clock
+            stage.launch(
+                self.name, path_motion(self.context.module), 1, times=self.knots, places=self.places,
+                rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
+                rotation=self.rotation, motion=self.motion,
+            )  # fmt: skip
+
+
+class InFlight(BuiltMotion):
+    """A free body on a device.
+
+    Attributes:
+        need: Speed into the body that each point must lose [m/s], or -1, (N,) float64.
+        rows: Normal, and arm times normal, of the points that must, (N,) vec6d.
+        push: What each point got in the last half step [N s], (N,) vec3d.
+        arms: From the centre to the point [m], (N,) vec3d.
+        push_work: Its work [J], (N,) float64, or None.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        pose: tuple[np.ndarray, np.ndarray],
+        body: Thrown,
+        inertia: np.ndarray,
+        context: Context,
+    ) -> None:
+        super().__init__(name, pose, context)
+        points, tracked = context.sheet.size, context.features.tracked
+        self.body, self.inertia = body, inertia
+        turn = _matrix(pose[1])
+        angular = turn @ inertia @ turn.T @ np.array(body.spin, float)
+        start = [body.velocity, angular, body.velocity, body.spin]
+        self.motion.assign(np.array([body.velocity, body.spin], float))
+        self.momenta = self._array("momenta", wp.vec3d, np.array(start, float))
+        self.given = self._array("given", wp.float64, np.zeros(7))
+        self.block = max(64, int(np.sqrt(points)))
+        self.blocks = -(-points // self.block)
+
+        def room(what: str, dtype: Any, size: Any, per: str = "point") -> Array:
+            return context.array(f"{name}_{what}", name, dtype, shape=size, per=per)
+
+        self.need, self.rows = room("need", wp.float64, points), room("rows", vec6d, points)
+        self.push, self.arms = room("push", wp.vec3d, points), room("arms", wp.vec3d, points)
+        self.push_work = room("push_work", wp.float64, points) if tracked else None
+        self._sums = room("sums", wp.float64, (ROWS, self.blocks), "block")
+        self._totals = room("totals", wp.float64, ROWS, "once")
+        self._changes = room("changes", vec6d, 1, "once")
+        self._inertia = wp.mat33d(*inertia.ravel().tolist())
+        self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
+        self._gravity = wp.vec3d(*map(float, body.gravity))
+        self._kernels = free_motion(context.bits, tracked, context.module)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches that kick and drift the body."""
+        step = self.context.state.step
+        if phase is Phase.RIGID_DRIFT:
+            stage.launch(
+                self.name, self._kernels.move, 1, inverse_inertia=self._inverse, gravity=self._gravity, step=step,
+                place=self.place, rotation=self.rotation, motion=self.motion, momenta=self.momenta,
+            )  # fmt: skip
+        elif phase is Phase.RIGID_KICK:
+            stage.launch(
+                self.name, self._kernels.kick, 1, gravity=self._gravity, step=step, motion=self.motion,
+                momenta=self.momenta,
+            )  # fmt: skip
+
+    def before_projection(self, stage: Stage) -> None:
+        """Find how the body yields to the points inside it, and move it so."""
+        self._solve(stage)
+        stage.launch(
+            self.name, self._kernels.yield_to, 1, changes=self._changes, step=self.context.state.step,
+            place=self.place, rotation=self.rotation, motion=self.motion,
+        )  # fmt: skip
+
+    def before_separation(self, stage: Stage) -> None:
+        """Find how the body yields to the points that touch it."""
+        self._solve(stage)
+        stage.launch(self.name, self._kernels.foresee, 1, changes=self._changes, motion=self.motion)
+
+    def _solve(self, stage: Stage) -> None:
+        # The second time without the points that would have to be pulled.
+        for again in (0, 1):
+            stage.launch(
+                self.name, self._kernels.gather, self.blocks, mass=self.context.state.mass, need=self.need,
+                rows=self.rows, changes=self._changes, use_changes=again, block=self.block, sums=self._sums,
+            )  # fmt: skip
+            stage.launch(self.name, self._kernels.reduce, ROWS, sums=self._sums, totals=self._totals)
+            stage.launch(
+                self.name, self._kernels.solve, 1, totals=self._totals, mass=float(self.body.mass),
+                inertia=self._inertia, rotation=self.rotation, changes=self._changes,
+            )  # fmt: skip
+
+    def after(self, stage: Stage) -> None:
+        """Take from the body what the points got."""
+        stage.launch(
+            self.name, self._kernels.gather_given, self.blocks, push=self.push, arms=self.arms,
+            push_work=self.push_work, block=self.block, sums=self._sums,
+        )  # fmt: skip
+        stage.launch(self.name, self._kernels.reduce, 7, sums=self._sums, totals=self._totals)
+        stage.launch(
+            self.name, self._kernels.give, 1, totals=self._totals, mass=float(self.body.mass),
+            inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion, momenta=self.momenta,
+            given=self.given,
+        )  # fmt: skip
+
+    def taken(self) -> dict[str, float]:
+        """Momentum and angular momentum given to the sheet since the last frame, and what contact lost so far."""
+        names = [*(f"impulse_{c}" for c in "xyz"), *(f"turn_{c}" for c in "xyz"), "loss"]
+        return {f"{self.name}_{n}": float(x) for n, x in zip(names, self.given.numpy(), strict=True)}
+
+    def columns(self) -> dict[str, float]:
+        """Columns of the history, with the energies [J]."""
+        row = super().columns()
+        velocity, spin = self.motion.numpy()
+        turn = _matrix(self.rotation.numpy()[0])
+        angular = turn @ self.inertia @ turn.T @ spin
+        kinetic = 0.5 * (self.body.mass * velocity @ velocity + spin @ angular)
+        height = -self.body.mass * np.array(self.body.gravity, float) @ self.place.numpy()[0]
+        return {**row, f"{self.name}_kinetic": float(kinetic), f"{self.name}_potential": float(height)}
+
+    def end_frame(self) -> None:
+        """Begin to sum up anew; the loss goes on."""
+        given = self.given.numpy().copy()
+        given[:6] = 0.0
+        self.given.assign(given)
+
+
+def _matrix(q: np.ndarray) -> np.ndarray:
+    """The rotation matrix of a unit quaternion (x, y, z, w)."""
+    axis, w = q[:3], q[3]
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + 2.0 * (w * cross + cross @ cross))
