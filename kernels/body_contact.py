@@ -305,10 +305,6 @@ def body_contact(
             heat = wp.float64(a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
             a.rubbed[i] = a.rubbed[i] - heat
 
-    @wp.func(module=module)
-    def inward(change: wp.float64):
-        return wp.max(change, wp.float64(0.0))
-
     @pointwise(module, BodyContact, writes=("need", "rows"))
     def find_inside(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
@@ -320,7 +316,7 @@ def body_contact(
                     arm = x + shift - a.place[0]
                     needed = wp.length(shift) / wp.float64(a.step[0])
                     if gap < a.skin:
-                        needed = inward(wp.dot(surface_velocity(arm, a) - wide(a.velocity[i]), n))
+                        needed = wp.max(wp.dot(surface_velocity(arm, a) - wide(a.velocity[i]), n), wp.float64(0.0))
                     t = wp.cross(arm, n)
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
             a.need[i] = needed
@@ -357,7 +353,7 @@ def body_contact(
                     relative = wide(a.velocity[i]) - surface_velocity(arm, a)
                     change = shift / dt
                     if gap < a.skin:
-                        change = inward(-wp.dot(relative, n)) * n
+                        change = wp.max(-wp.dot(relative, n), wp.float64(0.0)) * n
                     if wp.static(rubs):
                         lost = arrest(relative, change, n, a.friction)
                         warm(i, relative + change, lost, a)
@@ -375,14 +371,12 @@ def body_contact(
                     strike(i, change, start, arm, a)
                     if wp.static(tracked and loaded):
                         # The drift took the load along the way that the point did not go.
-                        undone = wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
-                        a.work[i] = a.work[i] + undone
+                        a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
 
     @pointwise(
-        module,
-        BodyContact,
+        module, BodyContact,
         writes=("velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
-    )
+    )  # fmt: skip
     def separate_from(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
             forget(i, a)

@@ -1,6 +1,6 @@
 """The variational bond-associated force with two bonds per thread and a few families per block of threads.
 
-It computes the same sums as `reference_force` in kernels/bond_associated.py, for any family. The threads of a block
+It computes the same sums as kernels/reference_force.py, for any family. The threads of a block
 exchange their results, between barriers, through the shared memory of the block:
 
     every thread (i, k)     c_k X_k and U_k of its members
@@ -23,7 +23,6 @@ from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
-from .pointwise import Pointwise, pointwise
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
@@ -317,91 +316,3 @@ def block_force(
             block += blocks
 
     return family_block_force
-
-
-@functools.cache
-def gather_reverse_bonds(
-    layout: str,
-    bits: int,
-    members: int,
-    steps: tuple[tuple[int, int], ...] | None,
-    turns_over: bool,
-    listed: bool,
-    module: str,
-) -> Pointwise:
-    """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
-
-    Broken bonds carry zero, so it runs over all bonds of the undamaged sheet. The loop over members is unrolled and has
-    no branches: a thread issues the loads of all members at once.
-
-    Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
-        members: Maximum number of members of a family.
-        steps: Lattice steps to each member, compiled in as constants, or None on a cloud; on a grid those of the points
-            deep inside it.
-        turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
-        listed: Whether a list of other points was used; the first point empties it.
-        module: Name of the Warp module.
-    """
-    types = numeric(bits)
-    real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
-    Family = f.struct
-    n, word_size = members, WORD
-    right, up = zip(*steps, strict=True) if steps else ((), ())
-    reverses = [steps.index((-x, -y)) for x, y in steps] if steps else []
-    lattice, gridded = is_lattice(layout), is_grid(layout) and steps is not None
-    begins_line = [k == 0 or up[k] != up[k - 1] for k in range(len(up))]
-    reach = max(up, default=0)
-
-    @functools.partial(wp.struct, module=module)
-    class GatherFromReverseBonds:
-        family: Family
-        columns: int
-        bond_force: wp.array2d(dtype=vec3)
-        other_count: wp.array(dtype=wp.int32)
-        first_point: int
-        force: wp.array(dtype=vec3)
-
-    @pointwise(module, GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force",))
-    def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
-        for i in range(begin, end):
-            if wp.static(listed):
-                # The list has been used; the next launches start a new one.
-                if i == a.first_point:
-                    a.other_count[0] = 0
-            place = i
-            if wp.static(turns_over):
-                place = i % a.bond_force.shape[1]
-            push = vec3(real(0.0), real(0.0), real(0.0))
-            deep = bool(False)
-            if wp.static(gridded):
-                deep = a.family.family_class[i] == 0
-                if deep:
-                    centre = place
-                    for k in range(wp.static(len(right))):
-                        if wp.static(begins_line[k]):
-                            centre = place + a.family.centres[wp.static(up[k] + reach), i] - i
-                        column = centre + wp.static(right[k])
-                        if wp.static(turns_over):
-                            ring = a.bond_force.shape[1]
-                            column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
-                        push += a.bond_force[wp.static(reverses[k]), column]
-            if not deep:
-                for k in range(wp.static(n)):
-                    members_here = f.initial(a.family, i, wp.static(k // word_size))
-                    there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
-                    if wp.static(lattice):
-                        row = wp.static(reverses[k])
-                        column = place + wp.where(there, wp.static(up[k]) * a.columns + wp.static(right[k]), 0)
-                    else:
-                        row = wp.where(there, f.reverse(a.family, i, wp.static(k)), 0)
-                        column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
-                    if wp.static(turns_over):
-                        ring = a.bond_force.shape[1]
-                        column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
-                    push += wp.where(there, real(1.0), real(0.0)) * a.bond_force[row, column]
-            a.force[i] = a.force[i] - push
-
-    return gather_from_reverse_bonds

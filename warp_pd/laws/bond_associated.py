@@ -14,8 +14,9 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Tangent
-from ..kernels.bond_associated import bond_associated, reference_force
+from ..kernels.bond_associated import bond_associated
 from ..kernels.effects import Kernel
+from ..kernels.reference_force import reference_force
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent

@@ -21,7 +21,8 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..kernels.factories import FunctionFactory
-from ..kernels.family_blocks import block_force, families_together, gather_reverse_bonds, threads_of_family
+from ..kernels.family_blocks import block_force, families_together, threads_of_family
+from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
 from .undamaged_lattice import undamaged_stencil

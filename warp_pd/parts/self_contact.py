@@ -16,7 +16,8 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
 from ..kernels.integrate import RIGID
-from ..kernels.self_contact import CROWDED, pair_functions, pair_lists, repulsion
+from ..kernels.near_pairs import CROWDED, pair_functions, pair_lists
+from ..kernels.self_contact import repulsion
 from ..phases import Phase
 
 OWNER = "SelfContact"

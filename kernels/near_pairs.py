@@ -1,0 +1,218 @@
+"""Pairs of points that may touch: distances that they keep, and lists of those near each other.
+
+Cells are found by a hash of their integer coordinates. A bucket is a linked list in the order in which threads came;
+the sorted list of each point does not depend on it. What pairs do is in kernels/self_contact.py.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .effects import Kernel, kernel
+from .families import WORD, family_functions
+from .numeric import numeric
+
+# What a status array holds.
+STALE, CROWDED = 0, 1
+
+
+@dataclass(frozen=True)
+class PairFunctions:
+    """Functions and types of the pairs of one configuration.
+
+    Attributes:
+        Points: Struct: reference positions (float64), pieces, areas over the reference area, and what pairs keep.
+        distance_kept: (points, i, j) -> d_ij [m].
+        between: (points, displacement, i, j) -> x_j - x_i [m], vec3.
+    """
+
+    Points: Any
+    distance_kept: wp.Function
+    between: wp.Function
+
+
+@functools.cache
+def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
+    """Functions of pairs of points.
+
+    Args:
+        bits: 32 or 64.
+        pieces: Whether the sheet has several pieces.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @functools.partial(wp.struct, module=module)
+    class Points:
+        reference: wp.array(dtype=wp.vec3d)
+        piece: wp.array(dtype=wp.int32)
+        area: wp.array(dtype=real)
+        distance: real
+        share: real
+        stiffness: real
+
+    @wp.func(module=module)
+    def double(v: vec3):
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @wp.func(module=module)
+    def distance_kept(points: Points, i: int, j: int):
+        kept = points.distance
+        apart = bool(True)
+        if wp.static(pieces):
+            apart = points.piece[i] == points.piece[j]
+        if apart:
+            kept = wp.min(kept, points.share * real(wp.length(points.reference[j] - points.reference[i])))
+        return kept
+
+    @wp.func(module=module)
+    def between(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
+        # Far parts of a sheet touch, so both differences are large and nearly cancel.
+        d = (points.reference[j] - points.reference[i]) + (double(displacement[j]) - double(displacement[i]))
+        return vec3(real(d[0]), real(d[1]), real(d[2]))
+
+    return PairFunctions(Points, distance_kept, between)
+
+
+@dataclass(frozen=True)
+class ListKernels:
+    """Kernels that make the lists; all but `look` do nothing unless the lists are stale.
+
+    Attributes:
+        look: Marks the lists as stale if a point has moved by half the skin.
+        clear: Empties the buckets.
+        insert: Puts points into buckets.
+        collect: Lists the pairs of each point.
+        finish: Marks the lists as fresh.
+    """
+
+    look: Kernel
+    clear: Kernel
+    insert: Kernel
+    collect: Kernel
+    finish: Kernel
+
+
+@functools.cache
+def pair_lists(layout: str, bits: int, pieces: bool, module: str) -> ListKernels:
+    """Kernels that make the lists of pairs; arguments as for `pair_functions`, and the layout of the families."""
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    pairs = pair_functions(bits, pieces, module)
+    Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
+    word_size, stale, crowded = WORD, STALE, CROWDED
+
+    @wp.func(module=module)
+    def bucket_of(cell: wp.vec3i, buckets: int):
+        mixed = wp.uint32(cell[0]) * wp.uint32(73856093)
+        mixed = mixed ^ (wp.uint32(cell[1]) * wp.uint32(19349663))
+        mixed = mixed ^ (wp.uint32(cell[2]) * wp.uint32(83492791))
+        return wp.int32(mixed & wp.uint32(buckets - 1))
+
+    @wp.func(module=module)
+    def is_member(family: Family, i: int, j: int):
+        found = bool(False)
+        for k in range(family.members):
+            word = k // word_size
+            if (f.initial(family, i, word) >> wp.uint32(k - word * word_size)) & wp.uint32(1) != wp.uint32(0):
+                if f.neighbour(family, i, k) == j:
+                    found = True
+        return found
+
+    @kernel(module, per="list")
+    def look(
+        displacement: wp.array(dtype=vec3),
+        listed_at: wp.array(dtype=vec3),
+        limit: real,
+        first: int,
+        status: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        # All threads that write here write the same. A displacement that is not finite counts as moved.
+        if not wp.length_sq(displacement[i] - listed_at[i]) < limit:
+            status[stale] = 1
+
+    @kernel(module, per="list")
+    def clear(first: int, heads: wp.array(dtype=wp.int32), status: wp.array(dtype=wp.int32)):
+        b = wp.tid() + first
+        if status[stale] != 0:
+            heads[b] = -1
+
+    @kernel(module, per="list")
+    def insert(
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        inverse_cell: wp.float64,
+        stride: int,
+        first: int,
+        heads: wp.array(dtype=wp.int32),
+        following: wp.array(dtype=wp.int32),
+        cells: wp.array(dtype=wp.vec3i),
+        listed_at: wp.array(dtype=vec3),
+        status: wp.array(dtype=wp.int32),
+    ):
+        begin = wp.tid() + first
+        if status[stale] != 0:
+            for i in range(begin, displacement.shape[0], stride):
+                u = displacement[i]
+                x = inverse_cell * (
+                    points.reference[i] + wp.vec3d(wp.float64(u[0]), wp.float64(u[1]), wp.float64(u[2]))
+                )
+                cell = wp.vec3i(wp.int32(wp.floor(x[0])), wp.int32(wp.floor(x[1])), wp.int32(wp.floor(x[2])))
+                cells[i] = cell
+                listed_at[i] = u
+                following[i] = wp.atomic_exch(heads, bucket_of(cell, heads.shape[0]), i)
+
+    @kernel(module, per="list")
+    def collect(
+        family: Family,
+        points: Points,
+        displacement: wp.array(dtype=vec3),
+        cells: wp.array(dtype=wp.vec3i),
+        heads: wp.array(dtype=wp.int32),
+        following: wp.array(dtype=wp.int32),
+        skin: real,
+        family_reach: wp.float64,
+        first: int,
+        counts: wp.array(dtype=wp.int32),
+        near: wp.array2d(dtype=wp.int32),
+        status: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        if status[stale] == 0:
+            return
+        home = cells[i]
+        found = wp.int32(0)
+        for place in range(27):
+            cell = home + wp.vec3i(place % 3 - 1, (place // 3) % 3 - 1, place // 9 - 1)
+            j = heads[bucket_of(cell, heads.shape[0])]
+            while j >= 0:
+                if j != i and cells[j] == cell:
+                    reach = distance_kept(points, i, j) + skin
+                    if wp.length_sq(between(points, displacement, i, j)) < reach * reach:
+                        bonded = bool(False)
+                        if wp.length(points.reference[j] - points.reference[i]) < family_reach:
+                            bonded = is_member(family, i, j)
+                        if not bonded:
+                            if found < near.shape[0]:
+                                at = wp.int32(found)
+                                while at > 0 and near[wp.max(at - 1, 0), i] > j:
+                                    near[at, i] = near[at - 1, i]
+                                    at = at - 1
+                                near[at, i] = j
+                            found = found + 1
+                j = following[j]
+        if found > near.shape[0]:
+            status[crowded] = 1
+        counts[i] = wp.min(found, near.shape[0])
+
+    @kernel(module, per="once")
+    def finish(first: int, status: wp.array(dtype=wp.int32)):
+        status[stale] = 0
+
+    return ListKernels(look, clear, insert, collect, finish)
