@@ -93,7 +93,7 @@ def at_edge(
         return begin, np.concatenate([on.t, off.t]), np.concatenate([on.y, off.y], axis=1)
 
     def excess(stretch: float) -> float:
-        """Of the radius of the rim; a disc too little stretched to lie on the ball up to the edge counts as too small."""
+        """Of the radius of the rim; a disc stretched too little to lie on the ball up to the edge is too small."""
         try:
             return float(shoot(stretch)[2][1, -1]) - prestretch
         except ValueError:
@@ -112,7 +112,11 @@ def at_edge(
     return Indented(float(z[-1]), pull, stretch, edge, contact, float(energy[-1]), float(min(around)))
 
 
-def at_depth(depth: float, ball: float, prestretch: float = 1.0, material: Material = NEO_HOOKEAN) -> Indented:
+def at_depth(
+    depth: float, ball: float, prestretch: float = 1.0, material: Material = NEO_HOOKEAN, tolerance: float = 1e-8
+) -> Indented:
     """The disc whose lowest point has a depth, which an edge of contact between 0.05 and 1.3 rad gives it."""
-    edge = float(brentq(lambda e: at_edge(e, ball, prestretch, material).depth - depth, 0.05, 1.3, xtol=1e-10))
-    return at_edge(edge, ball, prestretch, material)
+    edge = float(
+        brentq(lambda e: at_edge(e, ball, prestretch, material, tolerance).depth - depth, 0.05, 1.3, xtol=1e-9)
+    )
+    return at_edge(edge, ball, prestretch, material, tolerance)
