@@ -394,5 +394,10 @@ def body_contact(
                             warm(i, relative + change, lost, a)
                             change += lost
                         strike(i, change, a.velocity[i], arm, a)
+                        if wp.static(damped and not moves_freely):
+                            # The second half kick divides by 1 + c dt / 2, and so does it the impulse of the body.
+                            rest = (wp.float64(half_loss(a)) * wp.float64(a.mass[i])) * change
+                            a.impulse[i] = a.impulse[i] + narrow(rest)
+                            a.turn[i] = a.turn[i] + narrow(wp.cross(arm, rest))
 
     return BodyContactKernels(project_out, separate_from, find_inside, find_touching)
