@@ -192,7 +192,7 @@ def rigid_contact(
                     start = (real(1.0) + half_loss(a)) * a.velocity[i] - half_kick(i, a)
                     strike(i, -approach * normal, start, a)
                     if wp.static(damped):
-                        # The second half kick divides by 1 + c dt / 2, and so does it the impulse of the body.
+                        # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
                         a.impulse[i] = a.impulse[i] - (half_loss(a) * a.mass[i] * approach) * normal
 
     return ContactKernels(project, separate)

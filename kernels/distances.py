@@ -16,6 +16,11 @@ import warp as wp
 
 from .effects import Kernel, kernel
 
+# Parts of the way of a point within a step in which its entry into a body is sought, at most.
+PARTS = 256
+
+# Below this length [m] the square of a vector loses digits: it has no direction.
+TINY = wp.constant(wp.float64(1e-140))
 # Distance from a mesh over its size below which the normal is that of the nearest triangle.
 NEAR = wp.constant(wp.float64(1e-7))
 
@@ -39,7 +44,7 @@ def with_normal(n: wp.vec3d, distance: wp.float64):
 def from_point(arm: wp.vec3d, radius: wp.float64):
     length = wp.length(arm)
     n = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
-    if length > wp.float64(0.0):
+    if length > TINY:
         n = arm / length
     return with_normal(n, length - radius)
 
@@ -70,7 +75,7 @@ def cylinder_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     zero = wp.float64(0.0)
     across = wp.sqrt(arm[0] * arm[0] + arm[1] * arm[1])
     outward = wp.vec3d(wp.float64(1.0), zero, zero)
-    if across > zero:
+    if across > TINY:
         outward = wp.vec3d(arm[0] / across, arm[1] / across, zero)
     up = wp.vec3d(zero, zero, wp.where(arm[2] < zero, wp.float64(-1.0), wp.float64(1.0)))
     beside = across - body.size[0]
@@ -99,7 +104,7 @@ def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     n = wp.vec3d()
     n[nearest] = signs[nearest]
     distance = beyond[nearest]
-    if distance > zero:
+    if distance > TINY:
         out = wp.vec3d(wp.max(beyond[0], zero), wp.max(beyond[1], zero), wp.max(beyond[2], zero))
         distance = wp.length(out)
         n = wp.cw_mul(out / distance, signs)
@@ -187,3 +192,74 @@ def distances(distance: wp.Function) -> Kernel:
         found[i] = distance(points[i], reach, body)
 
     return find_distances
+
+
+@functools.cache
+def ways_out(distance: wp.Function, module: str) -> wp.Function:
+    """Function `way_out` of a shape, for a point that moves from `a0` to `a1` [m] in the frame of the body.
+
+    It gives whether the point touches, the normal there, the shift that brings it out, and its distance at the start.
+    """
+
+    @wp.func(module=module)
+    def normal_of(found: wp.vec4d):
+        return wp.vec3d(found[0], found[1], found[2])
+
+    @wp.func(module=module)
+    def entry(a0: wp.vec3d, way: wp.vec3d, travel: wp.float64, start: wp.vec4d, body: BodyShape, skin: wp.float64):
+        """How far along its way a point enters the body, or -1, and the normal there; the distance bounds each step."""
+        found = start
+        at = wp.float64(0.0)
+        hit = wp.float64(-1.0)
+        least = wp.max(wp.float64(0.5) * skin, travel / wp.static(wp.float64(PARTS)))
+        for _part in range(wp.static(2 * PARTS)):
+            if found[3] < wp.float64(0.1) * skin and wp.dot(normal_of(found), way) < wp.float64(0.0):
+                hit = at
+                break
+            at += wp.max(found[3], least)
+            if at >= travel:
+                break
+            found = distance(a0 + at * way, travel, body)
+        return hit, normal_of(found)
+
+    @wp.func(module=module)
+    def way_out(a0: wp.vec3d, a1: wp.vec3d, body: BodyShape, skin: wp.float64):
+        zero = wp.float64(0.0)
+        travel = wp.length(a1 - a0)
+        reach = travel + wp.float64(2.0) * skin
+        end = distance(a1, reach, body)
+        touches = bool(False)
+        n = normal_of(end)
+        shift = wp.vec3d()
+        gap = skin
+        if end[3] < wp.max(travel, skin):
+            start = distance(a0, reach + wp.abs(end[3]), body)
+            gap = start[3]
+            ahead = wp.dot(normal_of(start), a1 - a0)
+            crosses = bool(False)
+            if end[3] < zero:
+                crosses = wp.dot(normal_of(start), n) < zero
+            else:
+                crosses = gap + end[3] < travel and (gap >= skin or ahead < -skin)
+            if crosses and travel > zero:
+                way = (a1 - a0) / travel
+                hit, facing = entry(a0, way, travel, start, body, skin)
+                if hit >= zero:
+                    below = wp.dot(a1 - (a0 + hit * way), facing)
+                    if below < zero:
+                        touches = True
+                        n = facing
+                        shift = -below * facing
+            if not touches and end[3] < zero:
+                touches = True
+                shift = -end[3] * n
+            if end[3] < skin and gap < skin:
+                touches = True
+            if touches:
+                for _again in range(3):
+                    left = distance(a1 + shift, reach, body)
+                    if left[3] < wp.float64(-1e-3) * skin:
+                        shift -= left[3] * normal_of(left)
+        return touches, n, shift, gap
+
+    return way_out
