@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import InputError, said
-from ..shapes.topology import boundary_rings, pieces
-from ..shapes.triangulation import boundary_edges
+from ..shapes.topology import boundary_edges, boundary_rings, pieces
 from ..sheet import Sheet
 from .plots import new_figure, save
 

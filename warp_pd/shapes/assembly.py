@@ -11,7 +11,8 @@ from ..checks import InputError
 from .cracks import split_along
 from .edges import SIDES
 from .shape import Shape
-from .triangulation import boundary_edges, point_areas, voronoi_areas
+from .topology import boundary_edges
+from .triangulation import point_areas, voronoi_areas
 
 # Names of other points: the sides of the bounding box, and the whole boundary.
 RESERVED = (*SIDES, "all")

@@ -11,9 +11,8 @@ from ..checks import InputError, corners, positions, positive
 from .curves import Spacing
 from .lines import region, ring
 from .shape import Shape
-from .topology import ring_names
+from .topology import boundary_edges, ring_names
 from .triangulation import (
-    boundary_edges,
     counter_clockwise,
     delaunay,
     point_areas,

@@ -10,7 +10,8 @@ import numpy as np
 from ..checks import InputError
 from .holes import square_grid, triangulation_without
 from .shape import Shape
-from .triangulation import Segment, boundary_edges, crossed_triangles
+from .topology import boundary_edges
+from .triangulation import Segment, crossed_triangles
 
 AnyShape = TypeVar("AnyShape", bound=Shape)
 
@@ -65,14 +66,14 @@ def punched(shape: AnyShape, inside: np.ndarray, name: str) -> tuple[AnyShape, n
     def left(points: np.ndarray) -> np.ndarray:
         return np.asarray(renumber[points[kept[points]]], np.int32)
 
-    new_edges = boundary_edges(triangles)
-    rim = np.setdiff1d(new_edges, boundary_edges(shape.triangles))
+    old_edges, new_edges = boundary_edges(shape.triangles), boundary_edges(triangles)
+    rim = np.setdiff1d(new_edges, old_edges)
     barriers = None
     if shape.barriers is not None:
-        old = shape.barriers[kept[shape.barriers].all(axis=1)]
         size = np.array([shape.size, 1])
-        fresh = ~np.isin(new_edges @ size, boundary_edges(shape.triangles) @ size)
-        barriers = renumber[np.unique(np.concatenate([old, new_edges[fresh]]), axis=0)]
+        left_over = shape.barriers[kept[shape.barriers].all(axis=1)]
+        fresh = new_edges[~np.isin(new_edges @ size, old_edges @ size)]
+        barriers = renumber[np.unique(np.concatenate([left_over, fresh]), axis=0)]
     count = next(k for k in range(1, len(shape.parts) + 2) if f"hole {k}" not in shape.parts)
     parts = {part: left(points) for part, points in shape.parts.items()} | {f"hole {count}": left(rim)}
     if "all" in parts:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import InputError
+from .topology import boundary_edges, boundary_rings, edges_run_twice
 
 # How far four points may be from a rectangle, over its diagonal.
 SKEW = 1e-6
@@ -16,27 +17,18 @@ def edge_rings(triangles: np.ndarray) -> list[np.ndarray]:
     Raises:
         InputError: for an edge of more than two triangles, neighbours of opposite orientation, or rings that touch.
     """
-    tail, head = triangles[:, [0, 1, 2]].ravel().astype(np.int64), triangles[:, [1, 2, 0]].ravel().astype(np.int64)
-    size = int(triangles.max()) + 1
-    edges, uses = np.unique(tail * size + head, return_counts=True)
-    if (uses > 1).any():
-        a, b = divmod(int(edges[uses > 1][0]), size)
+    if len(twice := edges_run_twice(triangles)):
+        a, b = twice[0]
         raise InputError(
             f"triangles: two of them run along the edge from point {a} to point {b} in one direction: expected a "
             "surface with one side outside, two triangles at an edge at most"
         )
-    free = edges[~np.isin(edges, head * size + tail)]
-    following = dict(zip((free // size).tolist(), (free % size).tolist(), strict=True))
-    if len(following) < len(free):
-        begins, times = np.unique(free // size, return_counts=True)
+    free = boundary_edges(triangles)
+    begins, times = np.unique(free[:, 0], return_counts=True)
+    if (times > 1).any():
         raise InputError(f"triangles: two edges of the sheet meet at point {begins[times > 1][0]}: expected one")
-    rings = []
-    while following:
-        ring = [next(iter(following))]
-        while ring[-1] in following:
-            ring.append(following.pop(ring[-1]))
-        rings.append(np.array(ring[:-1], np.int32))
-    return rings
+    # In order of their first points, so that the rings, and the caps on them, do not depend on that of the triangles.
+    return [ring.astype(np.int32) for ring in boundary_rings(free[np.argsort(free[:, 0])])]
 
 
 def cap_of(ring: np.ndarray) -> np.ndarray:

@@ -17,8 +17,8 @@ from .faces import triangulate
 from .file_checks import existing_file, library_reads, meters
 from .mesh_checks import require_closed, require_faces, require_surface, require_unfolded
 from .shape import Shape
-from .topology import pieces, ring_names
-from .triangulation import boundary_edges, counter_clockwise, voronoi_areas
+from .topology import boundary_edges, pieces, ring_names
+from .triangulation import counter_clockwise, voronoi_areas
 from .usd_mesh import Faces, read_usd
 
 USD = (".usd", ".usda", ".usdc", ".usdz")

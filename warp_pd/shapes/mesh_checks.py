@@ -6,8 +6,8 @@ import numpy as np
 
 from ..checks import InputError
 from .file_checks import listed
-from .topology import crowded_edges, flipped, pieces
-from .triangulation import boundary_edges, signed_areas
+from .topology import boundary_edges, crowded_edges, flipped, pieces
+from .triangulation import doubled_normals, signed_areas
 
 # Least area of a triangle over the mean, and least distance of two points over the extent of the mesh.
 LEAST_AREA, LEAST_DISTANCE = 1e-12, 1e-9
@@ -51,8 +51,7 @@ def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_
         InputError: for degenerate triangles, points that coincide, edges with more than two triangles, or triangles
             that face the other side than their neighbours.
     """
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas = 0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1)
     thin = np.unique(face_of[~(areas > LEAST_AREA * areas.mean())])
     _refuse(where, "face", thin, f"without area: expected more than {LEAST_AREA:g} of the mean")
     _refuse(where, "pair", _coincident(points, triangles), "of points at one place: expected distinct points")

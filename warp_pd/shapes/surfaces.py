@@ -6,7 +6,8 @@ import numpy as np
 
 from ..checks import InputError, corners, count, counts, positions, positive
 from .shape import Shape
-from .triangulation import cell_triangles, refuse_coincident
+from .topology import boundary_edges, edges_run_twice
+from .triangulation import cell_triangles, doubled_normals, refuse_coincident
 
 # Arc of an edge of the icosahedron [rad].
 EDGE_ARC = float(np.arctan(2.0))
@@ -19,7 +20,7 @@ def surface(vertices: np.ndarray, triangles: np.ndarray, spacing: float | None) 
     points = positions("vertices", vertices, components=3)
     refuse_coincident(points, "vertices")
     triangles = corners("triangles", triangles, len(points))
-    doubled = _doubled_areas(points, triangles)
+    doubled = doubled_normals(points, triangles)
     sizes = np.linalg.norm(doubled, axis=1)
     if (sizes <= 1e-12 * sizes.max()).any():
         flat = int(np.argmin(sizes))
@@ -116,12 +117,6 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return _point_sums(shares, triangles, len(points))
 
 
-def _doubled_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Normals of the triangles with twice their area as length [m^2], shape (F, 3)."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
-
-
 def _point_sums(shares: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
     """Sums at the points of what each corner of each triangle, shape (F, 3, ...), gives; shape (N, ...)."""
     corners, inner = triangles.ravel(), shares.shape[2:]
@@ -136,17 +131,13 @@ def _rim(name: str, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         InputError: for triangles of different orientation, an edge of three triangles, or a closed surface whose
             triangles are counter-clockwise seen from inside.
     """
-    size = len(points)
-    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
-    there, back = sides[:, 0] * size + sides[:, 1], sides[:, 1] * size + sides[:, 0]
-    values, uses = np.unique(there, return_counts=True)
-    if (uses > 1).any():
-        tail, head = divmod(int(values[uses > 1][0]), size)
+    if len(twice := edges_run_twice(triangles)):
+        tail, head = twice[0]
         raise InputError(
             f"{name}: two of them run along the edge from point {tail} to {head}: expected all counter-clockwise seen "
             f"from outside, and two at most at every edge"
         )
-    open_sides = sides[~np.isin(there, back)]
+    open_sides = boundary_edges(triangles)
     if len(open_sides) == 0:
         arm = points - points.mean(axis=0)
         a, b, c = (arm[triangles[:, k]] for k in range(3))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 
 def directed_edges(triangles: np.ndarray) -> np.ndarray:
@@ -17,6 +15,24 @@ def undirected(edges: np.ndarray) -> np.ndarray:
     low, high = np.sort(edges.astype(np.int64), axis=1).T
     _, number = np.unique(low * (int(high.max(initial=0)) + 1) + high, return_inverse=True)
     return np.asarray(number)
+
+
+def boundary_sides(triangles: np.ndarray) -> np.ndarray:
+    """Which of the `directed_edges` belong to one triangle only, ascending, shape (B,)."""
+    number = undirected(directed_edges(triangles))
+    return np.flatnonzero(np.bincount(number, minlength=1)[number] == 1)
+
+
+def boundary_edges(triangles: np.ndarray) -> np.ndarray:
+    """Edges that belong to one triangle, with it on the left, int32, shape (B, 2)."""
+    return directed_edges(triangles)[boundary_sides(triangles)].astype(np.int32)
+
+
+def edges_run_twice(triangles: np.ndarray) -> np.ndarray:
+    """Edges along which two triangles run in one direction, ascending, shape (K, 2)."""
+    edges, size = directed_edges(triangles).astype(np.int64), int(triangles.max(initial=0)) + 1
+    keys, uses = np.unique(edges @ np.array([size, 1]), return_counts=True)
+    return np.column_stack(np.divmod(keys[uses > 1], size))
 
 
 def crowded_edges(triangles: np.ndarray) -> np.ndarray:
@@ -111,5 +127,8 @@ def ring_names(points: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _components(count: int, pairs: np.ndarray) -> np.ndarray:
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])

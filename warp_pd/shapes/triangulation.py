@@ -80,6 +80,12 @@ def signed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.asarray(0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]))
 
 
+def doubled_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Normals of triangles in space with twice their area as length [m^2], shape (F, 3); points have shape (N, 3)."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
 def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """The triangles, all counter-clockwise.
 
@@ -172,14 +178,6 @@ def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segmen
     for a, b in ((0, 1), (1, 2), (2, 0)):
         gone |= crosses(points[triangles[:, a]], points[triangles[:, b]], segment)
     return gone
-
-
-def boundary_edges(triangles: np.ndarray) -> np.ndarray:
-    """Edges that belong to one triangle, with it on the left, int32, shape (B, 2)."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]).astype(np.int64)
-    low, high = edges.min(axis=1), edges.max(axis=1)
-    _, inverse, times = np.unique(low * (high.max(initial=0) + 1) + high, return_inverse=True, return_counts=True)
-    return np.asarray(edges[times[inverse] == 1], np.int32)
 
 
 def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -11,6 +11,8 @@ from scipy import sparse
 
 from ..checks import InputError, finite
 from ..kernels.kinematics import DEGENERATE
+from ..shapes.topology import boundary_sides, directed_edges
+from ..shapes.triangulation import doubled_normals
 from .dual import BALANCED, closest_balanced
 
 # Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
@@ -94,13 +96,10 @@ def rim_vectors(points: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -
     Returns:
         Components along the tangent vectors [m], shape (N, 2).
     """
-    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].astype(np.int64)
-    there, back = (sides[..., a] * len(points) + sides[..., b] for a, b in ((0, 1), (1, 0)))
-    face, side = np.nonzero(~np.isin(there, back))
-    ends = sides[face, side]
+    sides = boundary_sides(triangles)
+    ends = directed_edges(triangles)[sides]
     along = points[ends[:, 1]] - points[ends[:, 0]]
-    corners = points[triangles[face]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = doubled_normals(points, triangles[sides % len(triangles)])
     half = 0.5 * np.cross(along, normal / np.linalg.norm(normal, axis=1)[:, None])
     vectors = np.zeros_like(points)
     for end in range(2):

@@ -10,7 +10,7 @@ from warp_pd.measures import TearLine
 from warp_pd.parts import CriticalEnergy, RigidBall, TearingEnergy
 from warp_pd.roughness import rough_surface
 from warp_pd.shapes.curves import Circle
-from warp_pd.shapes.triangulation import boundary_edges
+from warp_pd.shapes.topology import boundary_edges
 
 SQUARE = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
 SHEET = {"thickness": 1e-3, "density": 1000.0}

@@ -8,7 +8,8 @@ from warp_pd import Sheet
 from warp_pd.checks import InputError
 from warp_pd.families import build_families
 from warp_pd.shapes.curves import Circle, Polygon, Spline
-from warp_pd.shapes.triangulation import boundary_edges, signed_areas
+from warp_pd.shapes.topology import boundary_edges
+from warp_pd.shapes.triangulation import signed_areas
 
 SHEET = {"thickness": 1e-3, "density": 1000.0}
 SQUARE = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]
