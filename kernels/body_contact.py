@@ -22,6 +22,7 @@ import warp as wp
 
 from .body_motion import vec6d
 from .distances import BodyShape, ways_out
+from .integrate import half_step
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
@@ -73,6 +74,7 @@ def body_contact(
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     way_out = ways_out(distance, module)
+    half_kick, half_loss = half_step(bits, loaded, damped, module)
 
     @functools.partial(wp.struct, module=module)
     class BodyContact:
@@ -126,22 +128,6 @@ def body_contact(
             return a.held_mask[i] == wp.uint8(0)
         else:
             return bool(True)
-
-    @wp.func(module=module)
-    def half_kick(i: int, a: BodyContact):
-        """Change of velocity due to the forces over half a step."""
-        total = a.force[i]
-        if wp.static(loaded):
-            total += a.external[i]
-        return (real(0.5) * a.step[0] / a.mass[i]) * total
-
-    @wp.func(module=module)
-    def half_loss(a: BodyContact):
-        """C dt / 2."""
-        loss = real(0.0)
-        if wp.static(damped):
-            loss = real(0.5) * a.step[0] * a.damping[0]
-        return loss
 
     @wp.func(module=module)
     def surface_velocity(arm: wp.vec3d, a: BodyContact):
@@ -293,7 +279,8 @@ def body_contact(
                                 shift -= left[3] * wp.quat_rotate(q, wp.vec3d(left[0], left[1], left[2]))
                         arm = x + shift - a.place[0]
                     a.displacement[i] = a.displacement[i] + narrow(shift)
-                    start = (a.velocity[i] - half_kick(i, a)) / (real(1.0) - half_loss(a))
+                    kick = half_kick(i, a.step, a.mass, a.force, a.external)
+                    start = (a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping))
                     strike(i, change, start, arm, a)
                     if wp.static(tracked and loaded):
                         # The drift took the load along the way that the point did not go.
@@ -322,7 +309,7 @@ def body_contact(
                         strike(i, change, a.velocity[i], arm, a)
                         if wp.static(damped and not moves_freely):
                             # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
-                            rest = wp.float64(half_loss(a) * a.mass[i]) * change
+                            rest = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * change
                             a.impulse[i] = a.impulse[i] + narrow(rest)
                             a.turn[i] = a.turn[i] + narrow(wp.cross(arm, rest))
 

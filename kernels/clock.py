@@ -7,7 +7,6 @@ what moves before the next tick.
 """
 
 import functools
-from dataclasses import dataclass
 
 import warp as wp
 
@@ -16,22 +15,9 @@ from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
 
-@dataclass(frozen=True)
-class ClockKernels:
-    """Kernels of one precision.
-
-    Attributes:
-        tick: Advances the time and evaluates the schedules.
-        prescribe: Pointwise: gives points on a prescribed motion the velocity that takes them to their scheduled place.
-    """
-
-    tick: Kernel
-    prescribe: Pointwise
-
-
 @functools.cache
-def clock(bits: int, module: str) -> ClockKernels:
-    """Kernels of a precision."""
+def clock(bits: int, module: str) -> Kernel:
+    """Kernel `tick` of a precision, which advances the time and evaluates the schedules."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
@@ -76,11 +62,27 @@ def clock(bits: int, module: str) -> ClockKernels:
             value = evaluate(soon, begins, knots, values, s)
             scheduled[count + s] = vec3(real(value[0]), real(value[1]), real(value[2]))
 
+    return tick
+
+
+@functools.cache
+def prescribed_motion(bits: int, placed: bool, module: str) -> Pointwise:
+    """Pointwise stage `prescribe`: gives points on a prescribed motion the velocity that takes them to their place.
+
+    Args:
+        bits: 32 or 64.
+        placed: Whether the sheet was stretched before it was clamped: motions then begin at `origins` [m].
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
     @functools.partial(wp.struct, module=module)
     class Prescribed:
         rows: wp.array(dtype=wp.int32)
         schedules: wp.array(dtype=wp.vec3i)
         scheduled: wp.array(dtype=vec3)
+        origins: wp.array(dtype=vec3)
         step: wp.array(dtype=real)
         displacement: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
@@ -91,41 +93,13 @@ def clock(bits: int, module: str) -> ClockKernels:
             row = a.rows[i]
             if row >= 0:
                 v = a.velocity[i]
+                moved = a.displacement[i]
+                if wp.static(placed):
+                    moved -= a.origins[i]
                 for c in range(3):
                     s = a.schedules[row][c]
                     if s >= 0:
-                        v[c] = (a.scheduled[s][c] - a.displacement[i][c]) / a.step[0]
+                        v[c] = (a.scheduled[s][c] - moved[c]) / a.step[0]
                 a.velocity[i] = v
 
-    return ClockKernels(tick, prescribe)
-
-
-@functools.cache
-def prescribe_from(bits: int, module: str) -> Pointwise:
-    """Pointwise stage `prescribe` of a sheet stretched before it was clamped: motions begin at `origins` [m]."""
-    types = numeric(bits)
-    real, vec3 = types.real, types.vec3
-
-    @functools.partial(wp.struct, module=module)
-    class PrescribedFrom:
-        rows: wp.array(dtype=wp.int32)
-        schedules: wp.array(dtype=wp.vec3i)
-        scheduled: wp.array(dtype=vec3)
-        origins: wp.array(dtype=vec3)
-        step: wp.array(dtype=real)
-        displacement: wp.array(dtype=vec3)
-        velocity: wp.array(dtype=vec3)
-
-    @pointwise(module, PrescribedFrom, writes=("velocity",))
-    def prescribe_from(begin: int, end: int, a: PrescribedFrom):
-        for i in range(begin, end):
-            row = a.rows[i]
-            if row >= 0:
-                v = a.velocity[i]
-                for c in range(3):
-                    s = a.schedules[row][c]
-                    if s >= 0:
-                        v[c] = (a.scheduled[s][c] + (a.origins[i][c] - a.displacement[i][c])) / a.step[0]
-                a.velocity[i] = v
-
-    return prescribe_from
+    return prescribe

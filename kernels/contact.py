@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
+from .integrate import half_step
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
@@ -109,6 +110,7 @@ def rigid_contact(
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
+    half_kick, half_loss = half_step(bits, loaded, damped, module)
     project_out, touch = shape(bits).project, shape(bits).touch
 
     @functools.partial(wp.struct, module=module)
@@ -140,22 +142,6 @@ def rigid_contact(
             a.work[i] = a.work[i] + wp.float64(real(0.5) * wp.dot(momentum, start + before + change))
 
     @wp.func(module=module)
-    def half_kick(i: int, a: Contact):
-        """Change of velocity due to the forces over half a step."""
-        total = a.force[i]
-        if wp.static(loaded):
-            total += a.external[i]
-        return (real(0.5) * a.step[0] / a.mass[i]) * total
-
-    @wp.func(module=module)
-    def half_loss(a: Contact):
-        """C dt / 2."""
-        loss = real(0.0)
-        if wp.static(damped):
-            loss = real(0.5) * a.step[0] * a.damping[0]
-        return loss
-
-    @wp.func(module=module)
     def arm(i: int, a: Contact):
         """From the centre of the body to the point; reference minus centre first, as both are small near contact."""
         X = a.reference[i]
@@ -178,7 +164,8 @@ def rigid_contact(
             inside, shift = project_out(arm(i, a), a.constants)
             if inside and free(i, a):
                 a.displacement[i] = a.displacement[i] + shift
-                start = (a.velocity[i] - half_kick(i, a)) / (real(1.0) - half_loss(a))
+                kick = half_kick(i, a.step, a.mass, a.force, a.external)
+                start = (a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping))
                 strike(i, shift / a.step[0], start, a)
 
     @pointwise(module, Contact, writes=("velocity", "impulse", "work"))
@@ -189,10 +176,11 @@ def rigid_contact(
             if touching and free(i, a):
                 approach = wp.dot(a.velocity[i] - a.body_velocity, normal)
                 if approach < real(0.0):
-                    start = (real(1.0) + half_loss(a)) * a.velocity[i] - half_kick(i, a)
+                    kick = half_kick(i, a.step, a.mass, a.force, a.external)
+                    start = (real(1.0) + half_loss(a.step, a.damping)) * a.velocity[i] - kick
                     strike(i, -approach * normal, start, a)
                     if wp.static(damped):
                         # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
-                        a.impulse[i] = a.impulse[i] - (half_loss(a) * a.mass[i] * approach) * normal
+                        a.impulse[i] = a.impulse[i] - (half_loss(a.step, a.damping) * a.mass[i] * approach) * normal
 
     return ContactKernels(project, separate)

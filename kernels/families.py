@@ -173,48 +173,29 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
     types = numeric(bits)
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
-    if gridded:
-
-        @functools.partial(wp.struct, module=module)
-        class Family:
-            members: wp.int32
-            words: wp.int32
-            family_class: wp.array(dtype=wp.int32)
-            centres: wp.array2d(dtype=wp.int32)
-            stencil_line: wp.array(dtype=wp.int32)
-            stencil_right: wp.array(dtype=wp.int32)
-            neighbours: wp.array2d(dtype=wp.int32)
-            reverses: wp.array2d(dtype=wp.int32)
-            bonds: wp.array2d(dtype=vec2)
-            influences: wp.array2d(dtype=real)
-            commons: wp.array3d(dtype=wp.uint32)
-            initials: wp.array2d(dtype=wp.uint32)
-            shapes: wp.array2d(dtype=vec3)
-            weights: wp.array2d(dtype=real)
-            areas: wp.array(dtype=real)
-            family_areas: wp.array(dtype=real)
-            shares: wp.array2d(dtype=real)
-
-    else:
-
-        @functools.partial(wp.struct, module=module)
-        class Family:
-            members: wp.int32
-            words: wp.int32
-            neighbours: wp.array2d(dtype=wp.int32)
-            reverses: wp.array2d(dtype=wp.int32)
-            bonds: wp.array2d(dtype=vec2)
-            influences: wp.array2d(dtype=real)
-            commons: wp.array3d(dtype=wp.uint32)
-            initials: wp.array2d(dtype=wp.uint32)
-            shapes: wp.array2d(dtype=vec3)
-            weights: wp.array2d(dtype=real)
-            areas: wp.array(dtype=real)
-            family_areas: wp.array(dtype=real)
-            shares: wp.array2d(dtype=real)
-            frames: wp.array(dtype=types.mat33)
-            chords: wp.array2d(dtype=vec3)
-            tilts: wp.array2d(dtype=vec2)
+    # What a layout does not need stays without an array.
+    @functools.partial(wp.struct, module=module)
+    class Family:
+        members: wp.int32
+        words: wp.int32
+        family_class: wp.array(dtype=wp.int32)
+        centres: wp.array2d(dtype=wp.int32)
+        stencil_line: wp.array(dtype=wp.int32)
+        stencil_right: wp.array(dtype=wp.int32)
+        neighbours: wp.array2d(dtype=wp.int32)
+        reverses: wp.array2d(dtype=wp.int32)
+        bonds: wp.array2d(dtype=vec2)
+        influences: wp.array2d(dtype=real)
+        commons: wp.array3d(dtype=wp.uint32)
+        initials: wp.array2d(dtype=wp.uint32)
+        shapes: wp.array2d(dtype=vec3)
+        weights: wp.array2d(dtype=real)
+        areas: wp.array(dtype=real)
+        family_areas: wp.array(dtype=real)
+        shares: wp.array2d(dtype=real)
+        frames: wp.array(dtype=types.mat33)
+        chords: wp.array2d(dtype=vec3)
+        tilts: wp.array2d(dtype=vec2)
 
     @wp.func(module=module)
     def row_of(family: Family, i: int):
@@ -225,13 +206,11 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
 
     @wp.func(module=module)
     def neighbour(family: Family, i: int, k: int):
+        row = row_of(family, i)
         if wp.static(gridded):
-            row = family.family_class[i]
             if row == 0:
                 return family.centres[family.stencil_line[k], i] + family.stencil_right[k]
-            return family.neighbours[k, row]
-        else:
-            return family.neighbours[k, i]
+        return family.neighbours[k, row]
 
     @wp.func(module=module)
     def reverse(family: Family, i: int, k: int):

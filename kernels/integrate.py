@@ -170,6 +170,45 @@ def integration(
 
 
 @functools.cache
+def half_step(bits: int, loaded: bool, damped: bool, module: str) -> tuple[wp.Function, wp.Function]:
+    """What a half step does to velocities, for contacts that act beside it.
+
+    Args:
+        bits: 32 or 64.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping.
+        module: Name of the Warp module.
+
+    Returns:
+        (i, step, mass, force, external) -> change of velocity due to the forces; (step, damping) -> c dt / 2.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+
+    @wp.func(module=module)
+    def half_kick(
+        i: int,
+        step: wp.array(dtype=real),
+        mass: wp.array(dtype=real),
+        force: wp.array(dtype=vec3),
+        external: wp.array(dtype=vec3),
+    ):
+        total = force[i]
+        if wp.static(loaded):
+            total += external[i]
+        return (real(0.5) * step[0] / mass[i]) * total
+
+    @wp.func(module=module)
+    def half_loss(step: wp.array(dtype=real), damping: wp.array(dtype=real)):
+        loss = real(0.0)
+        if wp.static(damped):
+            loss = real(0.5) * step[0] * damping[0]
+        return loss
+
+    return half_kick, half_loss
+
+
+@functools.cache
 def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps: bool, module: str) -> Kernel:
     """Kernel of the kinetic energy of each point [J]; held components do not count.
 

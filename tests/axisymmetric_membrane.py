@@ -14,34 +14,6 @@ def energy_slopes(a, b, c10, c01):
     )
 
 
-def inflated_disc(pole, c10, c01=0.0, thickness=1.0, radius=1.0):
-    """Pressure [Pa] and volume [m^3] of a flat disc with a clamped rim, inflated until its pole is stretched by `pole`.
-
-    With N = h dW/da and the tangent of the meridian falling by the angle phi, equilibrium of a cap of radius R reads
-    R N sin(phi) = p r^2 / 2, and that of a ring d(R N cos(phi))/dR = h dW/db - p r a sin(phi). Starting at the pole
-    with a unit pressure, the disc ends where r = R; scaling all lengths gives the pressure. Runge-Kutta, to 1e-10.
-    """
-    from scipy.integrate import solve_ivp
-    from scipy.optimize import brentq
-
-    def slopes(place, state):
-        r, push, _, _ = state
-        angle = np.arctan2(0.5 * r**2, push)
-        b, tension = r / place, np.hypot(push, 0.5 * r**2) / place
-        a = brentq(lambda a: energy_slopes(a, b, c10, c01)[0] - tension, 1e-2, 1e3, xtol=1e-14, rtol=1e-14)
-        hoop = energy_slopes(a, b, c10, c01)[1]
-        fall = a * np.sin(angle)
-        return [a * np.cos(angle), hoop - r * fall, fall, np.pi * r**2 * fall]
-
-    begin = 1e-6 / max(c10, 1.0)
-    rim = lambda place, state: state[0] / place - 1.0  # noqa: E731
-    rim.terminal, rim.direction = True, -1.0
-    first = [pole * begin, begin * energy_slopes(pole, pole, c10, c01)[0], 0.0, 0.0]
-    found = solve_ivp(slopes, (begin, 1e6 * c10), first, events=rim, rtol=1e-10, atol=1e-12 * c10)
-    end = float(found.t_events[0][0])
-    return thickness * end / radius, float(found.y_events[0][0][3]) * (radius / end) ** 3
-
-
 def vibrating_disc(height, stretch, c10, duration, *, c01=0.0, radius=0.1, density=1e3, elements=400):
     """Height of the centre of a disc, stretched and clamped, that is let go from z = height(r), at every step.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
-from ..kernels.clock import ClockKernels, clock
+from ..kernels.clock import clock
 from ..kernels.numeric import Numeric
 from ..schedules import Schedule
 from .fields import Array, Field, FieldRegister
@@ -62,14 +62,14 @@ class Clock:
         self.scheduled = fields.allocate(Field("scheduled", OWNER, "once"), types.vec3, shape=shape)
         self.time = fields.allocate(Field("time", OWNER, "once", restart=True), wp.float64, shape=1)
         self.advance = fields.allocate(Field("advance", OWNER, "once"), wp.float64, np.array([0.0, self.duration]))
-        self.kernels: ClockKernels = clock(types.bits, module)
+        self._tick = clock(types.bits, module)
 
     def add_tick(self, stage: Stage, steps: int) -> None:
         """Add the launch that advances time by some steps and evaluates the schedules; none without schedules."""
         if self.scheduled is None:
             return
         stage.launch(
-            OWNER, self.kernels.tick, 1, side_stream=True,
+            OWNER, self._tick, 1, side_stream=True,
             advance=self.advance, begins=self._begins, knots=self._knots, values=self._values,
             steps=steps, time=self.time, scheduled=self.scheduled,
         )  # fmt: skip

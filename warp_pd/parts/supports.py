@@ -13,7 +13,7 @@ from ..checks import InputError, numbers, point_indices, said
 from ..device.context import Context
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
-from ..kernels.clock import clock, prescribe_from
+from ..kernels.clock import prescribed_motion
 from ..kernels.integrate import RIGID
 from ..phases import Phase
 from ..schedules import Schedule, schedule
@@ -224,8 +224,8 @@ class MovedPoints(BuiltPart):
             "scheduled": context.clock.scheduled, "step": state.step, "displacement": state.displacement,
             "velocity": state.velocity,
         }  # fmt: skip
-        prescribe = clock(context.bits, context.module).prescribe
-        if context.placement is not None:
-            prescribe = prescribe_from(context.bits, context.module)
+        placed = context.placement is not None
+        arguments["origins"] = None
+        if placed:
             arguments["origins"] = context.array("moved_origins", "Motion", context.types.vec3, context.placement)
-        stage.pointwise("Motion", prescribe, len(rows), **arguments)
+        stage.pointwise("Motion", prescribed_motion(context.bits, placed, context.module), len(rows), **arguments)

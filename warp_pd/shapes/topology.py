@@ -25,7 +25,7 @@ def boundary_sides(triangles: np.ndarray) -> np.ndarray:
 
 def boundary_edges(triangles: np.ndarray) -> np.ndarray:
     """Edges that belong to one triangle, with it on the left, int32, shape (B, 2)."""
-    return directed_edges(triangles)[boundary_sides(triangles)].astype(np.int32)
+    return np.asarray(directed_edges(triangles)[boundary_sides(triangles)], np.int32)
 
 
 def edges_run_twice(triangles: np.ndarray) -> np.ndarray:
