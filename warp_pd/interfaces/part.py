@@ -72,10 +72,12 @@ class BuiltLoad(BuiltPart, Protocol):
     Attributes:
         follows_displacement: Whether the force depends on the displacement.
         coarsens: Whether a load that depends on the displacement exists on coarser sheets, for multigrid.
+        symmetric: Whether the tangent of a load that depends on the displacement is symmetric.
     """
 
     follows_displacement: bool = False
     coarsens: bool = False
+    symmetric: bool = False
 
     def constant_force(self) -> np.ndarray | None:
         """The force [N], shape (N, 3), if it never changes; `add_force` is then not called. Otherwise None."""
@@ -94,6 +96,16 @@ class BuiltLoad(BuiltPart, Protocol):
             False if there is no tangent: Newton's method then refuses the load.
         """
         return False
+
+    def tangent_matrix(self, displacement: np.ndarray) -> Any:
+        """Change of the force with the displacement [N/m], sparse, (3 N, 3 N), at a displacement [m], (N, 3).
+
+        It is called for loads whose tangent is not symmetric, by the adjoint of an equilibrium.
+
+        Returns:
+            None if there is none: derivatives then take a solution for every constant.
+        """
+        return None
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad | None:
         """The same load on a coarser sheet, for multigrid; None if there is none.

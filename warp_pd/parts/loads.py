@@ -13,6 +13,7 @@ from ..checks import finite, one_of, point_indices, vector
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..families.point_gradient import point_gradient, surface_vector_matrix
 from ..interfaces import BuiltLaw, BuiltLoad, External, Load
 from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
 from ..kernels.loads import begin_loads, dead_load
@@ -181,6 +182,17 @@ class FollowerPressure(BuiltLoad):
         kernel, points = follower_pressure_tangent(*self._key), self.context.sheet.size
         stage.launch("Pressure", kernel, points, **self._arguments(displacement), direction=direction, change=out)
         return True
+
+    def tangent_matrix(self, displacement: np.ndarray) -> Any:
+        """Its change with the displacement on a flat sheet without broken bonds; None on others."""
+        if self.context.sheet.frames is not None or self.law.intact is not None:
+            return None
+        factor = 1.0
+        if self._schedule is not None:
+            factor = float(self.context.clock.scheduled.numpy()[self._schedule, 0])
+        families = self.law.families
+        pressure = factor * self._unit_pressure * families.rows_of_points(families.areas)
+        return surface_vector_matrix(point_gradient(families), displacement, pressure)
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """A pressure knows no points."""

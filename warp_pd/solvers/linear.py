@@ -7,6 +7,7 @@ restarts, and with the few vectors that makes affordable it did not converge on 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class LinearSolver:
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
         self.products = 0
         self._factors: Solve | None = None
+        self._added: Callable[[np.ndarray], np.ndarray] | None = None
         self._sparse = level.tangent.sparse() if kind == "direct" else None
         self.on_device = not (level.context.device.is_cpu or level.following)
         if self.on_device:
@@ -77,6 +79,19 @@ class LinearSolver:
         else:
             self._on_host(right_side, accuracy)
 
+    def solve_transposed(
+        self, right_side: np.ndarray, accuracy: float, added: Callable[[np.ndarray], np.ndarray] | None
+    ) -> None:
+        """Set `direction` of the level to the solution of K^T x = right side; `added` maps x to (K^T - K) x, (3 N,)."""
+        if added is None:
+            self.solve(right_side, accuracy)
+            return
+        self._added = added
+        try:
+            self._on_host(right_side, accuracy)
+        finally:
+            self._added = None
+
     # SciPy ---------------------------------------------------------------------------------------------
 
     def _on_host(self, right_side: np.ndarray, accuracy: float) -> None:
@@ -97,7 +112,8 @@ class LinearSolver:
         assign(self.level.vector, x.reshape(-1, 3))
         self.level.run("product")
         self.products += 1
-        return np.asarray(self.level.image.numpy().astype(np.float64).ravel())
+        image = self.level.image.numpy().astype(np.float64).ravel()
+        return np.asarray(image if self._added is None else image + self._added(x))
 
     def _precondition(self, r: np.ndarray) -> np.ndarray:
         r = r.reshape(-1, 3)

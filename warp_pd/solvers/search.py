@@ -119,6 +119,18 @@ class Search:
 
     # Load steps ----------------------------------------------------------------------------------------
 
+    def settle(self, factor: float, sink: FrameSink, guess: np.ndarray | None = None) -> bool:
+        """Equilibrium at a load factor, from a guess of the displacement [m], (N, 3), or from the present state."""
+        if guess is None:
+            return self._load_step(factor, sink)[0]
+        self.set_loads(factor)
+        assign(self.levels[0].displacement, guess)
+        return bool(Descent(self, 0, factor, sink).run()["converged"])
+
+    def set_loads(self, factor: float) -> None:
+        """Set the loads of the sheet itself to a load factor."""
+        self._set_loads(0, factor)
+
     def run(self, sink: FrameSink) -> str:
         """Follow the load path; returns the final status."""
         finest, planned = self.levels[0], self.settings.load_steps

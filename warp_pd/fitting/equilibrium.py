@@ -1,0 +1,217 @@
+"""A scene in static equilibrium: states along its load path, and linear solves with the tangent of Newton's method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..built import Built
+from ..checks import InputError
+from ..device.fields import assign
+from ..frame import Frame
+from ..run.recorder import snapshot
+from ..simulation import Simulation
+from ..solvers.search import Search
+
+# Linear solves end at this share of their right side.
+ACCURACY = {64: 1e-10, 32: 1e-5}
+# A load factor that is not reached in one step is approached in steps this many times halved at most.
+MAX_HALVINGS = 6
+
+
+@dataclass
+class Silent:
+    """A sink of frames that keeps nothing."""
+
+    frame_index: int = 0
+    time: float = 0.0
+    steps: int = 0
+    stable_dt: float | None = None
+    residual: float | None = None
+    solve: dict[str, Any] | None = None
+
+    def frame(self, index: int, now: float, steps: int, dt: float) -> None:
+        """Nothing is recorded."""
+
+    def progress(self, steps: int, residual: float, tolerance: float) -> None:
+        """Nothing is reported."""
+
+    def keep_going(self) -> None:
+        """Nothing ends it."""
+
+
+class NoEquilibriumError(Exception):
+    """Newton's method found no equilibrium."""
+
+
+def has_equilibrium(scene: Simulation) -> bool:
+    """Whether the solver of a scene searches for static equilibrium by Newton's method."""
+    return not scene.solver.dynamic and hasattr(scene.solver, "load_steps") and hasattr(scene.solver, "most_cuts")
+
+
+def require_newton(scene: Simulation) -> None:
+    """Check that a scene has derivatives at equilibrium.
+
+    Raises:
+        InputError: for another solver than Newton, or a scene in which bonds may break.
+    """
+    if not has_equilibrium(scene):
+        raise InputError(
+            f"solver = {type(scene.solver).__name__}: expected Newton, whose tangent gives the derivatives; for others "
+            "take differences over runs"
+        )
+    if scene.damage is not None:
+        raise InputError("damage: expected None for derivatives at equilibrium, as broken bonds make jumps")
+
+
+class Equilibrium:
+    """A built scene that can be brought to any load factor.
+
+    Attributes:
+        built: The simulation on a device.
+        factor: Load factor of the present state.
+    """
+
+    def __init__(self, scene: Simulation, device: str | None = None, precision: int | None = None) -> None:
+        """Build the scene; kernels that are compiled already are used again.
+
+        Raises:
+            InputError: for a scene without derivatives at equilibrium.
+        """
+        require_newton(scene)
+        self.built: Built = scene.build(device, precision)
+        self.built.context.compile()
+        self.built.context.run("start")
+        for part in self.built.parts:
+            part.begin()
+        self.built.context.run("setup")
+        solver: Any = self.built.solver
+        self.search: Search = solver.search
+        self.level, self.linear = self.search.levels[0], self.search.solvers[0]
+        self.free = ~self.level.held
+        self.duration = scene.solver.duration
+        self.factor = 0.0
+        self._skew: Callable[[np.ndarray], np.ndarray] | None = None
+        self._internal_stage = False
+
+    # States --------------------------------------------------------------------------------------------
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacement of the present state from the state without stress [m], shape (N, 3)."""
+        return np.asarray(self.level.displacement.numpy().astype(np.float64))
+
+    def held_at(self, factor: float) -> np.ndarray:
+        """Displacement of held components at a load factor [m], shape (N, 3); zero elsewhere."""
+        return np.where(self.free, 0.0, self.search.target(0, factor))
+
+    def reach(self, factor: float, guess: np.ndarray | None = None) -> None:
+        """Bring the sheet to equilibrium at a load factor.
+
+        Args:
+            factor: The load factor.
+            guess: Displacement to start from [m], shape (N, 3), or None for the present state.
+
+        Raises:
+            NoEquilibriumError: if there is none to be found.
+        """
+        before, begin = self.displacement, self.factor
+        if guess is not None:
+            start = np.where(self.free, guess, self.held_at(factor))
+            if self.search.settle(factor, Silent(), start):
+                self.factor = factor
+                return
+            assign(self.level.displacement, before)
+        step, halvings = factor - begin, 0
+        while abs(factor - self.factor) > 1e-12:
+            goal = self.factor + step if abs(step) < abs(factor - self.factor) else factor
+            last = self.displacement
+            if self.search.settle(goal, Silent()):
+                self.factor = goal
+                continue
+            assign(self.level.displacement, last)
+            step, halvings = 0.5 * step, halvings + 1
+            if halvings > MAX_HALVINGS:
+                self.set(before, begin)
+                raise NoEquilibriumError(f"no equilibrium at {100.0 * factor:.4g} % of the load")
+
+    def set(self, displacement: np.ndarray, factor: float) -> None:
+        """Set a state that need not be in equilibrium, with held components where they belong, and evaluate forces."""
+        self.factor = factor
+        self.search.set_loads(factor)
+        assign(self.level.displacement, np.where(self.free, displacement, self.held_at(factor)))
+        self.level.run("evaluate")
+
+    def residual(self) -> np.ndarray:
+        """Unbalanced force of the free components as of the last evaluation [N], shape (N, 3)."""
+        return np.asarray(self.level.residual.numpy().astype(np.float64))
+
+    def frame(self) -> Frame:
+        """The present state as measures see it."""
+        self.built.context.run("frame")
+        return snapshot(self.built, 1, self.factor * self.duration).in_double()
+
+    # Linear solves -------------------------------------------------------------------------------------
+
+    def linearise(self) -> None:
+        """Take the tangent at the present state.
+
+        Raises:
+            NoEquilibriumError: if it is singular.
+        """
+        tension = self.level.tangent.min_tension(self.search.tolerance)
+        if not self.search.linearise(0, tension):
+            raise NoEquilibriumError("the tangent is singular")
+        self._skew = None
+
+    def solve(self, force: np.ndarray) -> np.ndarray:
+        """Displacement x [m] of the free components with K x = force [N], both of shape (N, 3)."""
+        self.linear.solve(np.where(self.free, force, 0.0), ACCURACY[self.built.context.bits])
+        return self._direction()
+
+    def solve_transposed(self, force: np.ndarray) -> np.ndarray:
+        """As `solve`, with K^T."""
+        if self._skew is None and any(not load.symmetric for load in self.level.following):
+            self._skew = self._skew_part()
+        self.linear.solve_transposed(np.where(self.free, force, 0.0), ACCURACY[self.built.context.bits], self._skew)
+        return self._direction()
+
+    @property
+    def has_adjoint(self) -> bool:
+        """Whether the transposed tangent is known."""
+        here = self.displacement
+        return all(load.symmetric or load.tangent_matrix(here) is not None for load in self.level.following)
+
+    def internal_product(self, direction: np.ndarray) -> np.ndarray:
+        """Stiffness of the force law alone times a displacement [m]: force [N] on free components, shape (N, 3)."""
+        context, level = self.built.context, self.level
+        if not self._internal_stage:
+            level.add_product(context.stage("internal product", "derivatives"), level.vector, level.image, False)
+            self._internal_stage = True
+        assign(level.vector, direction)
+        context.run("internal product")
+        return np.asarray(level.image.numpy().astype(np.float64))
+
+    def _direction(self) -> np.ndarray:
+        return np.where(self.free, self.level.direction.numpy().astype(np.float64), 0.0)
+
+    def _skew_part(self) -> Callable[[np.ndarray], np.ndarray]:
+        """K^T - K of the loads whose tangent is not symmetric, on free components."""
+        here, free = self.displacement, self.free.ravel()
+        total: Any = sum(load.tangent_matrix(here) for load in self.level.following if not load.symmetric)
+        # K is minus the change of the force.
+        skew = (total - total.T).tocsr()
+
+        def product(x: np.ndarray) -> np.ndarray:
+            return np.where(free, skew @ np.where(free, x, 0.0), 0.0)
+
+        return product
+
+
+def for_differences(scene: Simulation) -> Simulation:
+    """The scene with the least work to build, for differences of its forces."""
+    solver: Any = scene.solver
+    return replace(scene, solver=replace(solver, preconditioner="jacobi"))

@@ -1,0 +1,155 @@
+"""Measures that know their derivative by the displacement, so that one adjoint solve gives all their derivatives.
+
+Each is a function of the built simulation and a frame, as `Measure.value` wants it, with a method `gradient`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from ..built import Built
+from ..checks import InputError, one_of, point_indices
+from ..frame import Frame
+from ..sheet import Sheet
+from .equilibrium import Equilibrium
+
+AXES = "xyz"
+
+
+@runtime_checkable
+class Probe(Protocol):
+    """A measure with a derivative."""
+
+    def __call__(self, built: Built, frame: Frame) -> float:
+        """Its value."""
+        ...
+
+    def gradient(self, state: Equilibrium) -> np.ndarray:
+        """Its derivative by the displacement of free components, shape (N, 3); other components are ignored."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Deflection:
+    """Mean displacement of some points along an axis [m].
+
+    Attributes:
+        points: Point index, or indices.
+        axis: "x", "y" or "z".
+    """
+
+    points: Any
+    axis: str = "z"
+
+    def __post_init__(self) -> None:
+        one_of("Deflection.axis", self.axis, AXES)
+
+    def __call__(self, built: Built, frame: Frame) -> float:
+        """The displacement [m]."""
+        return float(frame.displacement[self._indices(len(frame.displacement)), AXES.index(self.axis)].mean())
+
+    def gradient(self, state: Equilibrium) -> np.ndarray:
+        """One over the number of points at each of them."""
+        out = np.zeros(state.free.shape)
+        points = self._indices(len(out))
+        out[points, AXES.index(self.axis)] = 1.0 / len(points)
+        return out
+
+    def _indices(self, size: int) -> np.ndarray:
+        return point_indices("Deflection.points", np.atleast_1d(self.points), size)
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """Force of a support on the points that it holds, along an axis [N].
+
+    Attributes:
+        points: Indices of points that are held along the axis.
+        axis: "x", "y" or "z".
+    """
+
+    points: Any
+    axis: str = "x"
+
+    def __post_init__(self) -> None:
+        one_of("Reaction.axis", self.axis, AXES)
+
+    def __call__(self, built: Built, frame: Frame) -> float:
+        """The force [N], as of the last evaluation of the forces."""
+        points = point_indices("Reaction.points", self.points, built.context.sheet.size)
+        return float(-built.to_numpy(built.state.force)[points, AXES.index(self.axis)].sum())
+
+    def gradient(self, state: Equilibrium) -> np.ndarray:
+        """The rows of the stiffness at these points, as the internal force has a symmetric tangent."""
+        unit = np.zeros(state.free.shape)
+        points = point_indices("Reaction.points", self.points, len(unit))
+        unit[points, AXES.index(self.axis)] = 1.0
+        if (state.free & (unit > 0.0)).any():
+            raise InputError(f"Reaction.points: expected points that are held along {self.axis}")
+        return state.internal_product(unit)
+
+
+@dataclass(frozen=True, eq=False)
+class PointField:
+    """Displacements at places of the undeformed sheet, linear in its triangles, as a camera measures them.
+
+    Attributes:
+        weights: Sparse matrix, shape (M, N), of the shares of the points.
+        inside: Which of the places asked for lie on the sheet, shape (asked,).
+    """
+
+    weights: Any
+    inside: np.ndarray = field(repr=False)
+
+    @staticmethod
+    def at(sheet: Sheet, places: np.ndarray, tolerance: float = 0.02) -> PointField:
+        """The displacements at places [m], shape (M, 2) or (M, 3).
+
+        Args:
+            sheet: The sheet; places are those of its points as it is clamped.
+            places: Places; what lies further outside than `tolerance` spacings is left out.
+            tolerance: [-].
+
+        Raises:
+            InputError: for a sheet without triangles, or if no place is on it.
+        """
+        from scipy import sparse
+        from scipy.spatial import cKDTree
+
+        if len(sheet.triangles) == 0:
+            raise InputError("PointField: expected a sheet with triangles")
+        corners = sheet.positions[sheet.triangles]
+        where = np.zeros((len(places), 3))
+        where[:, : places.shape[1]] = places
+        count = min(24, len(corners))
+        _, near = cKDTree(corners.mean(axis=1)).query(where, k=count)
+        near = near.reshape(len(where), count)
+        shares = _barycentric(corners[near], where[:, None])
+        best = np.argmax(shares.min(axis=-1), axis=1)
+        rows = np.arange(len(where))
+        share = shares[rows, best]
+        gap = np.maximum(0.0, -share.min(axis=1)) * np.sqrt(2.0)
+        inside = gap <= tolerance
+        if not inside.any():
+            raise InputError("places: none of them is on the sheet; check their unit and origin")
+        points = sheet.triangles[near[rows, best]][inside]
+        kept = int(inside.sum())
+        entries = share[inside].ravel(), (np.repeat(np.arange(kept), 3), points.ravel())
+        return PointField(sparse.csr_matrix(entries, shape=(kept, sheet.size)), inside)
+
+    def values(self, frame: Frame) -> np.ndarray:
+        """Displacements [m], shape (M, 3)."""
+        return np.asarray(self.weights @ frame.displacement)
+
+
+def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Shares of the corners, shape (..., 3), of the places' projections on triangles, corners (..., 3, 3)."""
+    a, b, p = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :], places - corners[..., 0, :]
+    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
+    pa, pb = (p * a).sum(-1), (p * b).sum(-1)
+    determinant = np.maximum(aa * bb - ab**2, 1e-300)
+    second, third = (bb * pa - ab * pb) / determinant, (aa * pb - ab * pa) / determinant
+    return np.stack([1.0 - second - third, second, third], axis=-1)
