@@ -157,27 +157,40 @@ class Equilibrium:
     # Linear solves -------------------------------------------------------------------------------------
 
     def linearise(self) -> None:
-        """Take the tangent at the present state.
+        """Take the tangent at the present state; what preconditions it stays that of Newton's last step, if any.
 
         Raises:
             NoEquilibriumError: if it is singular.
         """
-        tension = self.level.tangent.min_tension(self.search.tolerance)
-        if not self.search.linearise(0, tension):
-            raise NoEquilibriumError("the tangent is singular")
         self._skew = None
+        if self.linear.prepared:
+            self.level.linearise(self._tension())
+        else:
+            self._renew()
+
+    def _tension(self) -> float:
+        return self.level.tangent.min_tension(self.search.tolerance)
+
+    def _renew(self) -> None:
+        if not self.search.linearise(0, self._tension()):
+            raise NoEquilibriumError("the tangent is singular")
 
     def solve(self, force: np.ndarray) -> np.ndarray:
         """Displacement x [m] of the free components with K x = force [N], both of shape (N, 3)."""
-        self.linear.solve(np.where(self.free, force, 0.0), ACCURACY[self.built.context.bits])
-        return self._direction()
+        return self._solve(force, None)
 
     def solve_transposed(self, force: np.ndarray) -> np.ndarray:
         """As `solve`, with K^T."""
         if self._skew is None and any(not load.symmetric for load in self.level.following):
             self._skew = self._skew_part()
-        self.linear.solve_transposed(np.where(self.free, force, 0.0), ACCURACY[self.built.context.bits], self._skew)
-        return self._direction()
+        return self._solve(force, self._skew)
+
+    def _solve(self, force: np.ndarray, added: Callable[[np.ndarray], np.ndarray] | None) -> np.ndarray:
+        side, accuracy = np.where(self.free, force, 0.0), ACCURACY[self.built.context.bits]
+        if not self.linear.solve_closely(side, accuracy, added):
+            self._renew()
+            self.linear.solve_closely(side, accuracy, added)
+        return np.where(self.free, self.level.direction.numpy().astype(np.float64), 0.0)
 
     @property
     def has_adjoint(self) -> bool:
@@ -194,9 +207,6 @@ class Equilibrium:
         assign(level.vector, direction)
         context.run("internal product")
         return np.asarray(level.image.numpy().astype(np.float64))
-
-    def _direction(self) -> np.ndarray:
-        return np.where(self.free, self.level.direction.numpy().astype(np.float64), 0.0)
 
     def _skew_part(self) -> Callable[[np.ndarray], np.ndarray]:
         """K^T - K of the loads whose tangent is not symmetric, on free components."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -192,7 +193,11 @@ class FollowerPressure(BuiltLoad):
             factor = float(self.context.clock.scheduled.numpy()[self._schedule, 0])
         families = self.law.families
         pressure = factor * self._unit_pressure * families.rows_of_points(families.areas)
-        return surface_vector_matrix(point_gradient(families), displacement, pressure)
+        return surface_vector_matrix(self._gradient, displacement, pressure)
+
+    @functools.cached_property
+    def _gradient(self) -> tuple[Any, Any]:
+        return point_gradient(self.law.families)
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """A pressure knows no points."""

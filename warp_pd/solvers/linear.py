@@ -22,6 +22,8 @@ from .multigrid import Hierarchy
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
 MAX_ITERATIONS = {"multigrid": 60, "direct": 60, "jacobi": 4000}
 RESTART = 60
+# Cycles of GMRES for a solve that must reach its accuracy: its own estimate ends the first one a little early.
+CLOSE_CYCLES = 4
 
 
 class LinearSolver:
@@ -79,22 +81,35 @@ class LinearSolver:
         else:
             self._on_host(right_side, accuracy)
 
-    def solve_transposed(
-        self, right_side: np.ndarray, accuracy: float, added: Callable[[np.ndarray], np.ndarray] | None
-    ) -> None:
-        """Set `direction` of the level to the solution of K^T x = right side; `added` maps x to (K^T - K) x, (3 N,)."""
-        if added is None:
-            self.solve(right_side, accuracy)
-            return
+    def solve_closely(
+        self, right_side: np.ndarray, accuracy: float, added: Callable[[np.ndarray], np.ndarray] | None = None
+    ) -> bool:
+        """Set `direction` by iterations on the host; the preconditioner may be that of an earlier tangent.
+
+        Args:
+            right_side: [N], shape (N, 3).
+            accuracy: As for `solve`.
+            added: What is added to K x, a function of vectors of shape (3 N,); for the transposed tangent.
+
+        Returns:
+            Whether the accuracy was reached.
+        """
         self._added = added
         try:
-            self._on_host(right_side, accuracy)
+            return self._on_host(right_side, accuracy, CLOSE_CYCLES)
         finally:
             self._added = None
 
+    @property
+    def prepared(self) -> bool:
+        """Whether there is a preconditioner."""
+        if self.hierarchy is not None:
+            return self.hierarchy.usable
+        return self.kind != "direct" or self._factors is not None
+
     # SciPy ---------------------------------------------------------------------------------------------
 
-    def _on_host(self, right_side: np.ndarray, accuracy: float) -> None:
+    def _on_host(self, right_side: np.ndarray, accuracy: float, cycles: int | None = None) -> bool:
         from scipy.sparse.linalg import LinearOperator, cg, gmres
 
         size = right_side.size
@@ -103,10 +118,11 @@ class LinearSolver:
         b = np.ascontiguousarray(right_side).ravel()
         most = MAX_ITERATIONS[self.kind]
         if self.level.following:
-            x, _ = gmres(A, b, rtol=accuracy, restart=RESTART, maxiter=-(-most // RESTART), M=M)
+            x, failed = gmres(A, b, rtol=accuracy, restart=RESTART, maxiter=cycles or -(-most // RESTART), M=M)
         else:
-            x, _ = cg(A, b, rtol=accuracy, maxiter=most, M=M)
+            x, failed = cg(A, b, rtol=accuracy, maxiter=most, M=M)
         assign(self.level.direction, x.reshape(-1, 3))
+        return failed == 0
 
     def _product(self, x: np.ndarray) -> np.ndarray:
         assign(self.level.vector, x.reshape(-1, 3))
