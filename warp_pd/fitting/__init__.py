@@ -1,6 +1,28 @@
 """Constants of a material from tests, through the simulation. See docs/fitting.md."""
 
+from .columns import read_tests
+from .data import Curve, FieldData, read_table
+from .least_squares import fit
+from .model import SceneTests
 from .probes import Deflection, PointField, Probe, Reaction
+from .report import Fit
 from .sensitivity import Sensitivity, sensitivity
+from .uniform import UniformTests, nominal_stress
 
-__all__ = ["Deflection", "PointField", "Probe", "Reaction", "Sensitivity", "sensitivity"]
+__all__ = [
+    "Curve",
+    "Deflection",
+    "FieldData",
+    "Fit",
+    "PointField",
+    "Probe",
+    "Reaction",
+    "SceneTests",
+    "Sensitivity",
+    "UniformTests",
+    "fit",
+    "nominal_stress",
+    "read_table",
+    "read_tests",
+    "sensitivity",
+]

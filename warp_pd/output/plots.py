@@ -225,6 +225,30 @@ def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]
     save(figure, path)
 
 
+def fitted(path: Path, panels: Sequence[tuple[str, str, str, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]) -> None:
+    """Data with the fitted model above, residuals over their scale below, a column for each test.
+
+    Args:
+        path: The picture.
+        panels: Title, names of the two axes, what was controlled, what was measured, the model, and residuals [-].
+    """
+    figure = new_figure(4.2 * len(panels), 5.0)
+    for k, (title, xlabel, ylabel, at, data, model, residual) in enumerate(panels):
+        order = np.argsort(at)
+        above = figure.add_subplot(2, len(panels), k + 1)
+        above.plot(at, data, "k.", markersize=4, label="data")
+        above.plot(at[order], model[order], "-", color="tab:red", linewidth=1.0, label="fit")
+        above.set_title(title, fontsize=9)
+        above.set_ylabel(ylabel)
+        above.legend(frameon=False)
+        below = figure.add_subplot(2, len(panels), len(panels) + k + 1)
+        below.axhline(0.0, color="0.6", linewidth=0.8)
+        below.plot(at, 100.0 * residual, "k.", markersize=4)
+        below.set_xlabel(xlabel)
+        below.set_ylabel("model - data (%)")
+    save(figure, path)
+
+
 def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     """Largest principal stress as strokes along its direction on the reference sheet, about `across` of them in a row.
 

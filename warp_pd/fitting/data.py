@@ -1,0 +1,193 @@
+"""Data of tests: CSV files with units in the header, curves, and fields of displacements."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..checks import InputError
+from .units import factor_and_dimension
+
+HEADER = re.compile(r"^\s*([^\[\]()]+?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
+EMPTY = ("", "nan", "na", "n/a", "-", "none")
+# Columns of a field: places in the undeformed sheet, and displacements.
+PLACES, DISPLACEMENTS = ("x", "y", "z"), ("u", "v", "w")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One measure against what was controlled.
+
+    Attributes:
+        control: Argument of the scene, such as "pressure" or "stretch"; or "time", or "load_factor".
+        at: Its values in SI units, shape (n,).
+        measure: Measure of the scene.
+        values: What was measured, in SI units, shape (n,).
+        sigma: Standard deviation of the noise, in SI units, or None: the same share of the largest value in every test.
+        name: Name of the test, for reports.
+        rows: Lines of its file, shape (n,), or None.
+    """
+
+    control: str
+    at: np.ndarray
+    measure: str
+    values: np.ndarray
+    sigma: float | None = None
+    name: str = ""
+    rows: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Check the shapes.
+
+        Raises:
+            InputError: for arrays of different lengths, without entries, or with numbers that are not finite.
+        """
+        at, values = np.asarray(self.at, dtype=float), np.asarray(self.values, dtype=float)
+        object.__setattr__(self, "at", at)
+        object.__setattr__(self, "values", values)
+        if at.ndim != 1 or at.shape != values.shape or len(at) == 0:
+            raise InputError(f"Curve: at has shape {at.shape}, values {values.shape}: expected as many of both, at least 1")
+        if not (np.isfinite(at).all() and np.isfinite(values).all()):
+            raise InputError("Curve: expected finite numbers; leave gaps out")
+        if self.sigma is not None and not self.sigma > 0.0:
+            raise InputError(f"Curve.sigma = {self.sigma!r}: expected a number above 0")
+
+    @property
+    def scale(self) -> float:
+        """What residuals are divided by."""
+        return self.sigma or float(np.abs(self.values).max()) or 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class FieldData:
+    """Displacements at places of the undeformed sheet, as of digital image correlation.
+
+    Attributes:
+        places: [m], shape (M, 2) or (M, 3).
+        displacements: [m], shape (M, 3); NaN for components that were not measured.
+        control: As for Curve; "" for the scene as it is.
+        at: Value of the control.
+        sigma: As for Curve.
+        name: As for Curve.
+        rows: As for Curve.
+    """
+
+    places: np.ndarray
+    displacements: np.ndarray
+    control: str = ""
+    at: float = 1.0
+    sigma: float | None = None
+    name: str = ""
+    rows: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Check the shapes.
+
+        Raises:
+            InputError: for others, or no measured displacement.
+        """
+        if self.displacements.shape != (len(self.places), 3) or not np.isfinite(self.displacements).any():
+            raise InputError(
+                f"FieldData: displacements have shape {self.displacements.shape}: expected ({len(self.places)}, 3), not all NaN"
+            )
+
+    @property
+    def scale(self) -> float:
+        """What residuals are divided by."""
+        return self.sigma or float(np.nanmax(np.abs(self.displacements))) or 1.0
+
+
+Test = Curve | FieldData
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A file of numbers in SI units.
+
+    Attributes:
+        path: The file.
+        columns: Values by name, NaN where a cell is empty, each of shape (n,).
+        dimensions: Dimension by name.
+        rows: Line of the file of each row, shape (n,).
+        notes: What was left out, one line each.
+    """
+
+    path: Path
+    columns: dict[str, np.ndarray]
+    dimensions: dict[str, str]
+    rows: np.ndarray
+    notes: list[str] = field(default_factory=list)
+
+    def without_gaps(self, names: Sequence[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """Columns and lines of the rows that have all of some columns; the others are noted."""
+        whole = np.ones(len(self.rows), bool)
+        for name in names:
+            missing = np.isnan(self.columns[name])
+            for row in self.rows[missing & whole]:
+                self.notes.append(f"{self.path.name}, line {row}: {name} is missing: the row is left out")
+            whole &= ~missing
+        return {name: self.columns[name][whole] for name in names}, self.rows[whole]
+
+
+def read_table(path: str | Path) -> Table:
+    """Read a CSV file whose header names each column and its unit, as in "pressure [kPa], deflection [mm]".
+
+    Empty cells are gaps. Lines that begin with # are left out. Commas, semicolons or tabs part the columns; with
+    semicolons, a comma may be the decimal point.
+
+    Raises:
+        InputError: for a file that cannot be read, a column without a unit, an unknown unit, or a cell that is no number.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"file = {str(path)!r}: cannot be read ({type(error).__name__})") from None
+    kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    if len(kept) < 2:
+        raise InputError(f"file = {str(path)!r}: expected a header and rows of numbers")
+    first = kept[0][1]
+    separator = max(";\t,", key=first.count)
+    names, factors, dimensions = _header(path, next(csv.reader([first], delimiter=separator)))
+    cells = [next(csv.reader([line], delimiter=separator)) for _, line in kept[1:]]
+    rows = np.array([number for number, _ in kept[1:]])
+    values = np.full((len(cells), len(names)), np.nan)
+    for k, (row, number) in enumerate(zip(cells, rows, strict=True)):
+        if len(row) != len(names):
+            raise InputError(f"{path.name}, line {number}: {len(row)} cells: expected {len(names)}, one per column")
+        for c, text in enumerate(row):
+            values[k, c] = factors[c] * _number(path, int(number), names[c], text.strip(), separator == ";")
+    columns = {name: values[:, c] for c, name in enumerate(names)}
+    return Table(path, columns, dict(zip(names, dimensions, strict=True)), rows)
+
+
+def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], list[str]]:
+    names, factors, dimensions = [], [], []
+    for cell in cells:
+        match = HEADER.match(cell)
+        if match is None:
+            raise InputError(f"{path.name}: column {cell.strip()!r}: expected a name and a unit, such as 'pressure [kPa]'")
+        name = re.sub(r"\W+", "_", match.group(1).strip()).lower()
+        if name in names:
+            raise InputError(f"{path.name}: column {name!r} is there twice: expected different names")
+        factor, dimension = factor_and_dimension(name, match.group(2).strip() or "1")
+        names.append(name)
+        factors.append(factor)
+        dimensions.append(dimension)
+    return names, factors, dimensions
+
+
+def _number(path: Path, line: int, name: str, text: str, comma: bool) -> float:
+    if text.lower() in EMPTY:
+        return math.nan
+    try:
+        value = float(text.replace(",", ".") if comma else text)
+    except ValueError:
+        raise InputError(f"{path.name}, line {line}: {name} = {text!r}: expected a number, or an empty cell") from None
+    return value if math.isfinite(value) else math.nan

@@ -1,0 +1,221 @@
+"""The fit: nonlinear least squares over several tests at once, with exact derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ..checks import InputError, finite, one_of
+from .data import Curve, FieldData, Test
+from .equilibrium import NoEquilibriumError
+from .model import Experiment, Model
+from .report import Fit, Judgement
+
+LOSSES = ("linear", "soft_l1")
+# Median absolute deviation to standard deviation of normal noise.
+MAD = 1.4826
+# Residuals of more standard deviations than this bend the robust loss.
+MARGIN = 2.0
+# The median of the model over that of the data from which on a wrong unit is likely.
+UNLIKELY = 50.0
+
+
+def fit(
+    experiments: Experiment | Sequence[Experiment],
+    vary: Sequence[str],
+    *,
+    start: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    loss: str = "linear",
+    tolerance: float = 1e-6,
+    max_evaluations: int = 60,
+    device: str | None = None,
+    precision: int | None = None,
+) -> Fit:
+    """Fit constants to tests, all tests at once.
+
+    A constant that several experiments know is one constant. Residuals are divided by the `sigma` of a test or, without,
+    by its largest value; so curves of any unit weigh alike.
+
+    Args:
+        experiments: What was measured, and what simulates it: `SceneTests`, `UniformTests`, or a list of them.
+        vary: Names of the constants.
+        start: Start values; by default those of the scenes.
+        bounds: (lowest, highest) by name; a constant without has none but those of its material.
+        loss: "linear", or "soft_l1" for data with outliers: residuals beyond two standard deviations count by their
+            size, not its square.
+        tolerance: Relative change of the constants at which the search ends.
+        max_evaluations: Evaluations after which it ends all the same.
+        device: As for `Simulation.run`.
+        precision: As for `Simulation.run`.
+
+    Raises:
+        InputError: for names, bounds or tests that do not fit, or start values without equilibrium.
+    """
+    from scipy.optimize import least_squares
+
+    begin = perf_counter()
+    listed: list[Experiment] = list(experiments) if isinstance(experiments, Sequence) else [experiments]
+    one_of("loss", loss, LOSSES)
+    if not vary or len(set(vary)) < len(vary):
+        raise InputError(f"vary = {list(vary)!r}: expected names of constants, each once")
+    first = np.array([_start(name, listed, start or {}) for name in vary])
+    sizes = np.where(first != 0.0, np.abs(first), 1.0)
+    low, high = _limits(vary, bounds or {}, first)
+    problem = Problem(listed, vary, first, sizes, device, precision)
+    notes = problem.check(first / sizes)
+
+    def search(q: np.ndarray, kind: str, margin: float) -> Any:
+        return least_squares(
+            problem.residuals, q, problem.jacobian, bounds=(low / sizes, high / sizes), method="trf", x_scale="jac",
+            loss=kind, f_scale=margin, xtol=tolerance, ftol=1e-12, gtol=1e-12, max_nfev=max_evaluations,
+        )  # fmt: skip
+
+    found = search(first / sizes, "linear", 1.0)
+    margin = 1.0
+    if loss == "soft_l1":
+        for _ in range(2):
+            margin = MARGIN * max(MAD * float(np.median(np.abs(problem.residuals(found.x)))), 1e-12)
+            found = search(found.x, "soft_l1", margin)
+    if not found.success:
+        notes.append(f"the search ended after {found.nfev} evaluations without reaching its tolerance")
+    residuals, jacobian = problem.residuals(found.x), problem.jacobian(found.x)
+    weights = np.ones_like(residuals) if loss == "linear" else 1.0 / np.sqrt(1.0 + (residuals / margin) ** 2)
+    values = found.x * sizes
+    judgement = Judgement.of(vary, values, sizes, residuals, jacobian / sizes, weights)
+    for name, value, least, most in zip(vary, values, low, high, strict=True):
+        if min(value - least, most - value) <= 1e-6 * abs(value):
+            notes.append(f"{name} = {value:.6g} is at its bound")
+    return Fit(
+        tuple(vary), values, first, judgement, listed, problem.tests, problem.shaped(residuals), problem.shown(found.x),
+        notes, problem.evaluations, perf_counter() - begin, bool(found.success),
+    )  # fmt: skip
+
+
+def _start(name: str, experiments: Sequence[Experiment], start: Mapping[str, float]) -> float:
+    if name in start:
+        return finite(f"start of {name}", start[name])
+    for experiment in experiments:
+        value = experiment.start(name)
+        if value is not None:
+            return value
+    raise InputError(f"vary = {name!r}: expected a start value, as none of the scenes has one")
+
+
+def _limits(
+    vary: Sequence[str], bounds: Mapping[str, tuple[float, float]], first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    for name in bounds:
+        if name not in vary:
+            raise InputError(f"bounds of {name!r}: expected one of the constants that vary, {', '.join(vary)}")
+    low, high = (np.array([bounds.get(name, (-np.inf, np.inf))[side] for name in vary], float) for side in (0, 1))
+    for name, value, least, most in zip(vary, first, low, high, strict=True):
+        if not least < value < most:
+            raise InputError(f"{name} = {value:g} starts outside its bounds {least:g} to {most:g}: expected it between")
+    return low, high
+
+
+class Problem:
+    """Residuals and derivatives of all tests, as functions of the constants over their sizes.
+
+    Attributes:
+        tests: All tests.
+        evaluations: Number of evaluations of the models so far.
+    """
+
+    def __init__(
+        self, experiments: Sequence[Experiment], vary: Sequence[str], start: np.ndarray, sizes: np.ndarray,
+        device: str | None, precision: int | None,
+    ) -> None:  # fmt: skip
+        self._known: list[list[int]] = []
+        self._models: list[Model] = []
+        used = np.zeros(len(vary), bool)
+        for experiment in experiments:
+            mine = [k for k, name in enumerate(vary) if len(experiments) == 1 or experiment.start(name) is not None]
+            used[mine] = True
+            self._known.append(mine)
+            self._models.append(experiment.model([vary[k] for k in mine], start[mine], device, precision))
+        for name in (name for name, there in zip(vary, used, strict=True) if not there):
+            raise InputError(f"vary = {name!r}: expected a constant of one of the experiments; give it in their settings")
+        self.tests: list[Test] = [test for experiment in experiments for test in experiment.tests]
+        self._measured = [_data(test) for test in self.tests]
+        self._usable = [np.isfinite(data) for data in self._measured]
+        self._scales = [test.scale for test in self.tests]
+        self._sizes, self.evaluations = sizes, 0
+        self._last: tuple[np.ndarray, list[np.ndarray]] | None = None
+        if sum(int(u.sum()) for u in self._usable) <= len(vary):
+            raise InputError(f"tests: expected more numbers than the {len(vary)} constants that vary")
+
+    def outputs(self, q: np.ndarray) -> list[np.ndarray]:
+        """What the tests would show."""
+        if self._last is None or not np.array_equal(self._last[0], q):
+            self.evaluations += 1
+            found = []
+            for model, mine in zip(self._models, self._known, strict=True):
+                found += model.evaluate((q * self._sizes)[mine])
+            self._last = q.copy(), found
+        return self._last[1]
+
+    def residuals(self, q: np.ndarray) -> np.ndarray:
+        """(model - data) / scale of everything measured; infinite where there is no equilibrium."""
+        try:
+            outputs = self.outputs(q)
+        except (NoEquilibriumError, InputError):
+            return np.full(sum(int(u.sum()) for u in self._usable), np.inf)
+        parts = zip(outputs, self._measured, self._usable, self._scales, strict=True)
+        return np.concatenate([((o - d) / scale)[u] for o, d, u, scale in parts])
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Derivatives of the residuals by q."""
+        rows, test = [], 0
+        for model, mine in zip(self._models, self._known, strict=True):
+            for slopes in model.jacobian((q * self._sizes)[mine]):
+                full = np.zeros((int(self._usable[test].sum()), len(q)))
+                full[:, mine] = slopes[self._usable[test]] / self._scales[test]
+                rows.append(full)
+                test += 1
+        return np.concatenate(rows) * self._sizes
+
+    def check(self, q: np.ndarray) -> list[str]:
+        """Evaluate the start values; notes on data that are far from them.
+
+        Raises:
+            InputError: if they have no equilibrium.
+        """
+        try:
+            outputs = self.outputs(q)
+        except NoEquilibriumError as error:
+            raise InputError(f"start values: {error}; expected others, or smaller loads") from None
+        notes = []
+        for test, output, data, usable in zip(self.tests, outputs, self._measured, self._usable, strict=True):
+            model, measured = (float(np.median(np.abs(values[usable]))) for values in (output, data))
+            if min(model, measured) > 0.0 and not 1.0 / UNLIKELY < measured / model < UNLIKELY:
+                notes.append(
+                    f"{test.name or 'a test'}: the data are {measured / model:.3g} times the model at the start: check "
+                    "the unit, or the start values"
+                )
+        return notes
+
+    def shaped(self, residuals: np.ndarray) -> list[np.ndarray]:
+        """Residuals over the scale by test, NaN where nothing was measured."""
+        out, begin = [], 0
+        for usable in self._usable:
+            values = np.full(usable.shape, np.nan)
+            values[usable] = residuals[begin : begin + int(usable.sum())]
+            begin += int(usable.sum())
+            out.append(values)
+        return out
+
+    def shown(self, q: np.ndarray) -> list[np.ndarray]:
+        """The model by test, in SI units."""
+        return [output.copy() for output in self.outputs(q)]
+
+
+def _data(test: Test) -> np.ndarray:
+    return test.displacements if isinstance(test, FieldData) else test.values
+
+
+__all__ = ["Curve", "Fit", "fit"]

@@ -1,0 +1,250 @@
+"""What tests would show, and its derivatives by constants: scenes in static equilibrium."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..checks import InputError
+from ..simulation import Simulation
+from .data import Curve, FieldData, Test
+from .equilibrium import Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
+from .probes import PointField
+from .sensitivity import Build, Derivatives, Value, value_of
+
+# Values of a control at zero load that are tried: those of a force or a path, and of a stretch.
+AT_REST = (0.0, 1.0)
+TRIAL_FACTOR, TRIAL_SIZE, SAME = 0.37, 1e-3, 1e-9
+
+
+class Model(Protocol):
+    """What some tests would show for any values of the constants."""
+
+    def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
+        """One array for each test, shaped like its data.
+
+        Raises:
+            NoEquilibriumError: if there is no such state.
+            InputError: for values that the scene refuses.
+        """
+        ...
+
+    def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
+        """Derivatives by the constants, one array for each test, with a last axis for the constants."""
+        ...
+
+
+class Experiment(Protocol):
+    """Tests, and what simulates them."""
+
+    @property
+    def tests(self) -> Sequence[Test]:
+        """The tests."""
+        ...
+
+    def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
+        """What the tests would show."""
+        ...
+
+    def start(self, name: str) -> float | None:
+        """Start value of a constant, or None if it has none."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SceneTests:
+    """Tests that one scene simulates.
+
+    Attributes:
+        build: Function that makes the scene, such as `warp_pd.scenes.bulge_test.build`.
+        tests: The tests.
+        settings: Arguments of `build` that stay as they are, besides those that tests control.
+    """
+
+    build: Build
+    tests: Sequence[Test]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def start(self, name: str) -> float | None:
+        """The value in `settings`, or the default of `build`."""
+        parameter = inspect.signature(self.build).parameters.get(name)
+        value = self.settings.get(name, None if parameter is None else parameter.default)
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+    def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
+        """By static equilibrium if the solver is Newton, otherwise by whole runs."""
+        known = inspect.signature(self.build).parameters
+        for name in vary:
+            if name not in known:
+                raise InputError(f"vary = {name!r}: expected an argument of the scene: {', '.join(known)}")
+        for test in self.tests:
+            if test.control in vary:
+                raise InputError(f"vary = {test.control!r}: expected a constant; the test {test.name!r} controls it")
+        settings = {**self.settings, **dict(zip(vary, start.tolist(), strict=True))}
+        scene = self.build(**settings)
+        if has_equilibrium(scene):
+            return EquilibriumModel(self, vary, settings, scene, start, device, precision)
+        from .runs import RunsModel
+
+        return RunsModel(self.build, self.tests, vary, settings, device, precision)
+
+
+@dataclass(eq=False)
+class Place:
+    """A state of the scene at which something was measured.
+
+    Attributes:
+        settings: Arguments besides the constants.
+        factor: Load factor.
+        values: Test, its rows (None: all), and function of each number measured there.
+    """
+
+    settings: dict[str, Any]
+    factor: float
+    values: list[tuple[int, int | None, Value]] = field(default_factory=list)
+
+
+class EquilibriumModel:
+    """Tests of a scene in static equilibrium.
+
+    A fit changes the constants and follows: every state starts from where du/dp of the one before sends it.
+
+    Attributes:
+        places: All states, by settings, then load factor.
+    """
+
+    def __init__(
+        self, experiment: SceneTests, vary: Sequence[str], settings: Mapping[str, Any], scene: Simulation,
+        sizes: np.ndarray, device: str | None, precision: int | None,
+    ) -> None:  # fmt: skip
+        self.build, self.tests, self.vary = experiment.build, list(experiment.tests), list(vary)
+        self.settings, self.sizes, self.device, self.precision = dict(settings), np.abs(sizes), device, precision
+        self._scene = scene
+        found: dict[tuple[Any, ...], Place] = {}
+        for index, test in enumerate(self.tests):
+            self._add(index, test, found)
+        self.places = sorted(found.values(), key=lambda p: (sorted(p.settings.items()), p.factor))
+        self._known: tuple[np.ndarray, list[np.ndarray], list[np.ndarray]] | None = None
+        self._jacobian: list[np.ndarray] = []
+        self._at: np.ndarray | None = None
+
+    def _add(self, index: int, test: Test, found: dict[tuple[Any, ...], Place]) -> None:
+        controls = np.atleast_1d(test.at)
+        settings, factors = self._factors(test.control, controls)
+        for row, (changed, factor) in enumerate(zip(settings, factors, strict=True)):
+            place = found.setdefault((*changed.items(), float(factor)), Place(changed, float(factor)))
+            place.values.append(_value(self._scene, index, row, test))
+
+    def _factors(self, control: str, values: np.ndarray) -> tuple[list[dict[str, Any]], np.ndarray]:
+        """Settings and load factor of each value of a control."""
+        none: list[dict[str, Any]] = [{} for _ in values]
+        if control in ("", "load_factor"):
+            return none, values if control else np.ones(len(values))
+        if control == "time":
+            return none, values / self._scene.solver.duration
+        if control not in inspect.signature(self.build).parameters:
+            raise InputError(f"control = {control!r}: expected an argument of the scene, 'time' or 'load_factor'")
+        largest = float(values[np.argmax(np.abs(values))])
+        for rest in AT_REST:
+            factors = (values - rest) / (largest - rest) if largest != rest else None
+            if factors is not None and (factors >= 0.0).all() and self._is_proportional(control, largest, rest):
+                return [{control: largest} for _ in values], factors
+        return [{control: float(value)} for value in values], np.ones(len(values))
+
+    def _is_proportional(self, control: str, largest: float, rest: float) -> bool:
+        """Whether the scene at a load factor is that of a smaller control: the same forces in any one state."""
+        middle = rest + TRIAL_FACTOR * (largest - rest)
+        sides = []
+        for value, factor in ((largest, TRIAL_FACTOR), (middle, 1.0)):
+            try:
+                scene = for_differences(self.build(**{**self.settings, control: value}))
+            except InputError:
+                return False
+            side = Equilibrium(scene, self.device, self.precision)
+            extent = float(np.ptp(scene.sheet.positions, axis=0).max())
+            trial = TRIAL_SIZE * extent * np.sin(np.arange(3.0 * scene.sheet.size)).reshape(-1, 3)
+            side.set(side.displacement + trial, factor)
+            sides.append((side.residual(), side.held_at(factor)))
+        return all(_same(a, b) for a, b in zip(*sides, strict=True))
+
+    # The model -----------------------------------------------------------------------------------------
+
+    def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
+        """Bring every state to equilibrium; keeps displacements and their derivatives for the next values."""
+        outputs = [np.full(_shape(test), np.nan) for test in self.tests]
+        slopes = [np.full((*_shape(test), len(self.vary)), np.nan) for test in self.tests]
+        states, along = [], []
+        derivatives: Derivatives | None = None
+        before: dict[str, Any] | None = None
+        path: list[tuple[float, np.ndarray]] = []
+        for index, place in enumerate(self.places):
+            if derivatives is None or place.settings != before:
+                given = {**self.settings, **place.settings, **dict(zip(self.vary, values.tolist(), strict=True))}
+                derivatives = Derivatives(self.build, given, self.vary, self.sizes.tolist(), self.device, self.precision)
+                before, path = place.settings, []
+            state = derivatives.state
+            change = self._reach(state, place, index, values, path, derivatives)
+            functions = [value for _, _, value in place.values]
+            frame = state.frame()
+            here = state.displacement
+            path.append((place.factor, here))
+            states.append(here)
+            along.append(change)
+            numbers = [np.asarray(f(state.built, frame), dtype=np.float64) for f in functions]
+            rates = derivatives.direct(functions, change)
+            for (test, row, _), number, rate in zip(place.values, numbers, rates, strict=True):
+                outputs[test][row if row is not None else slice(None)] = number
+                slopes[test][row if row is not None else slice(None)] = rate
+            state.set(here, place.factor)
+        self._known, self._jacobian, self._at = (values.copy(), states, along), slopes, values.copy()
+        return outputs
+
+    def _reach(
+        self, state: Equilibrium, place: Place, index: int, values: np.ndarray, path: list[tuple[float, np.ndarray]],
+        derivatives: Derivatives,
+    ) -> np.ndarray:  # fmt: skip
+        """Bring the sheet to a place; returns du/dp [m per unit], shape (P, N, 3)."""
+        if place.factor == 0.0:
+            # Nothing is loaded: the sheet lies where its supports put it, and may have no stiffness across its plane.
+            state.set(state.displacement, 0.0)
+            return np.array([pair.held(0.0) for pair in derivatives.pairs])
+        guess = None
+        if self._known is not None:
+            last, states, along = self._known
+            guess = states[index] + np.einsum("p,pic->ic", values - last, along[index])
+        elif len(path) > 1:
+            (s0, u0), (s1, u1) = path[-2:]
+            guess = u1 + (place.factor - s1) / (s1 - s0) * (u1 - u0) if s0 > 0.0 else None
+        state.reach(place.factor, guess)
+        return derivatives.displacements()
+
+    def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
+        """Derivatives as of the last evaluation, which is repeated for other values."""
+        if self._at is None or not np.array_equal(values, self._at):
+            self.evaluate(values)
+        return self._jacobian
+
+
+def _value(scene: Simulation, index: int, row: int, test: Test) -> tuple[int, int | None, Value]:
+    if isinstance(test, Curve):
+        return index, row, value_of(scene, test.measure)
+    field_of = PointField.at(scene.sheet, test.places)
+    if not field_of.inside.all():
+        outside = int((~field_of.inside).sum())
+        raise InputError(f"{test.name}: {outside} of {len(test.places)} places are not on the sheet: leave them out")
+    return index, None, lambda built, frame: field_of.values(frame)
+
+
+def _shape(test: Test) -> tuple[int, ...]:
+    return test.values.shape if isinstance(test, Curve) else test.displacements.shape
+
+
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.abs(a - b).max() <= SAME * max(np.abs(a).max(), np.abs(b).max()))
+
+
+__all__ = ["EquilibriumModel", "Experiment", "FieldData", "Model", "NoEquilibriumError", "SceneTests"]

@@ -1,0 +1,120 @@
+"""Tests in a uniform state, without a simulation: uniaxial, equibiaxial and planar curves of a data sheet."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..checks import InputError, one_of
+from ..materials import Material, energy_density
+from .data import Curve, Test
+from .model import Model
+
+LOADINGS = ("uniaxial", "equibiaxial", "planar")
+# Steps of differences: of the stretch, for the stress, and of a constant.
+STRETCH_STEP, CONSTANT_STEP = 2e-4, 1e-4
+NEWTON_STEPS, WIDTH_STEP = 60, 1e-4
+
+
+def nominal_stress(material: Material, loading: str, stretch: np.ndarray) -> np.ndarray:
+    """First Piola stress along the pull in a uniform state [Pa], shape of `stretch`.
+
+    It is the derivative of the energy density by the stretch, by differences of fourth order; the width of a uniaxial
+    strip is that of least energy.
+
+    Args:
+        material: Any hyperelastic material of continua.
+        loading: "uniaxial", "equibiaxial" (half of the derivative: two directions are pulled) or "planar".
+        stretch: [-].
+
+    Raises:
+        InputError: for another loading.
+    """
+    one_of("loading", loading, LOADINGS)
+    stretch = np.asarray(stretch, dtype=np.float64)
+    width = _width(material, stretch) if loading == "uniaxial" else np.ones_like(stretch)
+
+    def energy(change: float) -> np.ndarray:
+        first = stretch * (1.0 + change * STRETCH_STEP)
+        return energy_density(material, first, first if loading == "equibiaxial" else width, "cpu")
+
+    slope = 8.0 * (energy(1.0) - energy(-1.0)) - (energy(2.0) - energy(-2.0))
+    return np.asarray(slope / (12.0 * STRETCH_STEP * stretch) * (0.5 if loading == "equibiaxial" else 1.0))
+
+
+def _width(material: Material, stretch: np.ndarray) -> np.ndarray:
+    """Width stretch of least energy, by Newton's method from that of incompressible rubber."""
+    width = stretch**-0.5
+    for _ in range(NEWTON_STEPS):
+        h = WIDTH_STEP * width
+        low, here, high = (energy_density(material, stretch, width + s * h, "cpu") for s in (-1.0, 0.0, 1.0))
+        curvature = (high - 2.0 * here + low) / h**2
+        step = np.where(curvature > 0.0, -(high - low) / (2.0 * h) / np.where(curvature > 0.0, curvature, 1.0), 0.0)
+        step = np.clip(step, -0.2 * width, 0.2 * width)
+        width = width + step
+        if np.abs(step).max() <= 1e-7:
+            break
+    return np.asarray(width)
+
+
+@dataclass(frozen=True, eq=False)
+class UniformTests:
+    """Uniform tests of one material.
+
+    Attributes:
+        material: Function of the constants that makes the material, such as the class `Yeoh`.
+        tests: Curves of nominal stress [Pa] against stretch, whose `control` is the loading: "uniaxial",
+            "equibiaxial" or "planar".
+        settings: Constants that stay as they are.
+    """
+
+    material: Callable[..., Material]
+    tests: Sequence[Test]
+    settings: Mapping[str, float] = field(default_factory=dict)
+
+    def start(self, name: str) -> float | None:
+        """The value in `settings`, if it is there."""
+        return self.settings.get(name)
+
+    def model(self, vary: Sequence[str], start: np.ndarray, device: str | None, precision: int | None) -> Model:
+        """The exact stress."""
+        known = inspect.signature(self.material).parameters
+        for name in vary:
+            if name not in known:
+                raise InputError(f"vary = {name!r}: expected a constant of the material: {', '.join(known)}")
+        curves = []
+        for test in self.tests:
+            if not isinstance(test, Curve):
+                raise InputError("UniformTests: expected curves")
+            one_of("control", test.control, LOADINGS)
+            curves.append(test)
+        return UniformModel(self.material, curves, list(vary), dict(self.settings))
+
+
+@dataclass(eq=False)
+class UniformModel:
+    """Uniform tests for any values of the constants."""
+
+    material: Callable[..., Material]
+    tests: list[Curve]
+    vary: list[str]
+    settings: dict[str, float]
+
+    def evaluate(self, values: np.ndarray) -> list[np.ndarray]:
+        """The stress of every test [Pa]."""
+        material = self.material(**{**self.settings, **dict(zip(self.vary, values.tolist(), strict=True))})
+        return [nominal_stress(material, test.control, test.at) for test in self.tests]
+
+    def jacobian(self, values: np.ndarray) -> list[np.ndarray]:
+        """Differences of fourth order by the constants."""
+        columns = []
+        for k, value in enumerate(values):
+            step = CONSTANT_STEP * (abs(value) or 1.0)
+            a, b, c, d = (self.evaluate(values + n * step * np.eye(len(values))[k]) for n in (1, -1, 2, -2))
+            columns.append(
+                [(8.0 * (a[t] - b[t]) - (c[t] - d[t])) / (12.0 * step) for t in range(len(self.tests))]
+            )
+        return [np.stack([column[t] for column in columns], axis=-1) for t in range(len(self.tests))]
