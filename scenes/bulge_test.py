@@ -28,7 +28,7 @@ def build(
     lock: float = 30.0,
     ratio: float = 1000.0,
     thickness: float = 1e-3,
-    pressure: float = 20e3,
+    pressure: float = 40e3,
     prestretch: float = 1.0,
     load_steps: int = 10,
     tolerance: float | None = None,

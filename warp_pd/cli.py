@@ -1,4 +1,4 @@
-"""Command line: warp-pd list, run, plan, draw, info, bench."""
+"""Command line: warp-pd list, run, plan, draw, fit, info, bench."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from typing import Any
 import click
 
 from .checks import InputError, OutputError, kind_and_text, one_of, user_code
+from .fitting.command import fit_command
 from .simulation import Simulation
 
 WRONG_INPUT, DIVERGED = 2, 3
@@ -379,6 +380,16 @@ def bench(
     click.echo(f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written")
     click.echo(table([measure(case, str(where), seconds) for case in cases], copied, counted))
 
+
+def _builder(name: str, points: int | None, assignments: tuple[str, ...]) -> tuple[Any, dict[str, Any]]:
+    """The `build` of a scene, and settings for it."""
+    build = load_scene(name).build
+    parameters = inspect.signature(build).parameters
+    settings = _settings(points, None, None, None, None, None, None, assignments)
+    return build, {key: _convert(key, value, parameters) for key, value in settings.items()}
+
+
+main.add_command(fit_command(_builder))
 
 if __name__ == "__main__":
     main()

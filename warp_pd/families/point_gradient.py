@@ -48,9 +48,9 @@ def surface_vector_matrix(gradient: tuple[Any, Any], displacement: np.ndarray, f
     F1, F2 = first @ displacement + [1.0, 0.0, 0.0], second @ displacement + [0.0, 1.0, 0.0]
     # d(F1 x F2) = -[F2]x dF1 + [F1]x dF2, with [a]x b = a x b.
     one = sparse.identity(3)
-    return -_crosses(factors[:, None] * F2) @ sparse.kron(first, one) + _crosses(
-        factors[:, None] * F1
-    ) @ sparse.kron(second, one)
+    return -_crosses(factors[:, None] * F2) @ sparse.kron(first, one) + _crosses(factors[:, None] * F1) @ sparse.kron(
+        second, one
+    )
 
 
 def _crosses(vectors: np.ndarray) -> Any:

@@ -65,7 +65,9 @@ def _measured(table: Table, control: str, measure: str | None, scene: Simulation
         named = [c for c in others if c in known]
         column = named[0] if len(named) == 1 and measure is None else others[0] if len(others) == 1 else None
     if column is None:
-        raise InputError(f"{table.path.name}: columns {', '.join(others)}: expected one called {measure or 'as a measure'}")
+        raise InputError(
+            f"{table.path.name}: columns {', '.join(others)}: expected one called {measure or 'as a measure'}"
+        )
     name = measure or column
     if measure is None and column not in known:
         raise InputError(f"{table.path.name}: column {column!r}: expected a measure of the scene: {', '.join(known)}")

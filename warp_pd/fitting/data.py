@@ -52,7 +52,9 @@ class Curve:
         object.__setattr__(self, "at", at)
         object.__setattr__(self, "values", values)
         if at.ndim != 1 or at.shape != values.shape or len(at) == 0:
-            raise InputError(f"Curve: at has shape {at.shape}, values {values.shape}: expected as many of both, at least 1")
+            raise InputError(
+                f"Curve: at has shape {at.shape}, values {values.shape}: expected as many of both, at least 1"
+            )
         if not (np.isfinite(at).all() and np.isfinite(values).all()):
             raise InputError("Curve: expected finite numbers; leave gaps out")
         if self.sigma is not None and not self.sigma > 0.0:
@@ -94,7 +96,8 @@ class FieldData:
         """
         if self.displacements.shape != (len(self.places), 3) or not np.isfinite(self.displacements).any():
             raise InputError(
-                f"FieldData: displacements have shape {self.displacements.shape}: expected ({len(self.places)}, 3), not all NaN"
+                f"FieldData: displacements have shape {self.displacements.shape}: expected ({len(self.places)}, 3), "
+                "not all NaN"
             )
 
     @property
@@ -142,14 +145,17 @@ def read_table(path: str | Path) -> Table:
     semicolons, a comma may be the decimal point.
 
     Raises:
-        InputError: for a file that cannot be read, a column without a unit, an unknown unit, or a cell that is no number.
+        InputError: for a file that cannot be read, a column without a unit or with an unknown one, or a cell that is
+            no number.
     """
     path = Path(path)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"file = {str(path)!r}: cannot be read ({type(error).__name__})") from None
-    kept = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    kept = [
+        (number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")
+    ]
     if len(kept) < 2:
         raise InputError(f"file = {str(path)!r}: expected a header and rows of numbers")
     first = kept[0][1]
@@ -172,7 +178,9 @@ def _header(path: Path, cells: Sequence[str]) -> tuple[list[str], list[float], l
     for cell in cells:
         match = HEADER.match(cell)
         if match is None:
-            raise InputError(f"{path.name}: column {cell.strip()!r}: expected a name and a unit, such as 'pressure [kPa]'")
+            raise InputError(
+                f"{path.name}: column {cell.strip()!r}: expected a name and a unit, such as 'pressure [kPa]'"
+            )
         name = re.sub(r"\W+", "_", match.group(1).strip()).lower()
         if name in names:
             raise InputError(f"{path.name}: column {name!r} is there twice: expected different names")

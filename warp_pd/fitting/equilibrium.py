@@ -16,8 +16,9 @@ from ..run.recorder import snapshot
 from ..simulation import Simulation
 from ..solvers.search import Search
 
-# Linear solves end at this share of their right side.
+# Linear solves end at this share of their right side; those of a fit need no more than its states have.
 ACCURACY = {64: 1e-10, 32: 1e-5}
+FIT_ACCURACY = {64: 1e-7, 32: 1e-4}
 # A load factor that is not reached in one step is approached in steps this many times halved at most.
 MAX_HALVINGS = 6
 
@@ -73,6 +74,7 @@ class Equilibrium:
     Attributes:
         built: The simulation on a device.
         factor: Load factor of the present state.
+        accuracy: Share of the right side at which linear solves end.
     """
 
     def __init__(self, scene: Simulation, device: str | None = None, precision: int | None = None) -> None:
@@ -94,6 +96,7 @@ class Equilibrium:
         self.free = ~self.level.held
         self.duration = scene.solver.duration
         self.factor = 0.0
+        self.accuracy = ACCURACY[self.built.context.bits]
         self._skew: Callable[[np.ndarray], np.ndarray] | None = None
         self._internal_stage = False
 
@@ -169,7 +172,7 @@ class Equilibrium:
             self._renew()
 
     def _tension(self) -> float:
-        return self.level.tangent.min_tension(self.search.tolerance)
+        return float(self.level.tangent.min_tension(self.search.tolerance))
 
     def _renew(self) -> None:
         if not self.search.linearise(0, self._tension()):
@@ -186,7 +189,7 @@ class Equilibrium:
         return self._solve(force, self._skew)
 
     def _solve(self, force: np.ndarray, added: Callable[[np.ndarray], np.ndarray] | None) -> np.ndarray:
-        side, accuracy = np.where(self.free, force, 0.0), ACCURACY[self.built.context.bits]
+        side, accuracy = np.where(self.free, force, 0.0), self.accuracy
         if not self.linear.solve_closely(side, accuracy, added):
             self._renew()
             self.linear.solve_closely(side, accuracy, added)

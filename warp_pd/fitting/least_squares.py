@@ -37,8 +37,8 @@ def fit(
 ) -> Fit:
     """Fit constants to tests, all tests at once.
 
-    A constant that several experiments know is one constant. Residuals are divided by the `sigma` of a test or, without,
-    by its largest value; so curves of any unit weigh alike.
+    A constant that several experiments know is one constant. Residuals are divided by the `sigma` of a test or,
+    without, by its largest value; so curves of any unit weigh alike.
 
     Args:
         experiments: What was measured, and what simulates it: `SceneTests`, `UniformTests`, or a list of them.
@@ -139,7 +139,9 @@ class Problem:
             self._known.append(mine)
             self._models.append(experiment.model([vary[k] for k in mine], start[mine], device, precision))
         for name in (name for name, there in zip(vary, used, strict=True) if not there):
-            raise InputError(f"vary = {name!r}: expected a constant of one of the experiments; give it in their settings")
+            raise InputError(
+                f"vary = {name!r}: expected a constant of one of the experiments; give it in their settings"
+            )
         self.tests: list[Test] = [test for experiment in experiments for test in experiment.tests]
         self._measured = [_data(test) for test in self.tests]
         self._usable = [np.isfinite(data) for data in self._measured]
@@ -177,7 +179,7 @@ class Problem:
                 full[:, mine] = slopes[self._usable[test]] / self._scales[test]
                 rows.append(full)
                 test += 1
-        return np.concatenate(rows) * self._sizes
+        return np.asarray(np.concatenate(rows) * self._sizes)
 
     def check(self, q: np.ndarray) -> list[str]:
         """Evaluate the start values; notes on data that are far from them.

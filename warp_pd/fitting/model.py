@@ -12,7 +12,7 @@ import numpy as np
 from ..checks import InputError
 from ..simulation import Simulation
 from .data import Curve, FieldData, Test
-from .equilibrium import Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
+from .equilibrium import FIT_ACCURACY, Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
 from .probes import PointField
 from .sensitivity import Build, Derivatives, Value, value_of
 
@@ -184,8 +184,11 @@ class EquilibriumModel:
         for index, place in enumerate(self.places):
             if derivatives is None or place.settings != before:
                 given = {**self.settings, **place.settings, **dict(zip(self.vary, values.tolist(), strict=True))}
-                derivatives = Derivatives(self.build, given, self.vary, self.sizes.tolist(), self.device, self.precision)
+                derivatives = Derivatives(
+                    self.build, given, self.vary, self.sizes.tolist(), self.device, self.precision
+                )
                 before, path = place.settings, []
+                derivatives.state.accuracy = FIT_ACCURACY[derivatives.state.built.context.bits]
             state = derivatives.state
             change = self._reach(state, place, index, values, path, derivatives)
             functions = [value for _, _, value in place.values]

@@ -147,7 +147,11 @@ class PointField:
 
 def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Shares of the corners, shape (..., 3), of the places' projections on triangles, corners (..., 3, 3)."""
-    a, b, p = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :], places - corners[..., 0, :]
+    a, b, p = (
+        corners[..., 1, :] - corners[..., 0, :],
+        corners[..., 2, :] - corners[..., 0, :],
+        places - corners[..., 0, :],
+    )
     aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
     pa, pb = (p * a).sum(-1), (p * b).sum(-1)
     determinant = np.maximum(aa * bb - ab**2, 1e-300)

@@ -66,8 +66,8 @@ class Judgement:
             for b in range(a):
                 if np.isfinite(errors[[a, b]]).all() and abs(correlations[a, b]) > CORRELATED:
                     words.append(
-                        f"{vary[b]} and {vary[a]} are correlated by {correlations[a, b]:+.3f}: the data tell little more "
-                        "than a combination of the two"
+                        f"{vary[b]} and {vary[a]} are correlated by {correlations[a, b]:+.3f}: the data tell little "
+                        "more than a combination of the two"
                     )
         return Judgement(deviation, errors, correlations, words)
 
@@ -152,7 +152,9 @@ class Fit:
                 k = tuple(place)
                 row = f"row {place[0] + 1}" if test.rows is None else f"line {test.rows[place[0]]}"
                 times = abs(residual[k]) / max(spread, 1e-9)
-                lines.append(f"{test.name or 'a test'}, {row}: {times:.0f} standard deviations from the fit: an outlier?")
+                lines.append(
+                    f"{test.name or 'a test'}, {row}: {times:.0f} standard deviations from the fit: an outlier?"
+                )
             if len(far) > MOST_OUTLIERS:
                 lines.append(f"{test.name or 'a test'}: {len(far) - MOST_OUTLIERS} more like these")
         return lines
@@ -168,8 +170,8 @@ class Fit:
             for name, row in zip(self.names, self.judgement.correlations, strict=True):
                 lines.append(f"  {name:12s} " + " ".join(f"{c:+.3f}" for c in row))
         lines.append(
-            f"residuals: {100.0 * self.judgement.deviation:.3g} % of each test's scale; {self.evaluations} evaluations in "
-            f"{self.seconds:.1f} s"
+            f"residuals: {100.0 * self.judgement.deviation:.3g} % of each test's scale; {self.evaluations} evaluations "
+            f"in {self.seconds:.1f} s"
         )
         return "\n".join([*lines, *self.notes, *self.judgement.words, *self.outliers()])
 

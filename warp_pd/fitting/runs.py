@@ -61,7 +61,9 @@ class RunsModel:
         columns = []
         for k, value in enumerate(values):
             step = STEP * (abs(value) or 1.0)
-            sides = [self.evaluate(np.where(np.arange(len(values)) == k, value + s * step, values)) for s in (1.0, -1.0)]
+            sides = [
+                self.evaluate(np.where(np.arange(len(values)) == k, value + s * step, values)) for s in (1.0, -1.0)
+            ]
             columns.append([(a - b) / (2.0 * step) for a, b in zip(*sides, strict=True)])
         return [np.stack([column[t] for column in columns], axis=-1) for t in range(len(self.tests))]
 
@@ -72,4 +74,4 @@ def _column(history: list[dict[str, float]], test: Curve, times: np.ndarray) -> 
     at = np.array([row["time"] for row in history])
     if times.max() > at[-1] * (1.0 + 1e-9):
         raise InputError(f"{test.name}: time {times.max():g} s: expected at most the {at[-1]:g} s of the scene")
-    return np.interp(times, at, [row[test.measure] for row in history])
+    return np.asarray(np.interp(times, at, [row[test.measure] for row in history]))

@@ -5,9 +5,9 @@ With R(u, p) the unbalanced force and K = -dR/du, equilibrium R = 0 gives K du/d
     dm/dp = dm/dp at fixed u + dm/du . du/dp           direct: a solve for every constant, any measure
           = dm/dp at fixed u + l . dR/dp, K^T l = dm/du     adjoint: a solve for every measure
 
-dR/dp is the central difference of the unbalanced force between two scenes whose argument differs by 6e-6 of its size, at
-one displacement; held points go where each of the two wants them. It is exact to 1e-10 or so in float64. So any argument
-of a scene may be varied: constants, thickness, pressure, prestretch.
+dR/dp is the central difference of the unbalanced force between two scenes whose argument differs by 6e-6 of its size,
+at one displacement; held points go where each of the two wants them. It is exact to 1e-10 or so in float64. So any
+argument of a scene may be varied: constants, thickness, pressure, prestretch.
 """
 
 from __future__ import annotations

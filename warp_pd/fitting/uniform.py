@@ -114,7 +114,5 @@ class UniformModel:
         for k, value in enumerate(values):
             step = CONSTANT_STEP * (abs(value) or 1.0)
             a, b, c, d = (self.evaluate(values + n * step * np.eye(len(values))[k]) for n in (1, -1, 2, -2))
-            columns.append(
-                [(8.0 * (a[t] - b[t]) - (c[t] - d[t])) / (12.0 * step) for t in range(len(self.tests))]
-            )
+            columns.append([(8.0 * (a[t] - b[t]) - (c[t] - d[t])) / (12.0 * step) for t in range(len(self.tests))])
         return [np.stack([column[t] for column in columns], axis=-1) for t in range(len(self.tests))]

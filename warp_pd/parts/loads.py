@@ -189,7 +189,7 @@ class FollowerPressure(BuiltLoad):
         if self.context.sheet.frames is not None or self.law.intact is not None:
             return None
         factor = 1.0
-        if self._schedule is not None:
+        if self._schedule is not None and self.context.clock.scheduled is not None:
             factor = float(self.context.clock.scheduled.numpy()[self._schedule, 0])
         families = self.law.families
         pressure = factor * self._unit_pressure * families.rows_of_points(families.areas)

@@ -122,7 +122,7 @@ class LinearSolver:
         else:
             x, failed = cg(A, b, rtol=accuracy, maxiter=most, M=M)
         assign(self.level.direction, x.reshape(-1, 3))
-        return failed == 0
+        return bool(failed == 0)
 
     def _product(self, x: np.ndarray) -> np.ndarray:
         assign(self.level.vector, x.reshape(-1, 3))
