@@ -7,6 +7,7 @@ from .model import SceneTests
 from .probes import Deflection, PointField, Probe, Reaction
 from .report import Fit
 from .sensitivity import Sensitivity, sensitivity
+from .tearing import TearingFit, tearing_energy
 from .uniform import UniformTests, nominal_stress
 
 __all__ = [
@@ -19,10 +20,12 @@ __all__ = [
     "Reaction",
     "SceneTests",
     "Sensitivity",
+    "TearingFit",
     "UniformTests",
     "fit",
     "nominal_stress",
     "read_table",
     "read_tests",
     "sensitivity",
+    "tearing_energy",
 ]

@@ -16,8 +16,9 @@ from ..simulation import Simulation
 from .data import Curve, Test
 from .model import Experiment, SceneTests
 
-# Relative uncertainty of a combination of constants from which on the data cannot tell it, and of its singular value.
-UNTOLD, SINGULAR = 0.5, 1e-6
+# A combination of constants is not told by the data if its singular value is smaller than this share of the largest, or
+# its relative uncertainty larger than this; a single constant is told badly from this uncertainty on.
+SINGULAR, UNTOLD, BADLY = 1e-6, 10.0, 0.3
 # A constant belongs to a combination from this share of it on.
 SHARE = 0.3
 CORRELATED = 0.95
@@ -60,6 +61,9 @@ class Judgement:
         errors = relative * np.sqrt(np.diag(covariance))
         for direction in v[lost]:
             errors[np.abs(direction) > SHARE * np.abs(direction).max()] = np.inf
+        for name, error, value in zip(vary, errors, values, strict=True):
+            if math.isfinite(error) and error > BADLY * abs(value):
+                words.append(f"the data tell {name} badly: its standard error is {100.0 * error / abs(value):.0f} %")
         scale = np.sqrt(np.diag(covariance))
         correlations = covariance / np.where(scale > 0.0, scale, 1.0) / np.where(scale > 0.0, scale, 1.0)[:, None]
         for a in range(len(vary)):
