@@ -79,7 +79,7 @@ class SceneTests:
         """By static equilibrium if the solver is Newton, otherwise by whole runs."""
         known = inspect.signature(self.build).parameters
         for name in vary:
-            if name not in known:
+            if name not in known and name not in self.settings:
                 raise InputError(f"vary = {name!r}: expected an argument of the scene: {', '.join(known)}")
         for test in self.tests:
             if test.control in vary:

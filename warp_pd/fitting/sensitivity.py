@@ -12,6 +12,7 @@ argument of a scene may be varied: constants, thickness, pressure, prestretch.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -219,16 +220,14 @@ def with_defaults(build: Build, vary: Sequence[str], settings: Mapping[str, Any]
     Raises:
         InputError: for an argument that does not exist, is no number, or varies twice.
     """
-    import inspect
-
     parameters = inspect.signature(build).parameters
     out = dict(settings)
     for index, name in enumerate(vary):
-        if name not in parameters:
+        if name not in parameters and name not in out:
             raise InputError(f"vary = {name!r}: expected an argument of the scene: {', '.join(parameters)}")
         if name in vary[:index]:
             raise InputError(f"vary = {name!r}: expected each argument once")
-        value = out.setdefault(name, parameters[name].default)
+        value = out.setdefault(name, parameters[name].default if name in parameters else None)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"{name} = {value!r}: expected a number to vary; give its start value")
     return out
