@@ -30,7 +30,7 @@ def fit(
     start: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     loss: str = "linear",
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-4,
     max_evaluations: int = 60,
     device: str | None = None,
     precision: int | None = None,
@@ -47,7 +47,8 @@ def fit(
         bounds: (lowest, highest) by name; a constant without has none but those of its material.
         loss: "linear", or "soft_l1" for data with outliers: residuals beyond two standard deviations count by their
             size, not its square.
-        tolerance: Relative change of the constants at which the search ends.
+        tolerance: Relative change of the constants at which the search ends; it converges so fast that they are then
+            nearer than that by far.
         max_evaluations: Evaluations after which it ends all the same.
         device: As for `Simulation.run`.
         precision: As for `Simulation.run`.

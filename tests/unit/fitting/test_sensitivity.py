@@ -27,10 +27,10 @@ CASES = {
 }  # fmt: skip
 
 
-def value(build, settings, measure):
+def last_row(build, settings):
     result = build(**settings).run(device="cpu")
     assert result.status == "finished"
-    return result.history[-1][measure]
+    return result.history[-1]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -45,11 +45,14 @@ def test_derivatives_are_those_of_differences_by_both_methods(name):
     for k, constant in enumerate(vary):
         # Fourth order, so that the differences are exact to 1e-8 or so.
         h = 1e-3 * abs(given[constant])
+        rows = [last_row(build, {**given, constant: given[constant] + n * h}) for n in (1, -1, 2, -2)]
         for m, measure in enumerate(measures):
-            a, b, c, d = (value(build, {**given, constant: given[constant] + n * h}, measure) for n in (1, -1, 2, -2))
+            a, b, c, d = (row[measure] for row in rows)
             difference = (8.0 * (a - b) - (c - d)) / (12.0 * h)
-            for sensitivities in found.values():
-                assert sensitivities.jacobian[m, k] == pytest.approx(difference, rel=1e-6)
+            for derivatives in found.values():
+                # What does not depend on the constant has the round-off of the value.
+                zero = 1e-9 * abs(derivatives.values[m] / given[constant])
+                assert derivatives.jacobian[m, k] == pytest.approx(difference, rel=1e-6, abs=zero)
 
 
 def test_any_measure_has_derivatives_by_the_direct_method():
@@ -57,7 +60,7 @@ def test_any_measure_has_derivatives_by_the_direct_method():
     assert found.method == "direct"
     for k, (name, size) in enumerate((("mu1", 0.5e6), ("stretch", 1.3))):
         h = 1e-4 * size
-        a, b = (value(cases.ogden_strip, {**STRIP, name: size + s * h}, "squared") for s in (1.0, -1.0))
+        a, b = (last_row(cases.ogden_strip, {**STRIP, name: size + s * h})["squared"] for s in (1.0, -1.0))
         assert found.jacobian[0, k] == pytest.approx((a - b) / (2.0 * h), rel=1e-5)
 
 

@@ -1,0 +1,94 @@
+"""Files of tests: units, gaps, and what is wrong in one line."""
+
+import fitting_cases as cases
+import numpy as np
+import pytest
+
+from warp_pd import InputError
+from warp_pd.fitting import Curve, FieldData, read_table, read_tests
+
+
+def written(tmp_path, text):
+    path = tmp_path / "data.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_units_are_those_of_the_header(tmp_path):
+    table = read_table(written(tmp_path, "# made up\nPressure [kPa], top height (mm)\n1.5,2\n\n3,4\n"))
+    assert table.columns["pressure"].tolist() == [1500.0, 3000.0]
+    assert table.columns["top_height"] == pytest.approx([2e-3, 4e-3])
+    assert table.rows.tolist() == [3, 5]
+    comma = read_table(written(tmp_path, "time [min];force [N]\n1,5;2,25\n"))
+    assert comma.columns["time"].tolist() == [90.0]
+    assert comma.columns["force"].tolist() == [2.25]
+
+
+def test_gaps_are_left_out_and_named(tmp_path):
+    path = written(tmp_path, "pressure [kPa],height [mm]\n1,2\n2,\n,3\n4,nan\n5,6\n")
+    (curve,), notes = read_tests(path, cases.blown, None)
+    assert curve.at.tolist() == [1e3, 5e3]
+    assert curve.values == pytest.approx([2e-3, 6e-3])
+    assert curve.rows.tolist() == [2, 6]
+    assert sorted(note.split(": the row")[0] for note in notes) == [
+        "data.csv, line 3: height is missing",
+        "data.csv, line 4: pressure is missing",
+        "data.csv, line 5: height is missing",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("pressure,height [mm]\n1,2\n", "column 'pressure': expected a name and a unit"),
+        ("pressure [kPa],height [parsec]\n1,2\n", r"column 'height': unit \[parsec\] is not known"),
+        ("pressure [kPa],height [mm]\n1,two\n", "line 2: height = 'two': expected a number"),
+        ("pressure [kPa],height [mm]\n1,2,3\n", "line 2: 3 cells: expected 2"),
+        ("pressure [mm],height [kPa]\n1,2\n", "column 'pressure' is a length: expected a pressure; the columns seem"),
+        ("pressure [kPa],height [N]\n1,2\n", "column 'height' is a force: expected a length"),
+        ("pressure [s],height [mm]\n1,2\n", "column 'pressure' is a time: expected a pressure"),
+        ("depth [mm],height [mm]\n1,2\n", "expected one that is an argument of the scene"),
+        ("pressure [kPa],top [mm]\n1,2\n", "column 'top': expected a measure of the scene: height, edge_height, pull"),
+        ("pressure [kPa],pressure [kPa]\n1,2\n", "column 'pressure' is there twice"),
+        ("pressure [kPa],height [mm]\n", "expected a header and rows"),
+        ("pressure [kPa],height [mm]\n1,\n", "expected rows with both pressure and height"),
+        ("pressure [kPa],mu [kPa],height [mm]\n1,2,3\n", "columns pressure, mu are arguments of the scene"),
+    ],
+)
+def test_wrong_files_are_refused_in_a_line(tmp_path, text, said):
+    with pytest.raises(InputError, match=said) as raised:
+        read_tests(written(tmp_path, text), cases.blown, None)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_table(tmp_path / "nothing.csv")
+
+
+def test_columns_may_come_in_any_order_and_name(tmp_path):
+    (curve,), _ = read_tests(written(tmp_path, "bulge [mm],pressure [kPa]\n2,1\n3,2\n"), cases.blown, "height")
+    assert (curve.control, curve.measure) == ("pressure", "height")
+    assert curve.at.tolist() == [1e3, 2e3]
+
+
+def test_a_field_has_places_and_displacements_for_every_level(tmp_path):
+    text = "stretch [-],x [mm],y [mm],u [mm],v [mm]\n1.1,1,2,0.1,0.2\n1.1,3,4,,\n1.3,1,2,0.3,\n"
+    fields, notes = read_tests(written(tmp_path, text), lambda stretch=1.3: cases.ogden_strip(stretch=stretch), None)
+    assert [field.at for field in fields] == [1.1, 1.3]
+    assert fields[0].places == pytest.approx(np.array([[1e-3, 2e-3]]))
+    assert fields[0].displacements[0, :2] == pytest.approx([1e-4, 2e-4])
+    assert np.isnan(fields[0].displacements[0, 2])
+    assert np.isnan(fields[1].displacements[0, 1])
+    assert notes == ["data.csv, line 3: the displacement is missing: the row is left out"]
+    with pytest.raises(InputError, match="column 'u' is a force: expected a length"):
+        read_tests(written(tmp_path, "x [m],y [m],u [N],v [m]\n1,2,3,4\n"), cases.ogden_strip, None)
+
+
+def test_shapes_of_data_are_checked():
+    with pytest.raises(InputError, match="expected as many of both"):
+        Curve("pressure", np.ones(2), "height", np.ones(3))
+    with pytest.raises(InputError, match="expected finite numbers"):
+        Curve("pressure", np.ones(2), "height", np.array([1.0, np.nan]))
+    with pytest.raises(InputError, match="not all NaN"):
+        FieldData(np.ones((2, 2)), np.full((2, 3), np.nan))

@@ -1,0 +1,177 @@
+"""Fits find what made the data, say how sure they are, and what the data cannot tell."""
+
+import fitting_cases as cases
+import numpy as np
+import pytest
+
+from warp_pd import Explicit, Gent, InputError, MooneyRivlin, NeoHookean
+from warp_pd.fitting import Curve, FieldData, PointField, SceneTests, UniformTests, fit, nominal_stress
+from warp_pd.fitting.equilibrium import Equilibrium
+
+TRUTH = {"mu": 0.4e6, "lock": 20.0}
+PRESSURES = np.linspace(4e3, 40e3, 7)
+
+
+def simulated(build, control, at, measure, settings):
+    """What a scene shows at values of an argument, each from a run of its own."""
+    rows = [build(**{**settings, control: float(value)}).run(device="cpu").history[-1] for value in at]
+    return np.array([row[measure] for row in rows])
+
+
+@pytest.fixture(scope="module")
+def heights():
+    return simulated(cases.blown, "pressure", PRESSURES, "height", {**TRUTH, "prestretch": 1.05})
+
+
+def bulge(values, **settings):
+    return SceneTests(
+        cases.blown, [Curve("pressure", PRESSURES, "height", values, name="bulge")], {"prestretch": 1.05, **settings}
+    )
+
+
+def test_exact_data_give_the_constants_that_made_them(heights):
+    found = fit(bulge(heights), ["mu", "lock"], start={"mu": 0.6e6, "lock": 12.0}, device="cpu")
+    assert found.estimates == pytest.approx(TRUTH, rel=1e-5)
+    assert found.converged
+    assert found.judgement.deviation < 1e-6
+    row = found.simulation(pressure=float(PRESSURES[-1])).run(device="cpu").history[-1]
+    assert row["height"] == pytest.approx(heights[-1], rel=1e-5)
+
+
+def test_standard_errors_are_those_of_the_linear_theory(heights):
+    rng = np.random.default_rng(3)
+    noisy = heights + 0.01 * heights.max() * rng.normal(size=heights.shape)
+    found = fit(bulge(noisy), ["mu", "lock"], start=TRUTH, device="cpu")
+    errors = found.judgement.errors
+    assert (np.abs(found.values - list(TRUTH.values())) < 3.0 * errors).all()
+    # The cost rises by one variance where one constant leaves by its error and the other follows it best.
+    shifted = fit(bulge(noisy, lock=found.estimates["lock"] + errors[1]), ["mu"], start=TRUTH, device="cpu")
+    costs = [sum((r**2).sum() for r in f.residuals) for f in (found, shifted)]
+    assert costs[1] - costs[0] == pytest.approx(found.judgement.deviation**2, rel=0.2)
+
+
+def test_constants_that_only_scale_each_other_are_named(heights):
+    found = fit(bulge(heights), ["mu", "thickness"], start={"mu": 0.5e6, "thickness": 1e-3}, device="cpu")
+    assert found.values.prod() == pytest.approx(0.4e6 * 1e-3, rel=1e-4) or found.judgement.deviation > 1e-3
+    assert not np.isfinite(found.judgement.errors).any()
+    assert any("cannot tell mu from thickness" in line for line in found.judgement.words)
+    assert "cannot tell mu from thickness" in found.table()
+
+
+def test_outliers_are_named_and_do_not_move_a_robust_fit(heights):
+    rng = np.random.default_rng(5)
+    spoiled = heights * (1.0 + 1e-3 * rng.normal(size=heights.shape))
+    spoiled[3] *= 1.5
+    plain, robust = (
+        fit(bulge(spoiled), ["mu", "lock"], start=TRUTH, loss=k, device="cpu") for k in ("linear", "soft_l1")
+    )
+    off = [np.abs(f.values / list(TRUTH.values()) - 1.0).max() for f in (plain, robust)]
+    assert off[1] < 0.02 < off[0]
+    assert any("bulge, row 4" in line and "outlier" in line for line in robust.outliers())
+
+
+def test_a_wrong_unit_is_noticed(heights):
+    found = fit(bulge(1e3 * heights), ["mu"], device="cpu", max_evaluations=2)
+    assert any("check the unit" in note for note in found.notes)
+
+
+def test_wrong_arguments_are_refused(heights):
+    for vary, more, said in (
+        (["nu"], {}, "vary = 'nu'"),
+        (["pressure"], {}, "the test 'bulge' controls it"),
+        (["mu", "mu"], {}, "each once"),
+        (["mu"], {"bounds": {"lock": (1.0, 2.0)}}, "bounds of 'lock'"),
+        (["mu"], {"bounds": {"mu": (1.0, 2.0)}}, "starts outside its bounds"),
+        (["mu"], {"loss": "huber"}, "loss = 'huber'"),
+    ):
+        with pytest.raises(InputError, match=said):
+            fit(bulge(heights), vary, device="cpu", **more)
+    few = SceneTests(cases.blown, [Curve("pressure", PRESSURES[:1], "height", heights[:1])])
+    with pytest.raises(InputError, match="expected more numbers than the 2 constants"):
+        fit(few, ["mu", "lock"], device="cpu")
+
+
+def strip(mu1=0.5e6, a1=1.6, stretch=1.4):
+    return cases.ogden_strip(mu1=mu1, a1=a1, mu2=1e3, stretch=stretch)
+
+
+def test_a_picture_and_a_force_tell_both_constants():
+    state = Equilibrium(strip(), "cpu")
+    state.reach(1.0)
+    rng = np.random.default_rng(0)
+    places = rng.uniform([0.0, 0.0], [0.1, 0.05], size=(60, 2))
+    shown = PointField.at(state.built.context.sheet, places).values(state.frame())
+    shown[:, 2] = np.nan
+    force = simulated(strip, "stretch", [1.2, 1.4], "force", {})
+    picture = FieldData(places, shown, "stretch", 1.4, name="picture")
+    pull = Curve("stretch", np.array([1.2, 1.4]), "force", force, name="pull")
+    start = {"mu1": 0.4e6, "a1": 2.2}
+    found = fit(SceneTests(strip, [picture, pull]), ["mu1", "a1"], start=start, device="cpu")
+    assert found.estimates == pytest.approx({"mu1": 0.5e6, "a1": 1.6}, rel=1e-4)
+    assert found.model[0] == pytest.approx(np.where(np.isnan(shown), 0.0, shown), abs=1e-7)
+
+
+def test_places_of_a_field_are_exact_for_linear_displacements():
+    state = Equilibrium(strip(), "cpu")
+    frame = state.frame()
+    sheet = state.built.context.sheet
+    places = np.array([[0.013, 0.021], [0.1, 0.05], [0.0, 0.033]])
+    linear = sheet.positions @ np.array([[0.1, 0.0, 0.2], [0.3, -0.1, 0.0], [0.0, 0.0, 0.0]])
+    moved = type(frame)(1, 1.0, linear, frame.velocity)
+    shown = PointField.at(sheet, places).values(moved)
+    assert shown == pytest.approx(places @ np.array([[0.1, 0.0, 0.2], [0.3, -0.1, 0.0]]), abs=1e-15)
+    with pytest.raises(InputError, match="none of them is on the sheet"):
+        PointField.at(sheet, np.array([[1.0, 1.0]]))
+
+
+def test_uniform_stress_is_that_of_the_closed_forms():
+    stretch = np.array([1.05, 1.5, 3.0])
+    c10, c01 = 0.2e6, 0.05e6
+    third = {"uniaxial": stretch**-0.5, "planar": np.ones(3), "equibiaxial": stretch}
+    powers = {"uniaxial": (-2.0, -3.0), "planar": (-3.0, -3.0), "equibiaxial": (-5.0, -5.0)}
+    for loading, width in third.items():
+        a, _ = powers[loading]
+        closed = 2.0 * (stretch - stretch**a) * (c10 + c01 * (width**2 if loading != "uniaxial" else 1.0 / stretch))
+        assert nominal_stress(MooneyRivlin(c10, c01), loading, stretch) == pytest.approx(closed, rel=1e-8)
+    for material in (NeoHookean(1e5, 1e9), Gent(1e5, 1e9, 1e9)):
+        stress = nominal_stress(material, "uniaxial", stretch)
+        assert stress == pytest.approx(1e5 * (stretch - stretch**-2.0), rel=2e-3)
+
+
+def test_curves_of_a_data_sheet_and_a_scene_are_fitted_at_once(heights):
+    stretch = np.linspace(1.2, 3.0, 6)
+    curve = Curve("uniaxial", stretch, "stress", nominal_stress(Gent(0.4e6, 20e6, 20.0), "uniaxial", stretch))
+
+    def rubber(mu=0.5e6, lock=15.0):
+        return Gent(mu, 50.0 * mu, lock)
+
+    sheet = UniformTests(rubber, [curve], {"mu": 0.5e6, "lock": 15.0})
+    found = fit([bulge(heights), sheet], ["mu", "lock"], device="cpu")
+    assert found.estimates == pytest.approx(TRUTH, rel=1e-5)
+    assert len(found.residuals) == 2
+
+
+def test_a_run_in_time_is_fitted_by_differences_over_runs():
+    def shaken(mu=0.4e6):
+        scene = cases.blown(mu=mu, pressure=2e3, points=7)
+        scene.solver = Explicit(2e-3, frames=20, precision=64)
+        return scene
+
+    history = shaken(mu=0.4e6).run(device="cpu").history
+    at = np.linspace(2e-4, 1e-3, 8)
+    heard = np.interp(at, [row["time"] for row in history], [row["height"] for row in history])
+    curve = Curve("time", at, "height", heard, name="shaken")
+    found = fit(SceneTests(shaken, [curve]), ["mu"], start={"mu": 0.45e6}, device="cpu")
+    assert found.estimates["mu"] == pytest.approx(0.4e6, rel=1e-4)
+    with pytest.raises(InputError, match="expected at most"):
+        late = Curve("time", at * 10.0, "height", heard)
+        fit(SceneTests(shaken, [late]), ["mu"], device="cpu").table()
+
+
+def test_results_are_saved(tmp_path, heights):
+    found = fit(bulge(heights, lock=20.0), ["mu"], device="cpu")
+    folder = found.save(tmp_path / "fit", "warp-pd run own")
+    assert sorted(path.name for path in folder.iterdir()) == ["fit.json", "fit.png", "test-1.csv"]
+    table = np.loadtxt(folder / "test-1.csv", delimiter=",", skiprows=1)
+    assert table[:, 1] == pytest.approx(heights)
+    assert table[:, 2] == pytest.approx(heights, rel=1e-5)
