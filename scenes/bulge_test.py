@@ -6,7 +6,7 @@ so `warp-pd fit bulge_test DATA.csv --vary mu,lock --measure center_deflection` 
 against pressure (docs/fitting.md). `prestretch` is the stretch at which the sheet was clamped. The pressure rises with
 the load factor in `load_steps` steps.
 
-The reference for the disc is the exact membrane of incompressible rubber (shooting, tests/references/bulge.json); the
+The reference for the disc is the exact membrane of incompressible rubber (tools/references/shooting.py); the
 discrete one is slightly compressible.
 """
 
@@ -16,8 +16,8 @@ from warp_pd.fitting import Deflection
 from warp_pd.shapes.curves import Circle
 
 RADIUS, DENSITY = 0.05, 1000.0
-# Height of the top [m] with the defaults, but incompressible.
-HEIGHT: dict[float, float] = {}
+# Height of the top [m] by pressure [Pa], with the defaults, but incompressible.
+HEIGHT = {20e3: 0.082526, 40e3: 0.123409}
 
 
 def build(

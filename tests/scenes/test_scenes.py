@@ -14,6 +14,7 @@ from warp_pd.shapes.enclosure import volume_of
 
 SMALL = {
     "bimodular_bar": {"points": 60},
+    "bulge_test": {"points": 11, "load_steps": 4},
     "cantilever": {"points": 40},
     "kapton_shear": {"points": 38, "tolerance": 1e-6},
     "notched_strip": {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4},
@@ -23,6 +24,7 @@ SMALL = {
     "balloon_burst": {"points": 10, "tearing_energy": 6e4, "duration": 4e-3, "frames": 8},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
+    "holed_strip": {"points": 21, "load_steps": 2},
     "needle": {"points": 21, "depth": 0.05, "frames": 10},
     "glove": {"spacing": 6e-3, "load_steps": 2},
     "double_notch": {"points": 24, "horizon": 2.015, "duration": 2.4, "frames": 60, "slow_to": 0.99},

@@ -17,8 +17,10 @@ from .report import Fit, Judgement
 LOSSES = ("linear", "soft_l1")
 # Median absolute deviation to standard deviation of normal noise.
 MAD = 1.4826
-# Residuals of more standard deviations than this bend the robust loss.
-MARGIN = 2.0
+# Residuals of more standard deviations than this bend the robust loss; the deviation is found anew so many times.
+MARGIN, MOST_MARGINS = 2.0, 5
+# Pull of the constants to their start values, over their size: it holds those that the data do not tell, no others.
+PULL = 1e-5
 # The median of the model over that of the data from which on a wrong unit is likely.
 UNLIKELY = 50.0
 
@@ -69,17 +71,28 @@ def fit(
     problem = Problem(listed, vary, first, sizes, device, precision)
     notes = problem.check(first / sizes)
 
+    begin_at, pull = first / sizes, PULL * np.eye(len(first))
+
+    def pulled(q: np.ndarray) -> np.ndarray:
+        return np.concatenate([problem.residuals(q), PULL * (q - begin_at)])
+
+    def pulled_jacobian(q: np.ndarray) -> np.ndarray:
+        return np.concatenate([problem.jacobian(q), pull])
+
     def search(q: np.ndarray, kind: str, margin: float) -> Any:
         return least_squares(
-            problem.residuals, q, problem.jacobian, bounds=(low / sizes, high / sizes), method="trf", x_scale="jac",
+            pulled, q, pulled_jacobian, bounds=(low / sizes, high / sizes), method="trf", x_scale="jac",
             loss=kind, f_scale=margin, xtol=tolerance, ftol=1e-12, gtol=1e-12, max_nfev=max_evaluations,
         )  # fmt: skip
 
     found = search(first / sizes, "linear", 1.0)
     margin = 1.0
     if loss == "soft_l1":
-        for _ in range(2):
+        for _ in range(MOST_MARGINS):
+            before = margin
             margin = MARGIN * max(MAD * float(np.median(np.abs(problem.residuals(found.x)))), 1e-12)
+            if abs(margin - before) < 0.1 * before:
+                break
             found = search(found.x, "soft_l1", margin)
     if not found.success:
         notes.append(f"the search ended after {found.nfev} evaluations without reaching its tolerance")
@@ -103,7 +116,7 @@ def _start(name: str, experiments: Sequence[Experiment], start: Mapping[str, flo
         value = experiment.start(name)
         if value is not None:
             return value
-    raise InputError(f"vary = {name!r}: expected a start value, as none of the scenes has one")
+    raise InputError(f"vary = {name!r}: expected an argument of the scene that is a number, or a start value")
 
 
 def _limits(

@@ -16,7 +16,7 @@ from .model import Model
 LOADINGS = ("uniaxial", "equibiaxial", "planar")
 # Steps of differences: of the stretch, for the stress, and of a constant.
 STRETCH_STEP, CONSTANT_STEP = 2e-4, 1e-4
-NEWTON_STEPS, WIDTH_STEP = 60, 1e-4
+NEWTON_STEPS, WIDTH_STEP = 60, 1e-3
 
 
 def nominal_stress(material: Material, loading: str, stretch: np.ndarray) -> np.ndarray:
@@ -50,12 +50,13 @@ def _width(material: Material, stretch: np.ndarray) -> np.ndarray:
     width = stretch**-0.5
     for _ in range(NEWTON_STEPS):
         h = WIDTH_STEP * width
-        low, here, high = (energy_density(material, stretch, width + s * h, "cpu") for s in (-1.0, 0.0, 1.0))
+        least, low, here, high, most = (energy_density(material, stretch, width + s * h, "cpu") for s in range(-2, 3))
+        slope = (8.0 * (high - low) - (most - least)) / (12.0 * h)
         curvature = (high - 2.0 * here + low) / h**2
-        step = np.where(curvature > 0.0, -(high - low) / (2.0 * h) / np.where(curvature > 0.0, curvature, 1.0), 0.0)
+        step = np.where(curvature > 0.0, -slope / np.where(curvature > 0.0, curvature, 1.0), 0.0)
         step = np.clip(step, -0.2 * width, 0.2 * width)
         width = width + step
-        if np.abs(step).max() <= 1e-7:
+        if np.abs(step).max() <= 1e-10:
             break
     return np.asarray(width)
 

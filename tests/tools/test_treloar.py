@@ -1,0 +1,45 @@
+"""Published data: materials fitted to Treloar's three tests at once."""
+
+import numpy as np
+import pytest
+import treloar
+
+from warp_pd import ArrudaBoyce
+from warp_pd.fitting import nominal_stress
+
+
+@pytest.fixture(scope="module")
+def curves():
+    return treloar.tests()
+
+
+def test_data_are_the_three_tests(curves):
+    assert [len(curve.at) for curve in curves] == [24, 13, 16]
+    assert [curve.values.max() for curve in curves] == pytest.approx([6.3e6, 1.79e6, 2.43e6])
+
+
+@pytest.mark.parametrize("name", ["Yeoh", "Arruda-Boyce", "Gent"])
+def test_fit_is_a_least_one(curves, name):
+    found = treloar.fitted(name, curves)
+    best = treloar.errors(curves, found.model)[-1]
+    assert best < 0.05
+    material = treloar.MATERIALS[name][0]
+    for k in range(len(found.names)):
+        for factor in (0.98, 1.02):
+            values = found.values * np.where(np.arange(len(found.values)) == k, factor, 1.0)
+            moved = material(**dict(zip(found.names, values.tolist(), strict=True)))
+            shown = [nominal_stress(moved, curve.control, curve.at) for curve in curves]
+            assert treloar.errors(curves, shown)[-1] > best
+
+
+def test_fits_are_no_worse_than_published_constants(curves):
+    fitted = treloar.errors(curves, treloar.fitted("Arruda-Boyce", curves).model)[-1]
+    for stress in (treloar.arruda_boyce_1993, treloar.PUBLISHED["their constants, five terms"]):
+        assert fitted < treloar.errors(curves, [stress(c.control, c.at) for c in curves])[-1]
+
+
+def test_five_terms_are_the_langevin_function_far_from_its_lock():
+    stretch = np.linspace(1.05, 2.5, 6)
+    for loading in treloar.LOADINGS:
+        series = nominal_stress(ArrudaBoyce(0.27e6, 26.5**0.5), loading, stretch)
+        assert series == pytest.approx(treloar.arruda_boyce_1993(loading, stretch), rel=2e-3)
