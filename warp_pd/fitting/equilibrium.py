@@ -17,7 +17,7 @@ from ..simulation import Simulation
 from ..solvers.search import Search
 
 # Linear solves end at this share of their right side; those of a fit need no more than its states have.
-ACCURACY = {64: 1e-10, 32: 1e-5}
+ACCURACY = {64: 1e-9, 32: 1e-5}
 FIT_ACCURACY = {64: 1e-7, 32: 1e-4}
 # A load factor that is not reached in one step is approached in steps this many times halved at most.
 MAX_HALVINGS = 6
@@ -156,6 +156,12 @@ class Equilibrium:
         """The present state as measures see it."""
         self.built.context.run("frame")
         return snapshot(self.built, 1, self.factor * self.duration).in_double()
+
+    def bare_frame(self) -> Frame:
+        """The displacement of the present state alone, for probes."""
+        placement = self.built.context.placement
+        shown = self.displacement if placement is None else self.displacement - placement
+        return Frame(1, self.factor * self.duration, shown, np.zeros_like(shown))
 
     # Linear solves -------------------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ class Probe(Protocol):
     """A measure with a derivative."""
 
     def __call__(self, built: Built, frame: Frame) -> float:
-        """Its value."""
+        """Its value; of the frame it reads displacement and time alone."""
         ...
 
     def gradient(self, state: Equilibrium) -> np.ndarray:

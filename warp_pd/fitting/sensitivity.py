@@ -77,11 +77,20 @@ class Pair:
 
     def force(self, displacement: np.ndarray, factor: float) -> np.ndarray:
         """dR/dp at fixed displacement of the free components [N per unit], shape (N, 3)."""
-        total = np.zeros_like(displacement)
+        return self.force_and_changes(displacement, factor, ())[0]
+
+    def force_and_changes(
+        self, displacement: np.ndarray, factor: float, probes: Sequence[Probe]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `force`, and the derivatives of probes at fixed displacement, shape (M,)."""
+        total, changes = np.zeros_like(displacement), np.zeros(len(probes))
         for weight, side in zip(self._weights, self.sides, strict=True):
             side.set(displacement, factor)
             total += weight * side.residual()
-        return total
+            if probes:
+                frame = side.bare_frame()
+                changes += [weight * probe(side.built, frame) for probe in probes]
+        return total, changes
 
     def held(self, factor: float) -> np.ndarray:
         """du/dp of the held components [m per unit], shape (N, 3)."""
@@ -136,15 +145,10 @@ class Derivatives:
         state = self.state
         state.linearise()
         here, factor = state.displacement, state.factor
-        forces = [pair.force(here, factor) for pair in self.pairs]
-        rows = []
-        for probe in probes:
-            multiplier = state.solve_transposed(probe.gradient(state))
-            rows.append([
-                float(np.einsum("ic,ic->", multiplier, force)) + float(pair.change(probe, here, factor, None))
-                for pair, force in zip(self.pairs, forces, strict=True)
-            ])  # fmt: skip
-        return np.array(rows).reshape(len(probes), len(self.pairs))
+        made = [pair.force_and_changes(here, factor, probes) for pair in self.pairs]
+        forces, changes = np.array([force for force, _ in made]), np.array([change for _, change in made])
+        multipliers = np.array([state.solve_transposed(probe.gradient(state)) for probe in probes])
+        return np.einsum("mic,pic->mp", multipliers, forces) + changes.T
 
 
 @dataclass(frozen=True, eq=False)
