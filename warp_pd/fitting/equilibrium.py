@@ -18,7 +18,7 @@ from ..solvers.search import Search
 
 # Linear solves end at this share of their right side; those of a fit need no more than its states have.
 ACCURACY = {64: 1e-9, 32: 1e-5}
-FIT_ACCURACY = {64: 1e-7, 32: 1e-4}
+FIT_ACCURACY = {64: 1e-6, 32: 1e-4}
 # A load factor that is not reached in one step is approached in steps this many times halved at most.
 MAX_HALVINGS = 6
 
@@ -198,7 +198,8 @@ class Equilibrium:
         side, accuracy = np.where(self.free, force, 0.0), self.accuracy
         if not self.linear.solve_closely(side, accuracy, added):
             self._renew()
-            self.linear.solve_closely(side, accuracy, added)
+            if not self.linear.solve_closely(side, accuracy, added):
+                raise NoEquilibriumError("the tangent is too near to a singular one for derivatives")
         return np.where(self.free, self.level.direction.numpy().astype(np.float64), 0.0)
 
     @property

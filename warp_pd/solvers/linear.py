@@ -109,7 +109,7 @@ class LinearSolver:
 
     # SciPy ---------------------------------------------------------------------------------------------
 
-    def _on_host(self, right_side: np.ndarray, accuracy: float, cycles: int | None = None) -> bool:
+    def _on_host(self, right_side: np.ndarray, accuracy: float, cycles: int = 1) -> bool:
         from scipy.sparse.linalg import LinearOperator, cg, gmres
 
         size = right_side.size
@@ -118,7 +118,7 @@ class LinearSolver:
         b = np.ascontiguousarray(right_side).ravel()
         most = MAX_ITERATIONS[self.kind]
         if self.level.following:
-            x, failed = gmres(A, b, rtol=accuracy, restart=RESTART, maxiter=cycles or -(-most // RESTART), M=M)
+            x, failed = gmres(A, b, rtol=accuracy, restart=RESTART, maxiter=max(cycles, -(-most // RESTART)), M=M)
         else:
             x, failed = cg(A, b, rtol=accuracy, maxiter=most, M=M)
         assign(self.level.direction, x.reshape(-1, 3))

@@ -62,16 +62,38 @@ def test_constants_that_only_scale_each_other_are_named(heights):
     assert "cannot tell mu from thickness" in found.table()
 
 
-def test_outliers_are_named_and_do_not_move_a_robust_fit(heights):
+def test_outliers_are_named_and_do_not_move_a_robust_fit():
     rng = np.random.default_rng(5)
-    spoiled = heights * (1.0 + 1e-3 * rng.normal(size=heights.shape))
-    spoiled[3] *= 1.5
-    plain, robust = (
-        fit(bulge(spoiled), ["mu", "lock"], start=TRUTH, loss=k, device="cpu") for k in ("linear", "soft_l1")
-    )
-    off = [np.abs(f.values / list(TRUTH.values()) - 1.0).max() for f in (plain, robust)]
-    assert off[1] < 0.02 < off[0]
-    assert any("bulge, row 4" in line and "outlier" in line for line in robust.outliers())
+    stretch, truth = np.linspace(1.1, 3.0, 20), np.array([0.2e6, 0.03e6])
+    stress = nominal_stress(MooneyRivlin(*truth), "uniaxial", stretch)
+    spoiled = stress + 2e-3 * stress.max() * rng.normal(size=stress.shape)
+    spoiled[[3, 12]] *= (1.5, 0.7)
+    tests = UniformTests(MooneyRivlin, [Curve("uniaxial", stretch, "stress", spoiled, name="pulled")])
+    start = {"c10": 0.1e6, "c01": 0.05e6}
+    plain, robust = (fit(tests, ["c10", "c01"], start=start, loss=kind) for kind in ("linear", "soft_l1"))
+    off = [np.abs(found.values / truth - 1.0).max() for found in (plain, robust)]
+    assert off[1] < 0.1 * off[0]
+    assert (np.abs(robust.values - truth) < 3.0 * robust.judgement.errors).all()
+    assert [line.split(":")[0] for line in robust.outliers()] == ["pulled, row 4", "pulled, row 13"]
+    assert "an outlier?" in robust.table()
+
+
+def test_states_share_a_scene_where_the_control_is_proportional_to_its_loads():
+    pressed = SceneTests(cases.blown, [Curve("pressure", [1e3, 2e3, 4e3], "height", np.ones(3))], {"points": 7})
+    pulled = SceneTests(strip, [Curve("stretch", [1.1, 1.4], "force", np.ones(2))])
+    gas = SceneTests(cases.blown, [Curve("gas", [1e3, 4e3], "height", np.ones(2))], {"points": 7})
+    timed = SceneTests(cases.blown, [Curve("time", [0.5, 2.0], "height", np.ones(2))], {"points": 7, "duration": 2.0})
+    expected = {
+        pressed: ([{"pressure": 4e3}] * 3, [0.25, 0.5, 1.0]),
+        pulled: ([{"stretch": 1.4}] * 2, [0.25, 1.0]),
+        gas: ([{"gas": 1e3}, {"gas": 4e3}], [1.0, 1.0]),
+        timed: ([{}, {}], [0.25, 1.0]),
+    }
+    for tests, (settings, factors) in expected.items():
+        name = "mu1" if tests is pulled else "mu"
+        places = tests.model([name], np.array([0.4e6]), "cpu", None).places
+        assert [place.settings for place in places] == settings
+        assert [place.factor for place in places] == pytest.approx(factors)
 
 
 def test_a_wrong_unit_is_noticed(heights):

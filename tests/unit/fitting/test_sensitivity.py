@@ -91,6 +91,15 @@ def test_float32_has_the_derivatives_of_float64():
     assert rough.jacobian == pytest.approx(exact.jacobian, rel=5e-3)
 
 
+def test_every_device_has_the_derivatives_of_the_cpu(device):
+    vary, measures = ["mu", "lock", "pressure", "prestretch"], ["height", "pull"]
+    for method in ("adjoint", "direct"):
+        here = sensitivity(cases.blown, vary, measures, method=method, device=device)
+        there = sensitivity(cases.blown, vary, measures, method=method, device="cpu")
+        assert here.values == pytest.approx(there.values, rel=1e-9)
+        assert here.jacobian == pytest.approx(there.jacobian, rel=1e-6)
+
+
 def test_what_has_no_derivative_is_refused():
     def relaxed(mu=0.4e6):
         scene = cases.blown(mu=mu)
