@@ -148,7 +148,7 @@ class Derivatives:
         made = [pair.force_and_changes(here, factor, probes) for pair in self.pairs]
         forces, changes = np.array([force for force, _ in made]), np.array([change for _, change in made])
         multipliers = np.array([state.solve_transposed(probe.gradient(state)) for probe in probes])
-        return np.einsum("mic,pic->mp", multipliers, forces) + changes.T
+        return np.asarray(np.einsum("mic,pic->mp", multipliers, forces) + changes.T)
 
 
 @dataclass(frozen=True, eq=False)
