@@ -52,9 +52,11 @@ class Stencil:
 
 @functools.cache
 def undamaged_lattice_force(
-    bits: int, near: FunctionFactory, stencil: Stencil, gridded: bool, breakable: bool, listed: bool, module: str
+    bits: int, near: FunctionFactory, stencil: Stencil, gridded: bool, breakable: bool, module: str
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
+
+    It puts all other points on the list `others`, in any order.
 
     Point i has column i % ring of `bond_force`: the ring has a column for each point, or fewer that launches reuse.
 
@@ -65,7 +67,6 @@ def undamaged_lattice_force(
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
         breakable: Whether families may be damaged; those count as others.
-        listed: Whether the indices of all other points go to the list `others` (in any order).
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -125,8 +126,7 @@ def undamaged_lattice_force(
             if intact[0, i] != wp.uint32(wp.static(full)):
                 undamaged = False
         if not undamaged:
-            if wp.static(listed):
-                others[wp.atomic_add(other_count, 0, 1)] = i
+            others[wp.atomic_add(other_count, 0, 1)] = i
             return
         origin = displacement[i]
         T = Vectors()
