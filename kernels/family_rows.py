@@ -6,8 +6,9 @@ any intersection that contains it. A CPU adds a row at once, and a family's rows
     row k of the first table     (c_k X_k1 U_k, c_k X_k2 U_k)      summed over D_ij to the gradient of bond j
     row j of the second table    A_ij = W_ij P_ij K_ij^-1          summed over D_ik to the force on member k
 
-k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one intersection. If it holds more than
-half of the family, the sum runs over the others and is subtracted from the sum over all.
+The energy needs the first pass alone. k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one
+intersection. If it holds more than half of the family, the sum runs over the others and is subtracted from the sum over
+all.
 """
 
 import functools
@@ -27,16 +28,20 @@ ROW = 8
 
 
 @functools.cache
-def family_rows_force(
+def family_rows(
     layout: str,
     bits: int,
     material: PairFactory,
     near: FunctionFactory | None,
     breakable: str | None,
     words: int,
+    energetic: bool,
     module: str,
 ) -> Kernel:
-    """Kernel that fills bond_force [members, points] with the forces of each family, N; variational form.
+    """Kernel that fills bond_force [members, points] with the forces of each family [N]; variational form.
+
+    With `energetic` it fills energies [points] with the energy of each family [J] instead. `unit` is the thickness
+    times the reference area, for forces divided by the horizon.
 
     Args:
         layout: "lattice", "grid" or "cloud".
@@ -45,6 +50,7 @@ def family_rows_force(
         near: Factory of stress_near, called with `bits`, or None.
         breakable: None, "redistribute" or "drop".
         words: Number of words of a family's masks.
+        energetic: Whether the energy is asked for.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -56,7 +62,7 @@ def family_rows_force(
     green, damaged_inverse = law.green, law.damaged_inverse
     area_weight, family_scale, stress_on_members = law.area_weight, law.family_scale, law.stress_on_members
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
-    stress, quick = material(bits)[0], near is not None
+    (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
     damaged, curved, word_size = breakable is not None, is_curved(layout), WORD
     # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
@@ -87,16 +93,19 @@ def family_rows_force(
         area = f.area(family, f.neighbour(family, i, k))
         return f.influence(family, i, k) * area * f.bond(family, i, k), area
 
-    @kernel(module, gathers=("displacement",))
-    def family_rows_force(
+    name = "family_rows_energy" if energetic else "family_rows_force"
+
+    @kernel(module, gathers=("displacement",), name=name)
+    def family_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         constants: parameters,
         inverse_horizon: real,
-        unit_force: real,
+        unit: real,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
+        energies: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
         undamaged = is_undamaged(family, intact, i)
@@ -105,8 +114,9 @@ def family_rows_force(
         for word in range(wp.static(words)):
             here[word] = intact_members(family, intact, i, word)
             members += number_of_bits(here[word])
-        for k in range(family.members):
-            bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(not energetic):
+            for k in range(family.members):
+                bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
 
         rows = Rows()
         all_rows = Row()
@@ -143,8 +153,10 @@ def family_rows_force(
                         shapes[k] = shape
                         all_shapes += shape
 
-        answers = Rows()
-        all_answers = Row()
+        if wp.static(not energetic):
+            answers = Rows()
+            all_answers = Row()
+        stored = real(0.0)
         total = real(0.0)
         guess = real(0.0)
         for word in range(wp.static(words)):
@@ -190,37 +202,44 @@ def family_rows_force(
                     H2 = G1 * inverse[1] + G2 * inverse[2]
                     if wp.static(curved):
                         H1, H2 = level(H1, H2, tilt)
-                    if wp.static(quick):
-                        S, guess = stress_near(green(H1, H2, tilt), constants, guess)
-                    else:
-                        S = stress(green(H1, H2, tilt), constants)
+                    strain = green(H1, H2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
-                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-                    answer = Row()
-                    for c in range(3):
-                        answer[c] = A1[c]
-                        answer[3 + c] = A2[c]
-                    answers[j] = answer
-                    all_answers += answer
+                    if wp.static(energetic):
+                        stored += weight * energy(strain, constants)
+                    else:
+                        if wp.static(quick):
+                            S, guess = stress_near(strain, constants, guess)
+                        else:
+                            S = stress(strain, constants)
+                        A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
+                        answer = Row()
+                        for c in range(3):
+                            answer[c] = A1[c]
+                            answer[3 + c] = A2[c]
+                        answers[j] = answer
+                        all_answers += answer
 
-        scale = unit_force * family_scale(family, i, undamaged, total)
-        for word in range(wp.static(words)):
-            bonds = here[word]
-            while bonds != wp.uint32(0):
-                k = word * word_size + lowest_bit(bonds)
-                bonds = without_lowest_bit(bonds)
-                chosen, most = summed(family, here, members, i, k)
-                A = Row()
-                for other in range(wp.static(words)):
-                    left = chosen[other]
-                    while left != wp.uint32(0):
-                        A += answers[other * word_size + lowest_bit(left)]
-                        left = without_lowest_bit(left)
-                if most:
-                    A = all_answers - A
-                arm, area = moment(family, i, k)
-                pull = arm[0] * vec3(A[0], A[1], A[2]) + arm[1] * vec3(A[3], A[4], A[5])
-                bond_force[k, i] = f.from_frame(family, i, scale * pull)
+        scale = unit * family_scale(family, i, undamaged, total)
+        if wp.static(energetic):
+            energies[i] = wp.float64(scale * stored)
+        else:
+            for word in range(wp.static(words)):
+                bonds = here[word]
+                while bonds != wp.uint32(0):
+                    k = word * word_size + lowest_bit(bonds)
+                    bonds = without_lowest_bit(bonds)
+                    chosen, most = summed(family, here, members, i, k)
+                    A = Row()
+                    for other in range(wp.static(words)):
+                        left = chosen[other]
+                        while left != wp.uint32(0):
+                            A += answers[other * word_size + lowest_bit(left)]
+                            left = without_lowest_bit(left)
+                    if most:
+                        A = all_answers - A
+                    arm, area = moment(family, i, k)
+                    pull = arm[0] * vec3(A[0], A[1], A[2]) + arm[1] * vec3(A[3], A[4], A[5])
+                    bond_force[k, i] = f.from_frame(family, i, scale * pull)
 
-    return family_rows_force
+    return family_rows

@@ -175,6 +175,17 @@ class BondAssociatedForce(FamilyLaw):
             unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
         )  # fmt: skip
 
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
+        if self.fast_path is not None:
+            self.fast_path.add_energy(stage, displacement, out)
+        else:
+            self.add_reference_energy(stage, displacement, out)
+
+    def add_reference_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """The same with the reference kernel."""
+        super().add_energy(stage, displacement, out)
+
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""
         return self.kernels.strain_energy

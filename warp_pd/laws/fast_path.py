@@ -23,7 +23,7 @@ from ..device.launches import Stage
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
-from ..kernels.family_rows import family_rows_force
+from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
@@ -47,6 +47,10 @@ class FastForce(Protocol):
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        ...
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
         ...
 
 
@@ -77,22 +81,33 @@ def shares_memory(device: wp.Device) -> bool:
 
 
 class RowSums:
-    """The fast kernel of a CPU."""
+    """The fast kernels of a CPU."""
 
     def __init__(self, force: BondAssociatedLaw) -> None:
         self.force = force
         layout, bits, material, broken, _ = force.key
         near, words = capabilities(force.material).near, -(-force.families.members // WORD)
-        self.kernel = family_rows_force(layout, bits, material, near, broken, words, force.context.module)
+        self.kernels = [
+            family_rows(layout, bits, material, near, broken, words, energetic, force.context.module)
+            for energetic in (False, True)
+        ]
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
         law = self.force
         stage.launch(
-            law.owner, self.kernel, law.points, **law.family_arguments(displacement), constants=law.constants,
-            unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.pairs,
+            law.owner, self.kernels[0], law.points, **law.family_arguments(displacement), constants=law.constants,
+            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None,
         )  # fmt: skip
         law.add_gather(stage, law.kernels.gather, law.pairs, force)
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
+        law = self.force
+        stage.launch(
+            law.owner, self.kernels[1], law.points, **law.family_arguments(displacement), constants=law.constants,
+            unit=law.unit_volume, bond_force=None, energies=energies,
+        )  # fmt: skip
 
 
 class FastPath:
@@ -169,6 +184,10 @@ class FastPath:
             if self.stencil is not None:
                 self._add_undamaged(stage, strip, *self.stencil, displacement, force)
             self._add_shared(stage, strip, displacement, force)
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64: that of the reference kernels."""
+        self.force.add_reference_energy(stage, displacement, energies)
 
     def _add_undamaged(
         self, stage: Stage, strip: Strip, stencil: Stencil, inner: int, displacement: Array, force: Array

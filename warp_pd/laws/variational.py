@@ -57,6 +57,10 @@ class BondAssociatedLaw(Protocol):
         """Add the launch that fills `pairs`."""
         ...
 
+    def add_reference_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
+        ...
+
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
         """Add the pointwise stage that sums the pairs of each point [N] to its force [N]."""
         ...

@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 from curved_sheets import rough_motion, small_tube
 from grid_sheets import holed, partly_off_the_grid
-from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square
+from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square, strain_energy
 
 from warp_pd import CriticalStretch, Explicit, Gent, TearingEnergy
 from warp_pd.device import graph
@@ -13,6 +13,8 @@ from warp_pd.families import pack
 from warp_pd.laws import fast_path
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
+# An energy is of second order in a strain that float32 knows to 1e-6 of one.
+ENERGY_TOLERANCE = {32: 1e-5, 64: 1e-12}
 CUT = ((0.02, 0.031), (0.071, 0.08))
 
 
@@ -53,9 +55,14 @@ def launch_names(built):
     return [name for launch in built.context.stages["step"] for name in launch.parts]
 
 
+def energy_of_families(built, displacement):
+    strain_energy(built, displacement)
+    return built.law.strain_energy.numpy()
+
+
 def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT):
     parts = {"damage": CriticalStretch(1e3)} if cut else {}
-    forces, launches = [], []
+    forces, energies, launches = [], [], []
     for fast in (True, False):
         built = build(
             sheet, horizon=horizon, material=material, precision=bits, law={"fast": fast, "broken": broken}, **parts
@@ -63,9 +70,11 @@ def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT):
         if cut:
             sever(built, cut)
         forces.append(internal_force(built, rough(sheet)))
+        energies.append(energy_of_families(built, rough(sheet)))
         launches.append(launch_names(built))
     quick, reference = forces
     assert np.abs(quick - reference).max() <= TOLERANCE[bits] * np.abs(reference).max()
+    assert np.abs(energies[0] - energies[1]).max() <= ENERGY_TOLERANCE[bits] * energies[1].max()
     return launches
 
 
@@ -104,14 +113,16 @@ def test_a_cpu_sums_rows_of_any_material(material):
 @pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
 def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
-    tube, forces = small_tube(), []
+    tube, forces, energies = small_tube(), [], []
     for fast in (True, False):
         parts = {"damage": CriticalStretch(1e3)} if torn else {}
         built = build(tube, horizon=2.5, material=GENT, precision=bits, law={"fast": fast}, **parts)
         if torn:
             break_at_random(built)
         forces.append(internal_force(built, rough_motion(tube)))
+        energies.append(energy_of_families(built, rough_motion(tube)))
     assert np.abs(forces[0] - forces[1]).max() <= TOLERANCE[bits] * np.abs(forces[1]).max()
+    assert np.abs(energies[0] - energies[1]).max() <= ENERGY_TOLERANCE[bits] * energies[1].max()
 
 
 @pytest.mark.parametrize("bits", [32, 64])
