@@ -1,6 +1,6 @@
 """Fast kernels of the variational bond-associated law, and when they are used.
 
-On a CPU one kernel serves all families. On a GPU undamaged families inside a square lattice or grid have a separate
+On a CPU one kernel serves all families. On a GPU undamaged families inside a lattice or grid have a separate
 kernel, if the material is isotropic. It puts all other points on a list, which a second kernel works through with two
 bonds per thread. Clouds, and sheets too small to fill a GPU with one thread per point, use only the second kernel.
 
@@ -200,7 +200,7 @@ class FastPath:
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
             places=law.struct.centres if self.gridded else law.lattice_columns,
             # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
-            turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip

@@ -89,6 +89,14 @@ def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, materi
 
 
 @pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize("horizon", [1.5, 2.015, 3.15])
+@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
+def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu, horizon, bits, cut):
+    quick, _ = compare(square((17, 15)), horizon, bits, cut=cut)
+    assert "undamaged_family_force" in quick
+
+
+@pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
 @pytest.mark.parametrize("horizon", [1.5, 3.15, 4.15])
 @pytest.mark.parametrize(
