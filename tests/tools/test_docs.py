@@ -1,6 +1,7 @@
 """The documentation: its scenes can be built, and the site has every page."""
 
 import re
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,15 @@ def test_examples_of_shapes_run(code, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "shapes", "exec"), {})
     assert sorted(path.name for path in tmp_path.iterdir()) == re.findall(r"[a-z]+\.png", code)
+
+
+FITS = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / "fitting.md").read_text(), re.DOTALL)
+
+
+@pytest.mark.parametrize("code", [code for code in FITS if "tearing_energy" not in code])
+def test_examples_of_fits_run(code, capsys):
+    exec(compile(textwrap.dedent(code), "fitting", "exec"), {})
+    assert capsys.readouterr().out
 
 
 def test_every_page_is_in_the_navigation():

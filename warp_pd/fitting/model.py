@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,6 +19,8 @@ from .sensitivity import Build, Derivatives, Value, value_of
 # Values of a control at zero load that are tried: those of a force or a path, and of a stretch.
 AT_REST = (0.0, 1.0)
 TRIAL_FACTOR, TRIAL_SIZE, SAME = 0.37, 1e-3, 1e-9
+# Relative residual of the states of a fit in float64, unless the scene has its own tolerance: data have more noise.
+TOLERANCE = 1e-6
 
 
 class Model(Protocol):
@@ -121,7 +123,10 @@ class EquilibriumModel:
         self, experiment: SceneTests, vary: Sequence[str], settings: Mapping[str, Any], scene: Simulation,
         sizes: np.ndarray, device: str | None, precision: int | None,
     ) -> None:  # fmt: skip
-        self.build, self.tests, self.vary = experiment.build, list(experiment.tests), list(vary)
+        double = (precision or scene.solver.precision) == 64
+        self.build = _loosened(experiment.build) if double else experiment.build
+        self._arguments = inspect.signature(experiment.build).parameters
+        self.tests, self.vary = list(experiment.tests), list(vary)
         self.settings, self.sizes, self.device, self.precision = dict(settings), np.abs(sizes), device, precision
         self._scene = scene
         found: dict[tuple[Any, ...], Place] = {}
@@ -146,7 +151,7 @@ class EquilibriumModel:
             return none, values if control else np.ones(len(values))
         if control == "time":
             return none, values / self._scene.solver.duration
-        if control not in inspect.signature(self.build).parameters:
+        if control not in self._arguments:
             raise InputError(f"control = {control!r}: expected an argument of the scene, 'time' or 'load_factor'")
         largest = float(values[np.argmax(np.abs(values))])
         for rest in AT_REST:
@@ -230,6 +235,17 @@ class EquilibriumModel:
         if self._at is None or not np.array_equal(values, self._at):
             self.evaluate(values)
         return self._jacobian
+
+
+def _loosened(build: Build) -> Build:
+    """The same scene with the tolerance of a fit, where it leaves that to the solver."""
+
+    def made(**settings: Any) -> Simulation:
+        scene = build(**settings)
+        solver: Any = scene.solver
+        return scene if solver.tolerance is not None else replace(scene, solver=replace(solver, tolerance=TOLERANCE))
+
+    return made
 
 
 def _value(scene: Simulation, index: int, row: int, test: Test) -> tuple[int, int | None, Value]:
