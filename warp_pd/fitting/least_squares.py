@@ -94,6 +94,8 @@ def fit(
             if abs(margin - before) < 0.1 * before:
                 break
             found = search(found.x, "soft_l1", margin)
+    if problem.refused:
+        notes.append(f"trials without a result: {len(problem.refused)}; the last one: {problem.refused[-1]}")
     if not found.success:
         notes.append(f"the search ended after {found.nfev} evaluations without reaching its tolerance")
     residuals, jacobian = problem.residuals(found.x), problem.jacobian(found.x)
@@ -138,6 +140,7 @@ class Problem:
     Attributes:
         tests: All tests.
         evaluations: Number of evaluations of the models so far.
+        refused: Why trials had no result, one line each.
     """
 
     def __init__(
@@ -161,6 +164,7 @@ class Problem:
         self._usable = [np.isfinite(data) for data in self._measured]
         self._scales = [test.scale for test in self.tests]
         self._sizes, self.evaluations = sizes, 0
+        self.refused: list[str] = []
         self._last: tuple[np.ndarray, list[np.ndarray]] | None = None
         if sum(int(u.sum()) for u in self._usable) <= len(vary):
             raise InputError(f"tests: expected more numbers than the {len(vary)} constants that vary")
@@ -179,7 +183,8 @@ class Problem:
         """(model - data) / scale of everything measured; infinite where there is no equilibrium."""
         try:
             outputs = self.outputs(q)
-        except (NoEquilibriumError, InputError):
+        except (NoEquilibriumError, InputError) as error:
+            self.refused.append(str(error))
             return np.full(sum(int(u.sum()) for u in self._usable), np.inf)
         parts = zip(outputs, self._measured, self._usable, self._scales, strict=True)
         return np.concatenate([((o - d) / scale)[u] for o, d, u, scale in parts])

@@ -96,6 +96,20 @@ def test_states_share_a_scene_where_the_control_is_proportional_to_its_loads():
         assert [place.factor for place in places] == pytest.approx(factors)
 
 
+def test_trials_that_the_material_refuses_are_left_out_and_named():
+    """The stress falls with c10, and the first step of the search goes below zero."""
+    stretch = np.linspace(1.2, 3.0, 8)
+    stress = nominal_stress(MooneyRivlin(1e3), "uniaxial", stretch)
+
+    def exponential(size=4.0):
+        return MooneyRivlin(1e6 * np.log(max(size, 1e-3)))
+
+    tests = UniformTests(exponential, [Curve("uniaxial", stretch, "stress", stress)])
+    found = fit(tests, ["size"], start={"size": 4.0}, device="cpu")
+    assert found.estimates["size"] == pytest.approx(np.exp(1e-3), rel=1e-4)
+    assert any("trials without a result" in note and "c10" in note for note in found.notes)
+
+
 def test_a_wrong_unit_is_noticed(heights):
     found = fit(bulge(1e3 * heights), ["mu"], device="cpu", max_evaluations=2)
     assert any("check the unit" in note for note in found.notes)
