@@ -23,9 +23,19 @@ from ..output.formats import file_writers
 from ..scene import Scene, check_writers
 from . import restart
 from .divergence import DivergedError
-from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
+from .folder import (
+    PAGE,
+    clear,
+    clear_unfinished,
+    require_room,
+    sole_use,
+    writable_folder,
+    write_atomically,
+    write_history,
+)
 from .recorder import Recorder, snapshot
 from .summary import Seconds, summary_of
+from .view import LARGE, write_page
 
 # Bytes that a frame takes per point, in both formats, and those of history, summary and what is about them.
 BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
@@ -75,12 +85,13 @@ def run(
     reporter: Reporter | None = None,
     writers: list[Writer] | None = None,
     pictures: bool = True,
+    view: bool = True,
 ) -> Result:
     """Run a scene to its end.
 
     Args:
         scene: What to run.
-        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json and pictures;
+        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json, pictures and view.html;
             None writes nothing.
         device: "cpu", "cuda:0", ...; CUDA by default where there is one.
         precision: 32 or 64; by default the solver's.
@@ -90,6 +101,7 @@ def run(
         reporter: Shows progress; see `output.progress`.
         writers: More writers of frames.
         pictures: Whether to draw the scene's pictures.
+        view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -103,12 +115,12 @@ def run(
     with sole_use(folder):
         begin = perf_counter()
         built = compose(scene, device, precision)
-        return _run(built, folder, begin, resume, usd, reporter, list(writers or []), pictures)
+        return _run(built, folder, begin, resume, usd, reporter, list(writers or []), pictures, view)
 
 
 def _run(
     built: Built, folder: Path | None, begin: float, resume: bool, usd: bool, reporter: Reporter | None,
-    writers: list[Writer], pictures: bool,
+    writers: list[Writer], pictures: bool, view: bool,
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene = built.simulation
@@ -116,8 +128,9 @@ def _run(
     saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
     if folder is not None and saved is not None:
         _require_same_files(folder, usd)
-        # It tells of a run that is over, which this one is not.
-        (folder / "summary.json").unlink(missing_ok=True)
+        # They tell of a run that is over, which this one is not.
+        for name in ("summary.json", PAGE):
+            (folder / name).unlink(missing_ok=True)
     elif folder is not None:
         clear(folder)
     if folder is not None:
@@ -142,7 +155,7 @@ def _run(
     summary = summary_of(recorder, status, message, seconds)
     result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
     if folder is not None:
-        _finish(result, folder, pictures)
+        _finish(result, folder, pictures, view)
     return result
 
 
@@ -236,10 +249,13 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     return status, message
 
 
-def _finish(result: Result, folder: Path, pictures: bool) -> None:
-    """Write the summary and draw the pictures."""
+def _finish(result: Result, folder: Path, pictures: bool, view: bool) -> None:
+    """Write the summary, draw the pictures, write the page."""
     before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
     summary = result.summary
+    large = result.built.context.sheet.size > LARGE
+    if view and large:
+        summary["notes"].append(f"view.html: not written for so many points; `warp-pd view {folder}` writes it")
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
@@ -247,6 +263,8 @@ def _finish(result: Result, folder: Path, pictures: bool) -> None:
         draw(scene, result.history, folder)
     summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    if view and not large and (folder / "frames.vtkhdf").is_file():
+        write_page(folder)
 
 
 def headline(built: Built) -> str:
