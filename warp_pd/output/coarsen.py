@@ -3,6 +3,7 @@
 Points of a cell of a cubic grid that hang together form a cluster, and the point nearest to the cell's node stands for
 it. What hangs together is taken from the last frame, so the two sides of a crack are never one cluster. A triangle
 whose corners are in three clusters becomes a triangle of their points; it is intact as long as one such triangle is.
+A crack between clusters is drawn as wide as a drawn triangle, one through a cluster as wide as it is.
 """
 
 from __future__ import annotations

@@ -147,8 +147,8 @@ def _left_out(info: SeriesInfo, sheet: Drawn, shown: NDArray[np.int64]) -> list[
     lines = []
     if len(sheet.points) < 0.9 * info.points:
         lines.append(
-            f"{len(sheet.points)} of {info.points} points are drawn; values are those of these points, and cracks run "
-            "between them"
+            f"{len(sheet.points)} of {info.points} points are drawn; colours are those of these points, and a crack "
+            "looks up to one drawn triangle wide"
         )
     if len(shown) < info.frames:
         lines.append(f"{len(shown)} of {info.frames} frames are shown")

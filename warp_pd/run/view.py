@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,7 @@ def write_page(
     try:
         write_atomically(path, text)
     except OSError as error:
-        path.with_name(path.name + ".part").unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            path.with_name(path.name + ".part").unlink(missing_ok=True)
         raise InputError(f"out = {str(path)!r}: expected a file that can be written ({error.strerror})") from None
     return path
