@@ -154,21 +154,32 @@ def test_another_field_changes_picture_bar_and_limits(page):
     assert float(page.locator("#high").input_value()) == pytest.approx(0.6 * np.sqrt(3.0), rel=1e-3)
     assert page.locator("#canvas").screenshot() != before
     # All points have the same velocity, at frame 5 of 6: the colour of 5/6.
-    expected = matplotlib.colormaps["inferno_r"](5.0 / 6.0, bytes=True)
+    expected = matplotlib.colormaps["viridis"](5.0 / 6.0, bytes=True)
     assert np.abs(np.subtract(pixel(page, (0.35, 0.37, 0.0)), expected)).max() <= 2
 
 
-def test_a_signed_field_has_zero_in_the_middle(page, run_folder):
-    """Its limits are those of the sheet; loose points, which are not drawn, do not count."""
+def test_limits_are_those_of_what_is_drawn(page, run_folder):
+    """Loose points fly anywhere; they are not drawn, and do not count."""
     deepest = 0.0
     for frame in range(FRAMES):
         _, _, triangles, fields = read_frame(run_folder / "frames.vtkhdf", frame)
-        deepest = max(deepest, -fields["displacement"][np.unique(triangles), 2].min())
-    plainly(page)
+        deepest = min(deepest, fields["displacement"][np.unique(triangles), 2].min())
     pick(page, "displacement along z (m)")
-    low, high = (float(page.locator(name).input_value()) for name in ("#low", "#high"))
-    assert low == -high and high == pytest.approx(deepest, rel=1e-3)
-    assert pixel(page, (0.25, 0.2, 0.0))[:3] == pytest.approx([247, 247, 247], abs=1)
+    assert page.locator("#map").input_value() == "viridis"
+    assert float(page.locator("#low").input_value()) == pytest.approx(deepest, rel=1e-3)
+    assert float(page.locator("#high").input_value()) == 0.0
+
+
+def test_a_signed_field_has_zero_in_the_middle(page):
+    """The field "bonds" is the number of the point less that of the frame."""
+    plainly(page)
+    pick(page, "bonds")
+    assert (page.locator("#low").input_value(), page.locator("#high").input_value()) == ("-29", "29")
+    for frame, number in ((0, 8), (4, 22)):
+        to_frame(page, frame)
+        place = (0.1 * (number % 6), 0.1 * (number // 6), 0.0)
+        expected = matplotlib.colormaps["coolwarm"](round(255 * (number - frame + 29) / 58), bytes=True)
+        assert np.abs(np.subtract(pixel(page, place), expected)).max() <= 4
 
 
 def test_limits_of_the_colours_can_be_given(page):

@@ -15,7 +15,11 @@ ENDINGS = {
     "force": "N", "torque": "N m", "position": "m", "velocity": "m/s", "spin": "rad/s", "kinetic": "J",
     "potential": "J", "loss": "J", "rubbed": "J",
 }  # fmt: skip
-WORDS = {"external": "work of loads", "balance_error": "energy balance error", "step": "time step"}
+WORDS = {
+    "external": "work of loads and supports", "damping": "lost to damping", "rupture": "lost to broken bonds",
+    "viscous": "lost to viscosity", "sheet_friction": "lost to friction of the sheet", "step": "time step",
+    "balance_error": "energy balance error",
+}  # fmt: skip
 # Components of a field that is no vector in space.
 PARTS = {
     "principal_stress": (

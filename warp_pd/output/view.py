@@ -21,7 +21,8 @@ from .packed import Arrays
 from .quantities import choices, column_unit, curves
 from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
 
-SCRIPTS = ("vendor.js", "data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
+LIBRARY = "vendor.js"
+SCRIPTS = ("data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
 # What a page holds unless told otherwise: points; and points times frames, but some frames in any case.
 POINTS, POINT_FRAMES, FEWEST_FRAMES = 40_000, 1_500_000, 24
 
@@ -45,7 +46,11 @@ class Limits:
 
 
 def page(
-    path: Path, summary: Mapping[str, Any], history: Sequence[Mapping[str, float]], limits: Limits | None = None
+    path: Path,
+    summary: Mapping[str, Any],
+    history: Sequence[Mapping[str, float]],
+    limits: Limits | None = None,
+    library: str | None = None,
 ) -> str:
     """The page of a run: HTML that needs neither a server nor a network.
 
@@ -54,6 +59,7 @@ def page(
         summary: Content of its summary.json; empty for a run that has none.
         history: Its history, one row per frame; empty for a run that has none.
         limits: How much of the run the page holds.
+        library: Address of vendor.js, for pages that share it; by default it is inside the page.
 
     Raises:
         InputError: for frames that are missing or damaged.
@@ -69,7 +75,7 @@ def page(
         "history": _history(history, summary.get("measures", {})),
         **_sheet(path, info, limits, arrays),
     }
-    return _html(content, arrays)
+    return _html(content, arrays, library)
 
 
 def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict[str, Any]:
@@ -164,7 +170,7 @@ def _finite(value: Any) -> Any:
     return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _html(content: Mapping[str, Any], arrays: Arrays) -> str:
+def _html(content: Mapping[str, Any], arrays: Arrays, library: str | None) -> str:
     """The page, with styles, scripts and data in their places."""
     folder = files("warp_pd.output") / "page"
 
@@ -174,11 +180,14 @@ def _html(content: Mapping[str, Any], arrays: Arrays) -> str:
     # Neither a name of a scene nor a note may end the element that holds it.
     data = json.dumps(content, allow_nan=False).replace("<", "\\u003c")
     texts = "\n".join(f'<script type="text/plain" id="array{k}">{text}</script>' for k, text in enumerate(arrays.texts))
+    shared = (
+        f"<script>{part(LIBRARY)}</script>" if library is None else f'<script src="{html.escape(library)}"></script>'
+    )
     filled = {
         "TITLE": html.escape(str(content["title"])),
         "STYLE": "\n".join(part(name) for name in ("vendor.css", "page.css")),
         "DATA": f'<script type="application/json" id="content">{data}</script>\n{texts}',
-        "SCRIPTS": "\n".join(f"<script>{part(name)}</script>" for name in SCRIPTS),
+        "SCRIPTS": "\n".join([shared, *(f"<script>{part(name)}</script>" for name in SCRIPTS)]),
     }
     pieces = part("page.html").split("%%")
     return "".join(filled[piece] if k % 2 else piece for k, piece in enumerate(pieces))

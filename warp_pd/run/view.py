@@ -13,7 +13,7 @@ from .folder import PAGE, read_history, run_summary, write_atomically
 LARGE = 200_000
 
 
-def page(folder: str | Path, points: int | None = None, frames: int | None = None) -> str:
+def page(folder: str | Path, points: int | None = None, frames: int | None = None, library: str | None = None) -> str:
     """The page of a run as text: HTML with everything in it.
 
     A run that was killed has neither summary nor history; its frames are shown all the same.
@@ -22,6 +22,7 @@ def page(folder: str | Path, points: int | None = None, frames: int | None = Non
         folder: The folder of the run.
         points: Largest number of points to draw; by default 40 000.
         frames: Largest number of frames; by default as many as keep the page small.
+        library: Address of vendor.js, for pages that share it; by default it is inside the page.
 
     Raises:
         InputError: for a folder without frames, or damaged frames.
@@ -43,7 +44,8 @@ def page(folder: str | Path, points: int | None = None, frames: int | None = Non
     }
     history = read_history(folder / "history.csv") if (folder / "history.csv").is_file() else []
     summary: dict[str, Any] = run_summary(folder) or {}
-    return page_of(path, summary, history, Limits(**{name: n for name, n in given.items() if n is not None}))
+    limits = Limits(**{name: n for name, n in given.items() if n is not None})
+    return page_of(path, summary, history, limits, library)
 
 
 def write_page(

@@ -4,7 +4,8 @@
   const { content, scalar, extremes, ticks, said, colourMaps, SheetView, Curves, viewNames } = window.page;
   const { frames, summary, choices } = content;
   const SECONDS_OF_A_RUN = 8;
-  const MAP_WORDS = { inferno_r: "inferno", viridis: "viridis", cividis: "cividis", RdBu_r: "red and blue" };
+  const DAMAGE = "inferno_r", ONE_SIGN = "viridis", BOTH_SIGNS = "coolwarm";
+  const MAP_WORDS = { inferno_r: "inferno", coolwarm: "cool and warm" };
   const get = (id) => document.getElementById(id);
   const state = { frame: 0, scalar: null, numbers: null, playing: null, graphs: [] };
   window.page.state = state;
@@ -92,7 +93,7 @@
   }
 
   function balanced(low, high) {
-    if (get("map").value !== "RdBu_r") return [low, high];
+    if (get("map").value !== BOTH_SIGNS) return [low, high];
     const most = Math.max(Math.abs(low), Math.abs(high));
     return [-most, most];
   }
@@ -124,7 +125,8 @@
     if (wanted !== choice()) return;
     state.scalar = found;
     state.numbers = new Float32Array(state.view.points);
-    get("map").value = found.low < -1e-6 * Math.abs(found.high) ? "RdBu_r" : "inferno_r";
+    const signed = found.low < -0.02 * Math.abs(found.high) && found.high > 0.02 * Math.abs(found.low);
+    get("map").value = wanted.field === "damage" ? DAMAGE : signed ? BOTH_SIGNS : ONE_SIGN;
     get("range").value = "run";
     state.view.set("colours", get("map").value);
     show(state.frame);
@@ -206,7 +208,7 @@
 
   function connect() {
     choices.forEach(({ label, unit }, k) => get("field").add(new Option(label + unitOf({ unit }), k)));
-    Object.keys(colourMaps).forEach((name) => get("map").add(new Option(MAP_WORDS[name], name)));
+    Object.keys(colourMaps).forEach((name) => get("map").add(new Option(MAP_WORDS[name] || name, name)));
     const first = choices.findIndex(({ field }) => field === "damage");
     get("field").value = first < 0 ? 0 : first;
     get("frame").max = frames.length - 1;
