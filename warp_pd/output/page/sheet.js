@@ -40,7 +40,8 @@
             line = max(line, 1.0 - smoothstep(0.2, 0.9, abs(fract(cell[c] - 0.5) - 0.5) / wide[c]));
           }
         }
-        colour = mix(colour, vec3(0.1), 0.38 * line);
+        float bright = dot(colour, vec3(0.299, 0.587, 0.114));
+        colour = mix(colour, bright < 0.35 ? vec3(0.9) : vec3(0.1), 0.38 * line);
       }
       if (shade > 0.0) {
         vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
