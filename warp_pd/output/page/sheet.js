@@ -21,6 +21,7 @@
       vec4 seen = modelViewMatrix * vec4(position + grow * displacement, 1.0);
       place = seen.xyz;
       gl_Position = projectionMatrix * seen;
+      gl_PointSize = 5.0;
     }`;
   const FRAGMENT = `
     uniform sampler2D colours;
@@ -107,7 +108,9 @@
       const material = new T.ShaderMaterial({
         vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms: this.uniforms, side: T.DoubleSide,
       });
-      this.mesh = new T.Mesh(geometry, material);
+      // A row of points has no triangles.
+      if (!this.triangles.length) geometry.setIndex(null);
+      this.mesh = this.triangles.length ? new T.Mesh(geometry, material) : new T.Points(geometry, material);
       this.mesh.frustumCulled = false;
       this.scene.add(this.mesh);
     }
@@ -145,8 +148,10 @@
           for (let c = 0; c < 3; c++) this.index[drawn++] = this.triangles[3 * t + c];
         }
       }
-      this.mesh.geometry.index.needsUpdate = true;
-      this.mesh.geometry.setDrawRange(0, drawn);
+      if (this.mesh.geometry.index) {
+        this.mesh.geometry.index.needsUpdate = true;
+        this.mesh.geometry.setDrawRange(0, drawn);
+      }
       this.drawnTriangles = drawn / 3;
       for (const { mesh, poses } of this.bodies) {
         mesh.position.set(...poses[frame].slice(0, 3));
