@@ -168,6 +168,7 @@
   }
 
   function seek(time) {
+    if (!state.view) return;
     let nearest = 0;
     frames.forEach((frame, k) => { if (Math.abs(frame.time - time) < Math.abs(frames[nearest].time - time)) nearest = k; });
     pause();
@@ -236,14 +237,18 @@
     });
   }
 
-  async function begin() {
-    fillTables();
-    state.view = await SheetView.create(get("canvas"));
-    connect();
+  function buildGraphs() {
     const rooms = [...document.querySelectorAll(".graph")], graphs = content.history.graphs;
     rooms.slice(graphs.length).forEach((room) => room.remove());
     const energies = Math.max(graphs.findIndex(({ label }) => label === "energies"), Math.min(1, graphs.length - 1));
     state.graphs = rooms.slice(0, graphs.length).map((room, k) => new Curves(room, k ? energies : 0, seek));
+  }
+
+  async function begin() {
+    fillTables();
+    buildGraphs();
+    state.view = await SheetView.create(get("canvas"));
+    connect();
     await chooseField();
     // A flat sheet that stays flat is seen from above.
     if (state.view.flat) state.view.look("top");
@@ -252,7 +257,7 @@
 
   begin().catch((error) => {
     get("trouble").hidden = false;
-    get("trouble").textContent = `The page cannot be shown: ${error.message}`;
+    get("trouble").textContent = `The sheet cannot be drawn: ${error.message}`;
     console.error(error);
   });
 })();
