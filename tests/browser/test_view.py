@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -28,9 +29,11 @@ MEASURES = {
 
 
 def frame_of(surface, at):
-    """A tearing sheet; a plate far from it moves along x, from the left of the sheet to its right."""
+    """A tearing sheet; a plate moves along x, from the left of the sheet to its right; a field has a peak."""
     pose = np.array([[-0.2 + 0.15 * at, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]])
-    return make_frame_with_fields(surface, at, bodies=pose)
+    frame = make_frame_with_fields(surface, at, bodies=pose)
+    peak = surface.points[:, 0] + 1e3 * ((np.arange(30) == 0) & (at == 1))
+    return replace(frame, point_data={**frame.point_data, "peak": peak})
 
 
 def write_run(folder):
@@ -190,6 +193,15 @@ def test_a_signed_field_has_zero_in_the_middle(page):
         place = (0.1 * (number % 6), 0.1 * (number // 6), 0.0)
         expected = matplotlib.colormaps["coolwarm"](round(255 * (number - frame + 29) / 58), bytes=True)
         assert np.abs(np.subtract(pixel(page, place), expected)).max() <= 4
+
+
+def test_peaks_can_be_left_out_of_the_limits(page):
+    """The field "peak" is x, 0 to 0.5 m, but 1e3 at a point of one frame."""
+    pick(page, "peak")
+    assert page.locator("#high").input_value() == "1000"
+    page.locator("#range").select_option("most")
+    found = [float(page.locator(name).input_value()) for name in ("#low", "#high")]
+    assert found == pytest.approx([0.0, 0.5], rel=1e-2)
 
 
 def test_limits_of_the_colours_can_be_given(page):

@@ -89,10 +89,30 @@
   function limits() {
     if (get("range").value === "own") return [Number(get("low").value), Number(get("high").value)];
     if (get("range").value === "frame") return balanced(...extremes(state.numbers));
+    if (get("range").value === "most") return balanced(...mostOf(state.scalar));
     return choice().field === "damage" ? [0, 1] : balanced(state.scalar.low, state.scalar.high);
   }
 
+  // Limits between which 98 % of the numbers of some frames are: a peak at the tip of a crack does not darken the rest.
+  function mostOf(found) {
+    if (!found.most) {
+      const room = new Float32Array(state.view.points), every = Math.ceil(frames.length / 12), numbers = [];
+      const apart = Math.ceil(room.length / 10000);
+      for (let frame = frames.length - 1; frame >= 0; frame -= every) {
+        found.fill(frame, room);
+        for (let k = 0; k < room.length; k += apart) if (!Number.isNaN(room[k])) numbers.push(room[k]);
+      }
+      numbers.sort((a, b) => a - b);
+      const at = (share) => numbers[Math.round(share * (numbers.length - 1))] ?? 0;
+      found.most = [at(0.01), at(0.99)];
+    }
+    return found.most;
+  }
+
   function balanced(low, high) {
+    // Round-off is not shown as a limit.
+    if (Math.abs(low) < 1e-9 * Math.abs(high)) low = 0;
+    if (Math.abs(high) < 1e-9 * Math.abs(low)) high = 0;
     if (get("map").value !== BOTH_SIGNS) return [low, high];
     const most = Math.max(Math.abs(low), Math.abs(high));
     return [-most, most];
