@@ -112,7 +112,7 @@ def wrinkle_state(width: FunctionFactory | None, bits: int) -> wp.Function:
 def showing(bits: int, wanted: Wanted, width: FunctionFactory | None) -> wp.Function:
     """Function that turns means into the fields of point i and writes those that are wanted."""
     types = numeric(bits)
-    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
+    real, mat22, parameters = types.real, types.mat22, types.parameters
     _, principal = tensors(bits)
     state_of = wrinkle_state(width, bits)
     slack = SLACK

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import warp as wp
@@ -19,7 +19,7 @@ from ..materials import Capabilities, Material, capabilities
 from .variational import Key
 
 # Names that a scene or a user gives, and the arrays that frames then hold.
-KINEMATIC = {"stretch": ("stretch_1", "stretch_2"), "direction": ("direction",)}
+KINEMATIC = {"stretch": ("stretch_1", "stretch_2"), "direction": ("stretch_direction",)}
 STRESSES = {"first_piola": ("first_piola_1", "first_piola_2"), "cauchy": ("cauchy_1", "cauchy_2")}
 WRINKLES = {"wrinkle_state": ("wrinkle_state",)}
 BONDS = {"bonds": ("intact_bonds", "broken_bonds")}
@@ -97,7 +97,7 @@ class ShownFields:
         )  # fmt: skip
         self.counts = "bonds" in names
         self.arrays: dict[str, Array] = {}
-        types = {"direction": context.types.vec3, **dict.fromkeys((*WRINKLES, *BONDS["bonds"]), wp.int32)}
+        types = {"stretch_direction": context.types.vec3, **dict.fromkeys((*WRINKLES, *BONDS["bonds"]), wp.int32)}
         for name in (array for group in names for array in GROUPS[group]):
             dtype = types.get(name, context.types.real)
             self.arrays[name] = context.array(name, OWNER, dtype, shape=law.points, output=name)
@@ -106,11 +106,13 @@ class ShownFields:
         """Add the launch of a kernel of principal values, unless none is wanted."""
         if self.wanted == Wanted():
             return
-        names = [array for group in (*KINEMATIC, *STRESSES) for array in GROUPS[group]]
+        values: dict[str, Any] = {
+            array: self.arrays.get(array) for group in ("stretch", *STRESSES) for array in GROUPS[group]
+        }
         stage.launch(
             OWNER, kernel, self.law.points, **self.law.family_arguments(self.law.context.state.displacement),
-            constants=self.law.constants, **more, wrinkle=self.arrays.get("wrinkle_state"),
-            **{name: self.arrays.get(name) for name in names},
+            constants=self.law.constants, **more, **values, wrinkle=self.arrays.get("wrinkle_state"),
+            direction=self.arrays.get("stretch_direction"),
         )  # fmt: skip
 
     def add_counts(self, stage: Stage) -> None:
@@ -150,8 +152,3 @@ def factors(context: Context) -> Array | None:
     if stiffness is None:
         return None
     return context.array("stiffness_factors", OWNER, context.types.real, stiffness)
-
-
-def held_arrays(names: Sequence[str]) -> Mapping[str, str]:
-    """The group of each array that a list of names asks for."""
-    return {array: group for group in grouped(names) for array in GROUPS.get(group, (group,))}
