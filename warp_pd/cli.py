@@ -207,12 +207,18 @@ def list_scenes() -> None:
 @click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
 @click.option("--overwrite", is_flag=True, help="Replace the results of another run in the folder.")
 @click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
+@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf; no pictures are drawn then.")
+@click.option(
+    "--fields",
+    help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
+)
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
-    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_pictures: bool, quiet: bool,
+    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
+    fields: str | None, no_pictures: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
@@ -232,6 +238,8 @@ def run(
             resume=resume,
             overwrite=overwrite,
             usd=not no_usd,
+            vtkhdf=not no_vtkhdf,
+            fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
             pictures=not no_pictures,
             reporter=Progress(quiet),
         )

@@ -11,6 +11,7 @@ from ..checks import InputError, one_of
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..frame import OWN_FIELDS
 from ..kernels.bond_fields import bond_counts, bond_fields
 from ..kernels.effects import Kernel
 from ..kernels.family_fields import point_fields
@@ -74,10 +75,9 @@ def refuse_other(names: Sequence[str], known: Sequence[str], law: str) -> None:
     """
     for name in names:
         if name not in known:
-            told = f" with the law {law}, which gives {', '.join(known)}" if name in GROUPS else f" with the law {law}"
             if name in GROUPS:
-                raise InputError(f"fields = {name!r}: expected another name{told}")
-            one_of("fields", name, known)
+                raise InputError(f"fields = {name!r}: the law {law} has none; expected one of {', '.join(known)}")
+            one_of("fields", name, (*OWN_FIELDS, *known))
 
 
 class ShownFields:

@@ -7,21 +7,22 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from ..built import Built, compose
-from ..checks import InputError, kind_and_text, user_code
+from ..checks import kind_and_text, user_code
 from ..frame import Frame, Surface
 from ..interfaces import History, Reporter, Writer
 from ..output.background import Background
 from ..output.formats import file_writers
 from ..scene import Scene, check_writers
 from . import restart
+from .chosen import Files, held_fields
 from .divergence import DivergedError
 from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
 from .recorder import Recorder, snapshot
@@ -75,6 +76,8 @@ def run(
     reporter: Reporter | None = None,
     writers: list[Writer] | None = None,
     pictures: bool = True,
+    vtkhdf: bool = True,
+    fields: Sequence[str] | None = None,
 ) -> Result:
     """Run a scene to its end.
 
@@ -90,6 +93,9 @@ def run(
         reporter: Shows progress; see `output.progress`.
         writers: More writers of frames.
         pictures: Whether to draw the scene's pictures.
+        vtkhdf: Whether to write frames.vtkhdf. Without it no pictures are drawn.
+        fields: Names of the point fields that frames.vtkhdf holds besides the displacement and the scene's own
+            `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -99,23 +105,25 @@ def run(
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
     check_writers(writers or [])
+    if fields is not None:
+        scene = replace(scene, chosen_fields=fields)
     folder = writable_folder(out, resume, overwrite)
     with sole_use(folder):
         begin = perf_counter()
         built = compose(scene, device, precision)
-        return _run(built, folder, begin, resume, usd, reporter, list(writers or []), pictures)
+        return _run(built, folder, begin, resume, Files(usd, vtkhdf), reporter, list(writers or []), pictures)
 
 
 def _run(
-    built: Built, folder: Path | None, begin: float, resume: bool, usd: bool, reporter: Reporter | None,
+    built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
     writers: list[Writer], pictures: bool,
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
-    scene = built.simulation
+    scene, held = built.simulation, held_fields(built)
     known = None if folder is None else restart.identity(scene, built)
     saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
     if folder is not None and saved is not None:
-        _require_same_files(folder, usd)
+        files.require_same(folder)
         # It tells of a run that is over, which this one is not.
         (folder / "summary.json").unlink(missing_ok=True)
     elif folder is not None:
@@ -130,7 +138,7 @@ def _run(
     recorder = Recorder(built, writers, reporter)
     _begin(recorder, saved)
     if folder is not None and known is not None:
-        _add_files(recorder, folder, known, usd, None if saved is None else recorder.frame_index + 1)
+        _add_files(recorder, folder, known, files, held, None if saved is None else recorder.frame_index + 1)
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
@@ -142,20 +150,8 @@ def _run(
     summary = summary_of(recorder, status, message, seconds)
     result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
     if folder is not None:
-        _finish(result, folder, pictures)
+        _finish(result, folder, pictures and files.vtkhdf)
     return result
-
-
-def _require_same_files(folder: Path, usd: bool) -> None:
-    """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.
-
-    Raises:
-        InputError: for an animation that is there and should not be, or the other way.
-    """
-    begun = (folder / "animation.usd").is_file()
-    if usd != begun:
-        there, wanted = ("holds", "usd = True, without --no-usd") if begun else ("lacks", "usd = False, --no-usd")
-        raise InputError(f"resume in {str(folder)!r}: it {there} animation.usd; expected {wanted}, as it began")
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
@@ -170,14 +166,21 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
     built.context.run("setup")
 
 
-def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: bool, append_from: int | None) -> None:
+def _add_files(
+    recorder: Recorder, folder: Path, known: restart.Identity, chosen: Files, held: frozenset[str] | None,
+    append_from: int | None,
+) -> None:  # fmt: skip
     """Let the recorder write frames, history and restart files, in a thread beside the computation."""
     scene = recorder.built.simulation
     equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
     surface = surface_of(recorder.built)
     room = partial(_require_room, folder, _room_of_a_frame(recorder.built))
     room()
-    files = Background(file_writers(folder, surface, usd=usd, seconds_per_frame=equal, append_from=append_from), room)
+    writers = file_writers(
+        folder, surface, usd=chosen.usd, seconds_per_frame=equal, append_from=append_from, vtkhdf=chosen.vtkhdf,
+        fields=held,
+    )  # fmt: skip
+    files = Background(writers, room)
     others = list(recorder.writers)
     recorder.writers.append(files)
     recorder.kept = partial(write_history, folder / "history.csv")
