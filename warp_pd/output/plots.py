@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..frame import format_time
+from .point_fields import HeldFields
 from .vtkhdf import read_ball, read_bodies, read_frame, read_series
 
 COLOURS = "inferno_r"
@@ -58,7 +61,7 @@ def _shown(path: Path, index: int, load_duration: float | None) -> Shown:
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]
-    when = format_time(time, load_duration)
+    when, fields = format_time(time, load_duration), HeldFields(fields)
     return Shown(
         when,
         points,
@@ -269,10 +272,23 @@ def _colours(frames: Sequence[Shown], field: str, limits: tuple[float, float] | 
 
 
 def new_figure(width: float, height: float) -> Any:
-    """A figure that is drawn into files alone: pyplot, and the backend that a user chose for it, have no part in it."""
+    """A figure that is drawn into files and notebooks: pyplot, and the backend that a user chose, play no part."""
+    return _figure_class()(figsize=(width, height), layout="constrained")
+
+
+@functools.cache
+def _figure_class() -> Any:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    class Picture(Figure):
+        """A figure that a notebook shows as it is."""
+
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            self.savefig(stream, dpi=100, format="png", bbox_inches="tight")
+            return stream.getvalue()
+
+    return Picture
 
 
 def _polygons(frame: Shown, face: np.ndarray) -> Any:

@@ -8,9 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import InputError
 from ..frame import Frame
 
 TAKEN = ("displacement", "velocity", "damage")
+
+
+class HeldFields(dict[str, NDArray[Any]]):
+    """Fields by name; one that is missing is told in one line."""
+
+    def __missing__(self, name: str) -> NDArray[Any]:
+        """Refuse a field that the frames do not hold.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(f"field {name!r}: the frames hold {', '.join(self)}; expected one of them")
 
 
 def point_fields(frame: Frame, held: Collection[str] | None = None) -> dict[str, NDArray[Any]]:

@@ -1,4 +1,4 @@
-"""Progress on the terminal: a bar where there is a terminal, a line now and then elsewhere."""
+"""Progress: a bar in a notebook or on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import math
 import sys
 from typing import Any
 
-from tqdm import tqdm
-
 from ..interfaces import FrameReport
+from .notebook import has_widgets, in_notebook
 
 
 class Progress:
@@ -33,10 +32,10 @@ class Progress:
         self._say(f"kernels ready after {seconds:.1f} s")
         if self.quiet:
             return
-        self._bar = tqdm(
+        self._bar = _bar_class()(
             total=100.0,
             file=sys.stderr,
-            disable=None if sys.stderr.isatty() else True,
+            disable=not (sys.stderr.isatty() or in_notebook()),
             bar_format="{l_bar}{bar}| {postfix} [{elapsed}<{remaining}]",
         )
 
@@ -75,3 +74,12 @@ class Progress:
     def _say(self, line: str) -> None:
         if not self.quiet:
             print(line, file=sys.stderr, flush=True)
+
+
+def _bar_class() -> Any:
+    """The bar of a notebook where it has widgets, otherwise that of a terminal."""
+    if in_notebook() and has_widgets():
+        from tqdm.notebook import tqdm as bar
+    else:
+        from tqdm import tqdm as bar
+    return bar

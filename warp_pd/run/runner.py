@@ -8,15 +8,15 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from ..built import Built, compose
-from ..checks import kind_and_text, user_code
-from ..frame import Frame, Surface
+from ..checks import InputError, kind_and_text, user_code
+from ..frame import Surface
 from ..interfaces import History, Reporter, Writer
 from ..output.background import Background
 from ..output.formats import file_writers
@@ -26,42 +26,13 @@ from .chosen import Files, held_fields
 from .divergence import DivergedError
 from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
 from .recorder import Recorder, snapshot
+from .result import Result
 from .summary import Seconds, summary_of
 
 # Bytes that a frame takes per point, in both formats, and those of history, summary and what is about them.
 BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
 
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
-
-
-@dataclass(repr=False)
-class Result:
-    """What a run leaves.
-
-    Attributes:
-        summary: Content of summary.json.
-        history: One row per frame: time (load time of a static solver), energies, ball reaction, largest damage,
-            measures.
-        built: The simulation as it ended.
-        frame: The last frame.
-        folder: Where the files are, or None.
-    """
-
-    summary: dict[str, Any]
-    history: History
-    built: Built
-    frame: Frame
-    folder: Path | None = None
-
-    def __repr__(self) -> str:
-        """One line: all arrays of a simulation would fill a notebook."""
-        numbers = ", ".join(f"{name} = {found['value']}" for name, found in self.summary["measures"].items())
-        return f"Result({self.summary['scene']}: {self.status}, {len(self.history)} frames; {numbers or 'no measures'})"
-
-    @property
-    def status(self) -> str:
-        """How the run ended: "finished", "diverged", "not converged" or "interrupted"."""
-        return str(self.summary["status"])
 
 
 def run(
@@ -247,7 +218,12 @@ def _finish(result: Result, folder: Path, pictures: bool) -> None:
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
     if pictures and scene.pictures is not None:
-        draw(scene, result.history, folder)
+        try:
+            draw(scene, result.history, folder)
+        except InputError as error:
+            if scene.chosen_fields is None:
+                raise
+            summary["notes"].append(f"pictures: not all were drawn, as `fields` leaves out what they show: {error}")
     summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
 
