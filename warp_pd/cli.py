@@ -1,4 +1,4 @@
-"""Command line: warp-pd list, run, plan, draw, info, bench."""
+"""Command line: warp-pd list, run, plan, draw, view, info, bench."""
 
 from __future__ import annotations
 
@@ -213,12 +213,13 @@ def list_scenes() -> None:
     help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
 )
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
+@click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
-    fields: str | None, no_pictures: bool, quiet: bool,
+    fields: str | None, no_pictures: bool, no_view: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
@@ -241,6 +242,7 @@ def run(
             vtkhdf=not no_vtkhdf,
             fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
             pictures=not no_pictures,
+            view=not no_view,
             reporter=Progress(quiet),
         )
     except DivergedError as error:
@@ -333,6 +335,19 @@ def _draw_again(folder: Path, scene: str | None) -> None:
     draw_pictures(simulation, read_history(folder / "history.csv"), folder)
     for path in sorted(folder.glob("*.png")):
         click.echo(f"  {path.name}")
+
+
+@main.command("view")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--out", help="The file; by default view.html in FOLDER.")
+@click.option("--points", type=int, help="Largest number of points to draw; by default 40000.")
+@click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
+def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
+    """Write the page of a run from its FOLDER: one HTML file that any browser opens, without server or network."""
+    from .run.view import write_page
+
+    path = write_page(folder, out, points, frames)
+    click.echo(f"  {path} ({path.stat().st_size / 1e6:.3g} MB)")
 
 
 @main.command()

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import InputError
-from ..frame import Frame, Surface
+from ..frame import Body, Frame, Surface
 from .hdf_columns import add_rows, columns, create_column, shorten
 from .point_fields import plain_value, point_fields, same_arrays
 from .shapes import require_writable
-from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies
+from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies, outlines_in
 
 _VERSION = (2, 2)
 
@@ -264,6 +264,12 @@ def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[
     """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
     with h5py.File(path, "r", locking=False) as file:
         return bodies_in(file, index)
+
+
+def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
+    """The ball and other rigid bodies of a VTKHDF file, each with its poses, shape (frames, 7)."""
+    with h5py.File(path, "r", locking=False) as file:
+        return outlines_in(file)
 
 
 class _NotASeries(Exception):

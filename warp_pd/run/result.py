@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from ..built import Built
-from ..checks import InputError
+from ..checks import InputError, count
 from ..frame import Frame
 from ..interfaces import History
-from ..output.notebook import data_frame, html_table
+from ..output.notebook import Page, data_frame, html_table
 from .described import result_rows, units_of
 
 
@@ -88,6 +88,19 @@ class Result:
         if not shown:
             raise InputError(f"plot: the scene has no measures; expected columns of {', '.join(self.history[0])}")
         return plot_history(self.history, shown, units_of(scene), against=against, path=path, title=scene.scene)
+
+    def show(self, height: int = 700) -> Page:
+        """The page of the run, which a notebook shows: the sheet in space, its fields, its curves.
+
+        Args:
+            height: Of the page in the notebook [pixels].
+
+        Raises:
+            InputError: for a run without `out`, or without frames.vtkhdf.
+        """
+        from .view import page
+
+        return Page(page(self._folder("show")), count("height", height, 100))
 
     def _folder(self, what: str) -> Path:
         if self.folder is None:

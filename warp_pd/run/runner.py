@@ -24,10 +24,20 @@ from ..scene import Scene, check_writers
 from . import restart
 from .chosen import Files, held_fields
 from .divergence import DivergedError
-from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
+from .folder import (
+    PAGE,
+    clear,
+    clear_unfinished,
+    require_room,
+    sole_use,
+    writable_folder,
+    write_atomically,
+    write_history,
+)
 from .recorder import Recorder, snapshot
 from .result import Result
 from .summary import Seconds, summary_of
+from .view import LARGE, write_page
 
 # Bytes that a frame takes per point, in both formats, and those of history, summary and what is about them.
 BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
@@ -49,12 +59,13 @@ def run(
     pictures: bool = True,
     vtkhdf: bool = True,
     fields: Sequence[str] | None = None,
+    view: bool = True,
 ) -> Result:
     """Run a scene to its end.
 
     Args:
         scene: What to run.
-        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json and pictures;
+        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json, pictures and view.html;
             None writes nothing.
         device: "cpu", "cuda:0", ...; CUDA by default where there is one.
         precision: 32 or 64; by default the solver's.
@@ -67,6 +78,7 @@ def run(
         vtkhdf: Whether to write frames.vtkhdf. Without it no pictures are drawn.
         fields: Names of the point fields that frames.vtkhdf holds besides the displacement and the scene's own
             `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
+        view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -82,12 +94,13 @@ def run(
     with sole_use(folder):
         begin = perf_counter()
         built = compose(scene, device, precision)
-        return _run(built, folder, begin, resume, Files(usd, vtkhdf), reporter, list(writers or []), pictures)
+        writers = list(writers or [])
+        return _run(built, folder, begin, resume, Files(usd, vtkhdf), reporter, writers, pictures, view)
 
 
 def _run(
     built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
-    writers: list[Writer], pictures: bool,
+    writers: list[Writer], pictures: bool, view: bool,
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene, held = built.simulation, held_fields(built)
@@ -95,8 +108,9 @@ def _run(
     saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
     if folder is not None and saved is not None:
         files.require_same(folder)
-        # It tells of a run that is over, which this one is not.
-        (folder / "summary.json").unlink(missing_ok=True)
+        # They tell of a run that is over, which this one is not.
+        for name in ("summary.json", PAGE):
+            (folder / name).unlink(missing_ok=True)
     elif folder is not None:
         clear(folder)
     if folder is not None:
@@ -121,7 +135,7 @@ def _run(
     summary = summary_of(recorder, status, message, seconds)
     result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
     if folder is not None:
-        _finish(result, folder, pictures and files.vtkhdf)
+        _finish(result, folder, pictures and files.vtkhdf, view and files.vtkhdf)
     return result
 
 
@@ -210,10 +224,13 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     return status, message
 
 
-def _finish(result: Result, folder: Path, pictures: bool) -> None:
-    """Write the summary and draw the pictures."""
+def _finish(result: Result, folder: Path, pictures: bool, view: bool) -> None:
+    """Write the summary, draw the pictures, write the page."""
     before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
     summary = result.summary
+    large = result.built.context.sheet.size > LARGE
+    if view and large:
+        summary["notes"].append(f"view.html: not written for so many points; `warp-pd view {folder}` writes it")
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
@@ -226,6 +243,8 @@ def _finish(result: Result, folder: Path, pictures: bool) -> None:
             summary["notes"].append(f"pictures: not all were drawn, as `fields` leaves out what they show: {error}")
     summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    if view and not large and (folder / "frames.vtkhdf").is_file():
+        write_page(folder)
 
 
 def headline(built: Built) -> str:
