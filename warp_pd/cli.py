@@ -375,32 +375,20 @@ def bench(
     damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
     """Time the steps of a sheet, and print a table."""
-    from .bench import FEATURES, Case, arithmetic_rate, copy_rate, measure, table
+    from .bench import Case, chosen_features, report
     from .checks import count, positive
-    from .device.context import find_device
 
     one_of("precision", precision, (32, 64))
     positive("seconds", seconds)
-    chosen = FEATURES if features == "all" else tuple(name.strip() for name in features.split(",") if name.strip())
     cases = [
         Case(
-            count("points", n, 3),
-            positive("horizon", m),
-            precision,
-            chosen,
-            layout,
-            damaged=damaged,
-            fast=not plain,
-            law=law,
+            count("points", n, 3), positive("horizon", m), precision, chosen_features(features), layout,
+            damaged=damaged, fast=not plain, law=law,
         )
         for m in horizon
         for n in points
-    ]
-    where = find_device(device)
-    copied = copy_rate(where, 1024 if where.is_cuda else 64)
-    counted = {precision: arithmetic_rate(where, precision)} if where.is_cuda else None
-    click.echo(f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written")
-    click.echo(table([measure(case, str(where), seconds) for case in cases], copied, counted))
+    ]  # fmt: skip
+    click.echo(report(cases, device, seconds))
 
 
 if __name__ == "__main__":

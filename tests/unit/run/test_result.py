@@ -78,7 +78,7 @@ def test_wrong_names_are_one_line(result):
         (lambda: result.plot("heigth"), "did you mean 'height'"),
         (lambda: result.plot("height", against="tim"), "did you mean 'time'"),
         (lambda: result.plot("height", path="a.jpg"), "path = 'a.jpg'"),
-        (lambda: bare.plot(), "plot: the scene has no measures; expected columns of time"),
+        (bare.plot, "plot: the scene has no measures; expected columns of time"),
     ):
         with pytest.raises(InputError) as error:
             call()
