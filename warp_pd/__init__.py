@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         Plane,
         PointForce,
         Pressure,
+        Reaction,
         RigidBall,
         RigidBody,
         SelfContact,
@@ -89,8 +90,8 @@ else:
             "output.vtkhdf": "read_frame read_series",
             "pieces": "placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
-            "EnclosedVolume Fixed Free Motion Plane PointForce Pressure RigidBall RigidBody SelfContact Sphere "
-            "TearingEnergy TriangleMesh",
+            "EnclosedVolume Fixed Free Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
+            "Sphere TearingEnergy TriangleMesh",
             "run.result": "Result",
             "scene": "Measure Outcome",
             "shapes.curves": "Circle Polygon Spline",
@@ -153,6 +154,7 @@ __all__ = [
     "Polygon",
     "Pressure",
     "Prony",
+    "Reaction",
     "Relaxation",
     "Result",
     "RigidBall",

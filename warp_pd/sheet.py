@@ -299,7 +299,7 @@ class Sheet(SelectableShape):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """A picture of the sheet, which a notebook shows; see `warp_pd.draw_sheet`."""
-        from .output.sheet_plot import draw_sheet
+        from . import draw_sheet
 
         return draw_sheet(self, path)
 

@@ -8,16 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from ..built import Built
 from ..checks import said
 from ..scene import Scene
 
-# Units of the columns that parts report; those of measures come with them.
-UNITS = {
-    "time": "s", "step": "s", "kinetic": "J", "half_step_kinetic": "J", "strain": "J", "external": "J", "damping": "J",
-    "rupture": "J", "viscous": "J", "contact": "J", "sheet_friction": "J", "balance_error": "1",
-    "ball_force_x": "N", "ball_force_y": "N", "ball_force_z": "N", "largest_damage": "1", "pressure": "Pa",
-    "volume": "m^3",
-}  # fmt: skip
+# Units of columns that no part speaks for; those of measures come with them.
+UNITS = {"time": "s", "step": "s", "largest_damage": "1", "mean_damage": "1", "pressure": "Pa", "volume": "m^3"}
 
 
 def short(part: Any) -> str:
@@ -77,6 +73,9 @@ def measured(found: Mapping[str, Any]) -> str:
     return f"{text} (reference {found['reference']:.6g}{unit}{error})"
 
 
-def units_of(scene: Scene) -> dict[str, str]:
-    """Units of the columns of the history."""
-    return {**UNITS, **{item.name: item.unit for item in scene.measures}}
+def units_of(built: Built) -> dict[str, str]:
+    """Units of the columns of the history, as far as they are known."""
+    units = dict(UNITS)
+    for part in (built.energy, *built.parts):
+        units |= part.column_units()
+    return units | {item.name: item.unit for item in built.simulation.measures}

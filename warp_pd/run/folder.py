@@ -23,7 +23,8 @@ except ImportError:  # Windows has no such lock: there two runs at once are not 
 
 
 PAGE = "view.html"
-RESULTS = ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd", PAGE)
+FINE = "fine_history.csv"
+RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "animation.usd", PAGE)
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ class Result:
         built: The simulation as it ended.
         frame: The last frame.
         folder: Where the files are, or None.
+        fine_history: Rows between frames as well, of `Explicit(history_every=)`: time, energies, losses, contact
+            forces and those of `Reaction`. Otherwise empty.
     """
 
     summary: dict[str, Any]
@@ -33,6 +35,7 @@ class Result:
     built: Built
     frame: Frame
     folder: Path | None = None
+    fine_history: History = field(default_factory=list)
 
     def __repr__(self) -> str:
         """One line: all arrays of a simulation would fill a notebook."""
@@ -59,21 +62,27 @@ class Result:
 
         return Frames(self._folder("frames"))
 
-    def table(self) -> Any:
+    def table(self, fine: bool = False) -> Any:
         """The history as a `pandas.DataFrame`, one row per frame.
+
+        Args:
+            fine: Whether to take `fine_history`.
 
         Raises:
             InputError: if pandas is not installed.
         """
-        return data_frame(self.history)
+        return data_frame(self._rows(fine))
 
-    def plot(self, *names: str, against: str = "time", path: str | os.PathLike[str] | None = None) -> Any:
+    def plot(
+        self, *names: str, against: str = "time", path: str | os.PathLike[str] | None = None, fine: bool = False
+    ) -> Any:
         """Draw columns of the history, a panel for each unit.
 
         Args:
             names: Columns, such as "load"; by default the measures.
             against: Column along the horizontal axis.
             path: Of the picture, .png, .pdf or .svg; None to write none.
+            fine: Whether to take the columns of `fine_history`.
 
         Returns:
             The `matplotlib.figure.Figure`, which a notebook shows.
@@ -87,7 +96,8 @@ class Result:
         shown = names or tuple(measure.name for measure in scene.measures)
         if not shown:
             raise InputError(f"plot: the scene has no measures; expected columns of {', '.join(self.history[0])}")
-        return plot_history(self.history, shown, units_of(scene), against=against, path=path, title=scene.scene)
+        rows, units = self._rows(fine), units_of(self.built)
+        return plot_history(rows, shown, units, against=against, path=path, title=scene.scene)
 
     def show(self, height: int = 700) -> Page:
         """The page of the run, which a notebook shows: the sheet in space, its fields, its curves.
@@ -101,6 +111,13 @@ class Result:
         from .view import page
 
         return Page(page(self._folder("show")), count("height", height, 100))
+
+    def _rows(self, fine: bool) -> History:
+        if not fine:
+            return self.history
+        if not self.fine_history:
+            raise InputError("fine = True: expected a run with Explicit(history_every=...)")
+        return self.fine_history
 
     def _folder(self, what: str) -> Path:
         if self.folder is None:

@@ -25,9 +25,11 @@ from . import restart
 from .chosen import Files, held_fields
 from .divergence import DivergedError
 from .folder import (
+    FINE,
     PAGE,
     clear,
     clear_unfinished,
+    read_history,
     require_room,
     sole_use,
     writable_folder,
@@ -134,6 +136,7 @@ def _run(
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
     summary = summary_of(recorder, status, message, seconds)
     result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
+    result.fine_history = [] if recorder.fine is None else recorder.fine.rows
     if folder is not None:
         _finish(result, folder, pictures and files.vtkhdf, view and files.vtkhdf)
     return result
@@ -168,7 +171,16 @@ def _add_files(
     files = Background(writers, room)
     others = list(recorder.writers)
     recorder.writers.append(files)
-    recorder.kept = partial(write_history, folder / "history.csv")
+    fine = recorder.fine
+    if fine is not None and append_from is not None and (folder / FINE).is_file():
+        fine.resume(read_history(folder / FINE), recorder.time)
+
+    def keep(history: History) -> None:
+        write_history(folder / "history.csv", history)
+        if fine is not None:
+            write_history(folder / FINE, fine.rows)
+
+    recorder.kept = keep
 
     def save() -> None:
         for writer in others:
