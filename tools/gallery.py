@@ -58,7 +58,7 @@ SCENES: dict[str, Shown] = {
     "cantilever": Shown({"points": 100}),
     "double_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, share=0.6),
     "dropped_ball": Shown({"points": 31, "frames": 40}, "displacement along z", 0.4),
-    "drum": Shown({"points": 41, "frames": 40}, "displacement along z", 0.7),
+    "drum": Shown({"points": 41, "amplitude": 0.05, "frames": 40}, "displacement along z", 0.7, "3D"),
     "edge_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, "damage", 0.6),
     "folded_sheet": Shown({"points": 61, "frames": 40}, "displacement", 0.7),
     "glove": Shown({"spacing": 4e-3}, "displacement"),

@@ -65,7 +65,7 @@ def contracted(triangles: Triangles, cluster: NDArray[np.int64]) -> NDArray[np.i
 
 
 def drawn(frames: Sequence[NDArray[np.int64]], size: int) -> Drawn:
-    """All triangles of the frames, and which of them are intact when.
+    """All triangles of the frames, and which of them are intact when; a row of points has none, and is drawn as points.
 
     Args:
         frames: Contracted triangles of each frame.
@@ -75,6 +75,8 @@ def drawn(frames: Sequence[NDArray[np.int64]], size: int) -> Drawn:
     every, first = np.unique(np.concatenate(keys), return_index=True)
     points, triangles = np.unique(np.concatenate(frames)[first], return_inverse=True)
     intact = np.stack([np.isin(every, key) for key in keys])
+    if not len(every):
+        points = np.arange(size)
     return Drawn(points, triangles.reshape(-1, 3), intact)
 
 

@@ -8,8 +8,15 @@ from typing import Any
 
 ENERGIES = ("kinetic", "strain", "external", "damping", "rupture", "viscous", "contact", "sheet_friction")
 
-# Unit of a point field; and of a column of the history, by its name or by what it ends with.
-FIELD_UNITS = {"displacement": "m", "velocity": "m/s", "damage": "", "strain_energy_density": "J/m³"}
+# Words and unit of a point field; unit of a column of the history, by its name or by what it ends with.
+FIELDS = {
+    "displacement": ("displacement", "m"), "velocity": ("velocity", "m/s"), "damage": ("damage", ""),
+    "strain_energy_density": ("strain energy density", "J/m³"),
+    "stretch_1": ("largest principal stretch", ""), "stretch_2": ("smallest principal stretch", ""),
+    "first_piola_1": ("largest first Piola stress", "Pa"), "first_piola_2": ("smallest first Piola stress", "Pa"),
+    "cauchy_1": ("largest Cauchy stress", "Pa"), "cauchy_2": ("smallest Cauchy stress", "Pa"),
+    "wrinkle_state": ("wrinkle state", "0 taut, 1 wrinkled, 2 slack"),
+}  # fmt: skip
 COLUMN_UNITS = {"time": "s", "step": "s", "pressure": "Pa", "volume": "m³", "balance_error": ""}
 ENDINGS = {
     "force": "N", "torque": "N m", "position": "m", "velocity": "m/s", "spin": "rad/s", "kinetic": "J",
@@ -45,22 +52,20 @@ class Choice:
     component: int | None = None
 
 
-def choices(field: str, components: int, unit: str | None = None) -> list[Choice]:
+def choices(field: str, components: int) -> list[Choice]:
     """The scalars of a point field.
 
     Args:
         field: Its name.
         components: 1 or 3.
-        unit: Its unit, if it is known.
     """
-    known = FIELD_UNITS.get(field, "") if unit is None else unit
-    words = spoken(field)
+    words, unit = FIELDS.get(field, (spoken(field), ""))
     if components == 1:
-        return [Choice(words, known, field)]
+        return [Choice(words, unit, field)]
     if field in PARTS:
         return [Choice(label, of, field, c) for c, (label, of) in enumerate(PARTS[field])]
-    along = [Choice(f"{words} along {axis}", known, field, c) for c, axis in enumerate("xyz")]
-    return [Choice(words, known, field, -1), *along]
+    along = [Choice(f"{words} along {axis}", unit, field, c) for c, axis in enumerate("xyz")]
+    return [Choice(words, unit, field, -1), *along]
 
 
 def spoken(name: str) -> str:

@@ -122,8 +122,8 @@ def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) ->
 
 
 def _held(sheet: Drawn) -> NDArray[np.bool_]:
-    """Whether a point has an intact triangle, shape (frames, points)."""
-    held = np.zeros((len(sheet.intact), len(sheet.points)), bool)
+    """Whether a point has an intact triangle, or there is none at all, shape (frames, points)."""
+    held = np.full((len(sheet.intact), len(sheet.points)), not len(sheet.triangles))
     for row, intact in zip(held, sheet.intact, strict=True):
         row[sheet.triangles[intact]] = True
     return held

@@ -89,3 +89,9 @@ def test_triangles_that_come_back_are_drawn():
     found, areas = coarse(sheet.positions, [sheet.triangles[3:], sheet.triangles], 81)
     assert areas[1] == pytest.approx(SIZE**2) and areas[0] < areas[1]
     assert len(found.triangles) == len(sheet.triangles)
+
+
+def test_a_row_of_points_keeps_them():
+    points = np.column_stack([np.arange(7.0), np.zeros((7, 2))])
+    found, _ = coarse(points, [np.zeros((0, 3), np.int64)] * 2, 100)
+    assert list(found.points) == list(range(7)) and found.intact.shape == (2, 0)

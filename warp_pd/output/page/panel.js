@@ -66,7 +66,7 @@
       const line = row(body, cells);
       const under = line.cells[0].appendChild(document.createElement("div"));
       under.className = "source";
-      under.textContent = [of, source].filter(Boolean).join("; ");
+      under.textContent = [of, reference !== null && source].filter(Boolean).join("; ");
     }
   }
 

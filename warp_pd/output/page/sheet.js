@@ -21,6 +21,7 @@
       vec4 seen = modelViewMatrix * vec4(position + grow * displacement, 1.0);
       place = seen.xyz;
       gl_Position = projectionMatrix * seen;
+      gl_PointSize = 5.0;
     }`;
   const FRAGMENT = `
     uniform sampler2D colours;
@@ -40,7 +41,8 @@
             line = max(line, 1.0 - smoothstep(0.2, 0.9, abs(fract(cell[c] - 0.5) - 0.5) / wide[c]));
           }
         }
-        colour = mix(colour, vec3(0.1), 0.38 * line);
+        float bright = dot(colour, vec3(0.299, 0.587, 0.114));
+        colour = mix(colour, bright < 0.35 ? vec3(0.9) : vec3(0.1), 0.38 * line);
       }
       if (shade > 0.0) {
         vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
@@ -106,7 +108,9 @@
       const material = new T.ShaderMaterial({
         vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms: this.uniforms, side: T.DoubleSide,
       });
-      this.mesh = new T.Mesh(geometry, material);
+      // A row of points has no triangles.
+      if (!this.triangles.length) geometry.setIndex(null);
+      this.mesh = this.triangles.length ? new T.Mesh(geometry, material) : new T.Points(geometry, material);
       this.mesh.frustumCulled = false;
       this.scene.add(this.mesh);
     }
@@ -144,8 +148,10 @@
           for (let c = 0; c < 3; c++) this.index[drawn++] = this.triangles[3 * t + c];
         }
       }
-      this.mesh.geometry.index.needsUpdate = true;
-      this.mesh.geometry.setDrawRange(0, drawn);
+      if (this.mesh.geometry.index) {
+        this.mesh.geometry.index.needsUpdate = true;
+        this.mesh.geometry.setDrawRange(0, drawn);
+      }
       this.drawnTriangles = drawn / 3;
       for (const { mesh, poses } of this.bodies) {
         mesh.position.set(...poses[frame].slice(0, 3));
