@@ -37,14 +37,15 @@ class Progress:
             total=100.0,
             file=sys.stderr,
             disable=None if sys.stderr.isatty() else True,
-            bar_format="{l_bar}{bar}| {postfix} [{elapsed}<{remaining}]",
+            # What matters least comes last: a narrow terminal cuts it off.
+            bar_format="{percentage:3.0f}%|{bar:6}| {elapsed}<{remaining}  {desc}",
         )
 
     def frame(self, report: FrameReport) -> None:
         """A frame."""
         row, text = report.row, f"{report.when}, {report.steps_per_second:.0f} steps/s"
         if "balance_error" in row:
-            text += f", energy balance {100.0 * row['balance_error']:+.2f} %"
+            text += f", balance {100.0 * row['balance_error']:+.2f} %"
         if "largest_damage" in row:
             text += f", damage {row['largest_damage']:.2f}"
         self._show(100.0 * report.share, text, every=max(1, report.frames // 10))
@@ -70,7 +71,7 @@ class Progress:
             self._rounds += 1
             return
         self._bar.n = round(share, 1)
-        self._bar.set_postfix_str(text)
+        self._bar.set_description_str(text)
 
     def _say(self, line: str) -> None:
         if not self.quiet:
