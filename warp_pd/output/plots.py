@@ -263,7 +263,7 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     order = np.argsort(depth, kind="stable")
     corners = np.concatenate([sheet, strokes, bodies])[order, :, :2]
     painted = PolyCollection(
-        list(corners), facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
+        corners, facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
     )  # fmt: skip
     painted.set_rasterized(len(corners) > MOST_VECTORS)
     axes.add_collection(painted)
