@@ -106,8 +106,8 @@ class Scene:
         scene: Name of the scene.
         file: Python file of a scene that does not come with the package, or None.
         section: Part of the paper that it rebuilds.
-        pictures: Function (history, folder) that draws the scene's pictures into the folder of the results,
-            or None.
+        pictures: Function (history, folder) that draws the scene's pictures into the folder of the results; None for
+            the default ones.
         notes: What a scene decided for the user, one line each; the summary and the command line repeat them.
         settings: Arguments of the scene's `build`, for the summary and restart files.
     """

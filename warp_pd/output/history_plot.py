@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..checks import one_of
-from .plots import new_figure, save
+from .picture_files import new_figure, save
 from .sheet_plot import target
 
 # Rows below which every one has a marker.

@@ -11,7 +11,7 @@ import numpy as np
 from ..checks import InputError, said
 from ..shapes.topology import boundary_edges, boundary_rings, pieces
 from ..sheet import Sheet
-from .plots import new_figure, save
+from .picture_files import new_figure, save
 
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
 MAX_TRIANGLES, MAX_MARKERS, MAX_PARTS, SIDE = 20_000, 8_000, 18, 8.0

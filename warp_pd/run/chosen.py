@@ -13,15 +13,19 @@ from ..laws.shown_fields import GROUPS
 
 @dataclass(frozen=True)
 class Files:
-    """Formats that a run writes frames in.
+    """What a run writes besides history, summary and restart files.
 
     Attributes:
         usd: Whether to write animation.usd.
         vtkhdf: Whether to write frames.vtkhdf.
+        pictures: Formats of the pictures; empty for none.
+        view: Whether to write view.html.
     """
 
     usd: bool = True
     vtkhdf: bool = True
+    pictures: tuple[str, ...] = ()
+    view: bool = True
 
     def require_same(self, folder: Path) -> None:
         """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.

@@ -155,7 +155,7 @@ def clear(folder: Path) -> None:
 def clear_unfinished(folder: Path) -> None:
     """Remove what a killed run was about to write; no resumed one reads it."""
     for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
-                    f"{PAGE}.part", f"{restart.NAME}.part", ".*.png.unfinished"):  # fmt: skip
+                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()
 

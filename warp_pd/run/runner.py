@@ -15,11 +15,12 @@ from time import perf_counter
 from typing import Any
 
 from ..built import Built, compose
-from ..checks import InputError, kind_and_text, user_code
+from ..checks import InputError, kind_and_text, one_of, user_code
 from ..frame import Surface
 from ..interfaces import History, Reporter, Writer
 from ..output.background import Background
 from ..output.formats import file_writers
+from ..output.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..scene import Scene, check_writers
 from . import restart
 from .chosen import Files, held_fields
@@ -44,6 +45,13 @@ from .view import LARGE, write_page
 # Bytes that a frame takes per point, in both formats, and those of history, summary and what is about them.
 BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
 
+# A search that got a part of the way, and no farther.
+LIMIT_POINT = (
+    "if the load has its maximum there (a limit point), no equilibrium exists beyond it: prescribe the displacement "
+    "(Motion) or the volume (EnclosedVolume) instead of the load, or follow the jump with Explicit and damping; "
+    "otherwise try more load_steps"
+)
+
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
 
 
@@ -58,7 +66,7 @@ def run(
     usd: bool = True,
     reporter: Reporter | None = None,
     writers: list[Writer] | None = None,
-    pictures: bool = True,
+    pictures: bool | str = True,
     vtkhdf: bool = True,
     fields: Sequence[str] | None = None,
     view: bool = True,
@@ -76,8 +84,9 @@ def run(
         usd: Whether to write animation.usd.
         reporter: Shows progress; see `output.progress`.
         writers: More writers of frames.
-        pictures: Whether to draw the scene's pictures.
-        vtkhdf: Whether to write frames.vtkhdf. Without it no pictures are drawn.
+        pictures: Whether to draw pictures, or their format: "png" (the default), "pdf", "svg", or several such as
+            "png,pdf".
+        vtkhdf: Whether to write frames.vtkhdf. Without it there are no pictures and no page.
         fields: Names of the point fields that frames.vtkhdf holds besides the displacement and the scene's own
             `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
         view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
@@ -92,17 +101,18 @@ def run(
     check_writers(writers or [])
     if fields is not None:
         scene = replace(scene, chosen_fields=fields)
+    formats = picture_formats(pictures)
+    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
     folder = writable_folder(out, resume, overwrite)
     with sole_use(folder):
         begin = perf_counter()
         built = compose(scene, device, precision)
-        writers = list(writers or [])
-        return _run(built, folder, begin, resume, Files(usd, vtkhdf), reporter, writers, pictures, view)
+        return _run(built, folder, begin, resume, files, reporter, list(writers or []))
 
 
 def _run(
     built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
-    writers: list[Writer], pictures: bool, view: bool,
+    writers: list[Writer],
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene, held = built.simulation, held_fields(built)
@@ -138,7 +148,7 @@ def _run(
     result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
     result.fine_history = [] if recorder.fine is None else recorder.fine.rows
     if folder is not None:
-        _finish(result, folder, pictures and files.vtkhdf, view and files.vtkhdf)
+        _finish(result, folder, files)
     return result
 
 
@@ -236,26 +246,26 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     return status, message
 
 
-def _finish(result: Result, folder: Path, pictures: bool, view: bool) -> None:
+def _finish(result: Result, folder: Path, files: Files) -> None:
     """Write the summary, draw the pictures, write the page."""
-    before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
+    before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
     summary = result.summary
     large = result.built.context.sheet.size > LARGE
-    if view and large:
+    if files.view and large:
         summary["notes"].append(f"view.html: not written for so many points; `warp-pd view {folder}` writes it")
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
-    if pictures and scene.pictures is not None:
+    if files.pictures:
         try:
-            draw(scene, result.history, folder)
+            draw(scene, result.history, folder, files.pictures)
         except InputError as error:
             if scene.chosen_fields is None:
                 raise
             summary["notes"].append(f"pictures: not all were drawn, as `fields` leaves out what they show: {error}")
-    summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
+    summary["pictures"] = sorted(p.name for p in pictures_in(folder) if p.stat().st_mtime_ns != before.get(p.name))
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
-    if view and not large and (folder / "frames.vtkhdf").is_file():
+    if files.view and not large:
         write_page(folder)
 
 
@@ -283,23 +293,44 @@ def surface_of(built: Built) -> Surface:
     )
 
 
-def draw(scene: Scene, history: History, folder: Path) -> None:
-    """Draw the scene's pictures.
+def picture_formats(pictures: bool | str) -> tuple[str, ...]:
+    """The formats of the pictures; empty for none.
+
+    Raises:
+        InputError: for another format.
+    """
+    if isinstance(pictures, bool):
+        return ("png",) if pictures else ()
+    names = [name.strip().lower().removeprefix(".") for name in str(pictures).split(",")]
+    return tuple(dict.fromkeys(one_of("pictures", name, FORMATS) for name in names))
+
+
+def draw(scene: Scene, history: History, folder: Path, formats: tuple[str, ...] = ("png",)) -> None:
+    """Draw the scene's pictures; those of `output.default_pictures` if it has no function for them.
 
     Raises:
         InputError: if its function raises, as on frames that are damaged.
     """
-    assert scene.pictures is not None
-    with user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"):
-        scene.pictures(history, folder)
+    with (
+        user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"),
+        drawing(Drawing(scene.scene, formats, scene.load_duration)),
+    ):
+        if scene.pictures is not None:
+            scene.pictures(history, folder)
+            return
+        from ..output import default_pictures
+
+        default_pictures.draw(history, folder, {measure.name: measure.unit for measure in scene.measures})
 
 
 def _not_converged(recorder: Recorder) -> str:
     assert recorder.solve is not None
-    return (
+    reached = recorder.solve["reached"]
+    text = (
         f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
-        f"the last good load step is at {100.0 * recorder.solve['reached']:.4g} % of the path"
+        f"the last good load step is at load factor {reached:.4g}"
     )
+    return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
 
 
 def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
