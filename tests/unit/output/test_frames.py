@@ -51,7 +51,7 @@ def test_static_frames_say_the_load(tmp_path):
     result = simulate(
         sheet, Newton(load_steps=2), loads=[Fixed(sheet.edges("all")), Pressure(1.0)]
     ).run(device="cpu", out=tmp_path / "a", usd=False)  # fmt: skip
-    assert [frame.when for frame in result.frames][1:] == ["50 % of the load", "100 % of the load"]
+    assert [frame.when for frame in result.frames][1:] == ["load factor 0.5", "load factor 1"]
 
 
 def test_what_is_not_there_is_one_line(result, tmp_path):
