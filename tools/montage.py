@@ -19,7 +19,7 @@ from study import DOCS, RUNS, Case, execute_all, run_tool, study_parser
 from warp_pd.output.plots import frames_at, new_figure, save, thumbnail
 from warp_pd.output.vtkhdf import read_series
 
-COLUMNS, SIDE = 6, 2.5
+COLUMNS, SIDE = 6, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,37 +44,40 @@ class Small(Case):
 SCENES = (
     Small("ball_penetration", "damage", {"points": 41}, share=0.55),
     Small("balloon", "u3", {"points": 10, "stretch": 1.6, "frames": 4}),
-    Small("balloon_burst", "damage", {"points": 16}, share=0.35),
+    Small("balloon_burst", "damage", {"points": 16}, share=0.5),
     Small("bimodular_bar", "u2", {"points": 60}, above=True),
     Small("cantilever", "u2", {"points": 40}, above=True),
-    Small("double_notch", "damage", {"points": 40, "horizon": 2.015}, above=True),
+    Small("double_notch", "damage", {"points": 40, "horizon": 2.015}, share=0.87, above=True),
     Small("dropped_ball", "u3", {"points": 25, "horizon": 2.015, "duration": 0.2, "frames": 40}, share=0.6),
     Small("drum", "u3", {"points": 31, "amplitude": 0.01, "duration": 1e-3, "frames": 10}, share=0.0),
-    Small("edge_notch", "damage", {"points": 30, "horizon": 2.015}, above=True),
-    Small("folded_sheet", "u3", {"points": 41, "frames": 40}),
+    Small("edge_notch", "damage", {"points": 30, "horizon": 2.015}, share=0.7, above=True),
+    Small("folded_sheet", "u3", {"points": 41, "frames": 40}, share=0.8),
     Small("glove", "u2", {"spacing": 5e-3, "load_steps": 2}, above=True),
     Small("kapton_shear", "wrinkle_level", {"points": 57}, above=True),
     Small("metamaterial", "u1", {"points": 40, "horizon": 2.015}, above=True),
     Small("needle", "damage", {"points": 31, "frames": 20}),
     Small("notched_strip", "damage", {"points": 60, "increment": 4e-5, "critical_strain": 9e-3}, above=True),
-    Small("off_plane_load", "u3", {"points": 25, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12}),
-    Small("off_plane_tear", "u3", {"points": 30, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40}),
+    Small("off_plane_load", "u3", {"points": 25, "horizon": 2.015, "speed": 2e-2, "duration": 3.0, "frames": 12},
+          share=0.5),
+    Small("off_plane_tear", "u3", {"points": 30, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40},
+          share=0.7),
     Small("out_of_plane", "u3", {"points": 31, "horizon": 2.015, "duration": 2.5, "frames": 10}),
-    Small("precut_tear", "u3", {"points": 40, "horizon": 2.015, "frames": 60}),
+    Small("precut_tear", "u3", {"points": 40, "horizon": 2.015, "frames": 60}, share=0.7),
     Small("pressure", "u3", {"points": 31}),
     Small("pressure_dynamic", "u3", {"points": 41, "horizon": 2.015, "frames": 20}, share=0.25),
     Small("pressure_static", "u3", {"points": 31, "horizon": 2.015}),
-    Small("puncture", "damage", {"points": 31, "horizon": 2.015, "slit": 0.012, "frames": 40}),
-    Small("pure_shear_tear", "damage", {"points": 20, "frames": 40, "tearing_energy": 4.0}, above=True),
-    Small("running_crack", "damage", {"points": 20, "horizon": 2.015, "frames": 60}, above=True),
+    Small("puncture", "damage", {"points": 31, "horizon": 2.015, "slit": 0.012, "frames": 40}, share=0.36),
+    Small("pure_shear_tear", "damage", {"points": 20, "frames": 40, "tearing_energy": 4.0}, share=0.75, above=True),
+    Small("running_crack", "damage", {"points": 20, "horizon": 2.015, "frames": 60}, share=0.3, above=True),
     Small("square_wrinkles", "wrinkle_level", {"points": 40}, above=True),
     Small("stretch", "u1", {"points": 30, "mode": "planar", "stretch": 2.0, "defect": "hole"}, above=True),
     Small("tension", "u2", {"points": 31}, above=True),
-    Small("trousers", "damage", {"points": 16, "horizon": 2.015, "duration": 1.2, "frames": 40, "speed": 0.03}),
+    Small("trousers", "damage", {"points": 16, "horizon": 2.015, "duration": 1.2, "frames": 40, "speed": 0.03},
+          share=0.7),
     Small("tube", "u3", {"points": 32, "frames": 3}),
     Small("two_sheets", "u1", {"points": 17, "frames": 20}),
     Small("visco_crack", "damage", {"points": 30, "horizon": 2.015, "law": "published", "failure": True,
-                                    "energy": 3e6}, above=True),
+                                    "energy": 3e6}, share=0.75, above=True),
     Small("visco_hole", "u1", {"points": 31, "horizon": 2.015, "stretch": 2.0, "load_steps": 3}, above=True),
     Small("visco_sheet", "u1", {"points": 21, "horizon": 2.015}, above=True),
 )  # fmt: skip
@@ -95,7 +98,7 @@ def picture(work: Path, path: Path, cases: Sequence[Small] = SCENES) -> int:
         times = np.asarray(read_series(folder / "frames.vtkhdf").times)
         (frame,) = frames_at(folder, [float(times[round(case.share * (len(times) - 1))])])
         thumbnail(axes, frame, case.colour, (0.0, 1.0) if case.colour == "damage" else None, above=case.above)
-        axes.set_title(case.scene, fontsize=9)
+        axes.set_title(case.scene, fontsize=8)
     save(figure, path)
     return len(shown)
 

@@ -19,7 +19,7 @@ from .shown import Shown, frames_at
 SEQUENTIAL = "viridis"
 STYLES = ("-", "--", "-.", ":")
 # Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
-LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.8), (0.55, 0.6, 0.68, 1.0)
+LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
 # Distances of tick labels and names from the edges of the box, and of labels from each other and from corners [points].
@@ -118,7 +118,10 @@ def thumbnail(
     low, high = places.min(axis=0), places.max(axis=0)
     seen = View(low, high, np.ones(3), np.eye(3)) if above else View.of(low, high, 28.0, -60.0)
     across = seen.seen(places)[:, :2]
-    _paint(axes, frame, field, scale, seen)
+    if len(frame.triangles):
+        _paint(axes, frame, field, scale, seen)
+    else:
+        axes.scatter(*across.T, c=scale.colours(frame.fields[field]), s=6.0)
     margin = 0.02 * float(np.ptp(across, axis=0).max())
     axes.set(aspect="equal", xlim=(across[:, 0].min() - margin, across[:, 0].max() + margin),
              ylim=(across[:, 1].min() - margin, across[:, 1].max() + margin))  # fmt: skip
@@ -258,7 +261,7 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     depth = np.concatenate([sheet[..., 2].mean(axis=1), strokes[..., 2].mean(axis=1) + 2.5 * side,
                             bodies[..., 2].mean(axis=1)])  # fmt: skip
     edges = np.concatenate([faces, inks, greys])
-    widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(lines), 0.5), np.full(len(outline), 0.7),
+    widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(lines), 0.5), np.full(len(outline), 0.5),
                              np.full(len(bodies), 0.2)])  # fmt: skip
     order = np.argsort(depth, kind="stable")
     corners = np.concatenate([sheet, strokes, bodies])[order, :, :2]
