@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import json
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -58,14 +59,14 @@ def run_folder(tmp_path_factory):
 
 
 @contextlib.contextmanager
-def open_page(browser, folder):
+def open_page(browser, folder, name="view.html"):
     """A page as a user opens it; errors in its console and requests to elsewhere fail the test."""
     opened = browser.new_page(viewport={"width": 800, "height": 600})
     wrong = []
     opened.on("console", lambda message: message.type in ("error", "warning") and wrong.append(message.text))
     opened.on("pageerror", lambda error: wrong.append(str(error)))
     opened.on("request", lambda request: request.url.startswith("http") and wrong.append(request.url))
-    opened.goto((folder / "view.html").as_uri())
+    opened.goto((folder / name).as_uri())
     opened.wait_for_selector("body[data-ready]", state="attached", timeout=20_000)
     yield opened
     opened.close()
@@ -262,3 +263,8 @@ def test_a_row_of_points_is_drawn_as_points(browser, tmp_path):
         expected = matplotlib.colormaps["inferno_r"](2.0 / 7.0, bytes=True)
         assert np.abs(np.subtract(pixel(page, (0.0, 0.1, 0.0)), expected)).max() <= 1
         assert pixel(page, (0.05, 0.1, 0.0))[3] == 0
+
+
+def test_a_page_of_the_gallery_opens(browser):
+    with open_page(browser, Path(__file__).parents[2] / "docs" / "gallery", "needle.html") as page:
+        assert page.locator("#title").inner_text() == "needle"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import InputError
+from ..checks import InputError, one_of
 from ..frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packed import Arrays
@@ -34,10 +34,22 @@ class Limits:
     Attributes:
         points: Points of the sheet, about; None for all.
         frames: Frames; None for as many as fit.
+        fields: Names of the fields besides the displacement; None for all.
     """
 
     points: int | None = POINTS
     frames: int | None = None
+    fields: Collection[str] | None = None
+
+    def chosen_fields(self, held: Sequence[str]) -> list[str]:
+        """Names of the fields that a page shows.
+
+        Raises:
+            InputError: for one that the frames do not hold.
+        """
+        for name in self.fields or ():
+            one_of("fields", name, held)
+        return [name for name in held if self.fields is None or name in ("displacement", *self.fields)]
 
     def chosen_frames(self, frames: int, points: int) -> NDArray[np.int64]:
         """Numbers of the frames that a page of so many points shows, the first and last among them."""
@@ -87,7 +99,7 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
     cluster = clusters(reference, first, read_frame(path, info.frames - 1)[2], most)
     kept = np.unique(cluster)
     triangles: list[NDArray[np.int64]] = []
-    values: dict[str, list[NDArray[Any]]] = {name: [] for name in info.fields}
+    values: dict[str, list[NDArray[Any]]] = {name: [] for name in limits.chosen_fields(info.fields)}
     for k in shown:
         _, _, intact, fields = read_frame(path, int(k))
         triangles.append(contracted(intact, cluster))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,13 @@ from .folder import PAGE, read_history, run_summary, write_atomically
 LARGE = 200_000
 
 
-def page(folder: str | Path, points: int | None = None, frames: int | None = None, library: str | None = None) -> str:
+def page(
+    folder: str | Path,
+    points: int | None = None,
+    frames: int | None = None,
+    fields: Collection[str] | None = None,
+    library: str | None = None,
+) -> str:
     """The page of a run as text: HTML with everything in it.
 
     A run that was killed has neither summary nor history; its frames are shown all the same.
@@ -22,10 +30,11 @@ def page(folder: str | Path, points: int | None = None, frames: int | None = Non
         folder: The folder of the run.
         points: Largest number of points to draw; by default 40 000.
         frames: Largest number of frames; by default as many as keep the page small.
+        fields: Names of the point fields to choose from, besides the displacement; None for all.
         library: Address of vendor.js, for pages that share it; by default it is inside the page.
 
     Raises:
-        InputError: for a folder without frames, or damaged frames.
+        InputError: for a folder without frames, damaged frames, or a field that they do not hold.
     """
     from ..output.view import Limits
     from ..output.view import page as page_of
@@ -38,13 +47,13 @@ def page(folder: str | Path, points: int | None = None, frames: int | None = Non
     path = folder / "frames.vtkhdf"
     if not path.is_file():
         raise InputError(f"folder = {str(folder)!r}: it has no {path.name}; expected the folder of a run with frames")
-    given = {
-        "points": None if points is None else count("points", points, 4),
-        "frames": None if frames is None else count("frames", frames, 2),
-    }
+    limits = Limits(fields=fields)
+    if points is not None:
+        limits = replace(limits, points=count("points", points, 4))
+    if frames is not None:
+        limits = replace(limits, frames=count("frames", frames, 2))
     history = read_history(folder / "history.csv") if (folder / "history.csv").is_file() else []
     summary: dict[str, Any] = run_summary(folder) or {}
-    limits = Limits(**{name: n for name, n in given.items() if n is not None})
     return page_of(path, summary, history, limits, library)
 
 

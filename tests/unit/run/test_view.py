@@ -146,3 +146,10 @@ def test_colours_are_those_of_matplotlib():
     for name, stored in re.findall(r'(\w+): "([0-9a-f]{1536})"', text):
         colours = bytes(matplotlib.colormaps[name](range(256), bytes=True)[:, :3].tobytes())
         assert stored == colours.hex()
+
+
+def test_fields_can_be_chosen(ball):
+    content = content_of(page(ball, fields=["damage"]))
+    assert sorted(content["fields"]) == ["damage", "displacement"]
+    with pytest.raises(InputError, match=r"fields = 'damge'.*damage"):
+        page(ball, fields=["damge"])
