@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         TensionField,
         Yeoh,
     )
-    from .output.frames import Frames
+    from .output.frames import Frames, SavedFrame
     from .output.sheet_plot import draw_sheet
     from .output.vtkhdf import read_frame, read_series
     from .parts import (
@@ -85,7 +85,7 @@ else:
             "laws.visco_bonds": "ViscoBondBased",
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
-            "output.frames": "Frames",
+            "output.frames": "Frames SavedFrame",
             "output.sheet_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
             "pieces": "placed together",
@@ -159,6 +159,7 @@ __all__ = [
     "Result",
     "RigidBall",
     "RigidBody",
+    "SavedFrame",
     "SelfContact",
     "Sheet",
     "Simulation",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..built import Built
 from ..checks import InputError, count
@@ -13,6 +13,9 @@ from ..frame import Frame
 from ..interfaces import History
 from ..output.notebook import Page, data_frame, html_table
 from .described import result_rows, units_of
+
+if TYPE_CHECKING:
+    from ..output.frames import Frames
 
 
 @dataclass(repr=False)
@@ -52,8 +55,8 @@ class Result:
         return str(self.summary["status"])
 
     @property
-    def frames(self) -> Any:
-        """The frames in the folder, each read when it is asked for: a `warp_pd.Frames`.
+    def frames(self) -> Frames:
+        """The frames in the folder, each read when it is asked for.
 
         Raises:
             InputError: for a run without `out`, or without frames.vtkhdf.
