@@ -131,13 +131,14 @@ def list_scenes() -> None:
 )
 @click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
+@click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
-    fields: str | None, pictures: str, no_pictures: bool, no_view: bool, quiet: bool,
+    fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
@@ -161,6 +162,7 @@ def run(
             fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
             pictures=False if no_pictures else pictures,
             view=not no_view,
+            history_every=history_every,
             reporter=Progress(quiet),
         )
     except DivergedError as error:

@@ -2,9 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from ..built import Built
+from ..checks import InputError
 from ..device.fields import Array
 from ..interfaces import History
+from ..scene import Scene
+
+
+def with_fine_history(scene: Scene, every: float) -> Scene:
+    """A scene whose solver records rows between frames.
+
+    Args:
+        scene: The scene.
+        every: Time between rows [s].
+
+    Raises:
+        InputError: for a solver whose frames are its rows, or a time that is not above zero.
+    """
+    solver: Any = scene.solver
+    if not hasattr(solver, "history_every"):
+        raise InputError(f"history_every = {every!r}: expected the solver Explicit, got {type(solver).__name__}")
+    return replace(scene, solver=replace(solver, history_every=every))
 
 
 class FineHistory:

@@ -25,6 +25,7 @@ from ..scene import Scene, check_writers
 from . import restart
 from .chosen import Files, held_fields
 from .divergence import DivergedError
+from .fine_history import with_fine_history
 from .folder import (
     FINE,
     PAGE,
@@ -70,6 +71,7 @@ def run(
     vtkhdf: bool = True,
     fields: Sequence[str] | None = None,
     view: bool = True,
+    history_every: float | None = None,
 ) -> Result:
     """Run a scene to its end.
 
@@ -90,6 +92,7 @@ def run(
         fields: Names of the point fields that frames.vtkhdf holds besides the displacement and the scene's own
             `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
         view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
+        history_every: Time between rows of the finer history [s], in place of that of the solver; see `Explicit`.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -101,6 +104,8 @@ def run(
     check_writers(writers or [])
     if fields is not None:
         scene = replace(scene, chosen_fields=fields)
+    if history_every is not None:
+        scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
     files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
     folder = writable_folder(out, resume, overwrite)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers import square
-from small_runs import simulate
+from small_runs import BALL, cli, simulate
 
-from warp_pd import Explicit, Fixed, InputError, Measure, Motion, Reaction, RigidBall, RigidBody, Sphere
+from warp_pd import Explicit, Fixed, InputError, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
 from warp_pd.measures import support_force
 from warp_pd.parts import BodyPath
 from warp_pd.run import fine_history
@@ -113,6 +113,14 @@ def test_a_resumed_run_has_the_rows_of_one_that_was_not(tmp_path):
     )
 
 
+def test_the_command_line_asks_for_rows(tmp_path):
+    done = cli("run", *BALL, "--duration", "1", "--frames", "2", "--no-usd", "--no-vtkhdf", "--history-every",
+               "0.1", "--out", tmp_path / "a")  # fmt: skip
+    assert done.exit_code == 0, done.output
+    rows = read_history(tmp_path / "a" / "fine_history.csv")
+    assert len(rows) >= 9 and {"kinetic", "strain", "ball_force_z"} <= rows[0].keys()
+
+
 def test_tables_and_curves_of_the_rows():
     result = pulled().run(device="cpu")
     figure = result.plot("pull_x", fine=True)
@@ -129,6 +137,8 @@ def test_wrong_input_is_one_line():
         (lambda: Reaction([0], "my force"), "Reaction.name = 'my force'"),
         (lambda: simulate(sheet, loads=[Reaction([49])]).build("cpu"), "Reaction.points"),
         (lambda: simulate(sheet, loads=[Reaction([0]), Reaction([1])]).build("cpu"), "Reaction.name = 'reaction'"),
+        (lambda: simulate(sheet, Newton()).run(device="cpu", history_every=0.1), "expected the solver Explicit"),
+        (lambda: simulate(sheet).run(device="cpu", history_every=-1.0), "history_every = -1.0"),
         (lambda: simulate(sheet).run(device="cpu").plot("kinetic", fine=True), "fine = True"),
     ):
         with pytest.raises(InputError) as error:
