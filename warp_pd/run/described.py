@@ -20,6 +20,8 @@ def short(part: Any) -> str:
     """A part in one line: arrays of points as their number, arguments at their default left out."""
     if isinstance(part, np.ndarray | range) or (isinstance(part, Sequence) and not isinstance(part, str | tuple)):
         return f"{len(part)} values"
+    if isinstance(part, float):
+        return f"{part:.6g}"
     if not is_dataclass(part) or isinstance(part, type):
         return said(part)
     shown: list[str] = []

@@ -35,10 +35,10 @@ def test_a_simulation_prints_its_parts_in_short_lines():
     text = repr(simulation)
     for line in (
         "Sheet(0.1 x 0.1 m, 81 points, spacing 0.0125 m)",
-        "BondAssociated(NeoHookean(1000.0, bulk=100000.0), weights='plain')",
+        "BondAssociated(NeoHookean(1000, bulk=100000), weights='plain')",
         "Explicit(0.01, frames=3)",
         "Fixed(32 points)",
-        "CriticalStretch(2.0)",
+        "CriticalStretch(2)",
         "RigidBall(0.01, ",
         "height, share",
     ):
