@@ -13,7 +13,7 @@ steps, without which no reader looks at the new rows, is written last. VTK's rea
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -68,7 +68,10 @@ class VtkHdfSeries:
             series.write(frame)
     """
 
-    def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None,
+        fields: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
         """Begin a series, or go on with one.
 
         Args:
@@ -76,9 +79,11 @@ class VtkHdfSeries:
             surface: The reference sheet.
             append_from: Keep the frames before this one of the file that is there, drop the others, and go on
                 from here. None and 0 begin anew.
+            fields: Names of the point fields that it holds besides the displacement; None: all of a frame.
         """
         self.path = require_writable(path, (".vtkhdf", ".hdf"))
         self.surface = surface
+        self._chosen = fields
         self._frames = 0
         self._fields: tuple[str, ...] = ()
         self._held_faces: NDArray[np.integer] | None = None
@@ -101,7 +106,7 @@ class VtkHdfSeries:
             frame: The sheet's state. It must have the same fields (damage, point_data) on every frame.
         """
         self._require_next(frame)
-        fields = point_fields(frame)
+        fields = point_fields(frame, self._chosen)
         if frame.index == 0:
             self._create(frame, fields)
         else:

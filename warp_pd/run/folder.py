@@ -23,7 +23,8 @@ except ImportError:  # Windows has no such lock: there two runs at once are not 
 
 
 PAGE = "view.html"
-RESULTS = ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd", PAGE)
+FINE = "fine_history.csv"
+RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "animation.usd", PAGE)
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
@@ -154,7 +155,7 @@ def clear(folder: Path) -> None:
 def clear_unfinished(folder: Path) -> None:
     """Remove what a killed run was about to write; no resumed one reads it."""
     for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
-                    f"{PAGE}.part", f"{restart.NAME}.part", ".*.png.unfinished"):  # fmt: skip
+                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()
 
