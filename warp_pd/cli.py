@@ -226,7 +226,7 @@ def sweep_values(
     if not choices:
         raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
     folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
-    options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False}
+    options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
     sys.exit(_sweep(scene, choices, folder, options, overwrite, quiet))
 
 
