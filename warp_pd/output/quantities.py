@@ -6,33 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-ENERGIES = ("kinetic", "strain", "external", "damping", "rupture", "viscous", "contact", "sheet_friction")
+from .labels import COLUMNS, ENERGIES, FIELDS, UNITS
 
-# Words and unit of a point field; unit of a column of the history, by its name or by what it ends with.
-FIELDS = {
-    "displacement": ("displacement", "m"), "velocity": ("velocity", "m/s"), "damage": ("damage", ""),
-    "strain_energy_density": ("strain energy density", "J/m³"),
-    "stretch_1": ("largest principal stretch", ""), "stretch_2": ("smallest principal stretch", ""),
-    "first_piola_1": ("largest first Piola stress", "Pa"), "first_piola_2": ("smallest first Piola stress", "Pa"),
-    "cauchy_1": ("largest Cauchy stress", "Pa"), "cauchy_2": ("smallest Cauchy stress", "Pa"),
-    "wrinkle_state": ("wrinkle state", "0 taut, 1 wrinkled, 2 slack"),
-}  # fmt: skip
-COLUMN_UNITS = {"time": "s", "step": "s", "pressure": "Pa", "volume": "m³", "balance_error": ""}
-ENDINGS = {
-    "force": "N", "torque": "N m", "position": "m", "velocity": "m/s", "spin": "rad/s", "kinetic": "J",
-    "potential": "J", "loss": "J", "rubbed": "J",
-}  # fmt: skip
-WORDS = {
-    "external": "work of loads and supports", "damping": "lost to damping", "rupture": "lost to broken bonds",
-    "viscous": "lost to viscosity", "sheet_friction": "lost to friction of the sheet", "step": "time step",
-    "balance_error": "energy balance error",
-}  # fmt: skip
-# Components of a field that is no vector in space.
-PARTS = {
-    "principal_stress": (
-        ("largest principal stress", "Pa"), ("smallest principal stress", "Pa"), ("angle of the largest", "rad"),
-    ),
-}  # fmt: skip
+OTHER_UNITS = {"time": "s", "step": "s"}
+OTHER_WORDS = {"step": "time step", "balance_error": "energy balance error"}
 
 
 @dataclass(frozen=True)
@@ -62,15 +39,15 @@ def choices(field: str, components: int) -> list[Choice]:
     words, unit = FIELDS.get(field, (spoken(field), ""))
     if components == 1:
         return [Choice(words, unit, field)]
-    if field in PARTS:
-        return [Choice(label, of, field, c) for c, (label, of) in enumerate(PARTS[field])]
+    if f"{field}_1" in FIELDS:
+        return [Choice(*FIELDS[f"{field}_{c + 1}"], field, c) for c in range(components)]
     along = [Choice(f"{words} along {axis}", unit, field, c) for c, axis in enumerate("xyz")]
     return [Choice(words, unit, field, -1), *along]
 
 
 def spoken(name: str) -> str:
     """A name in words."""
-    return WORDS.get(name, name.replace("_", " "))
+    return {**COLUMNS, **OTHER_WORDS}.get(name, name.replace("_", " "))
 
 
 def column_unit(name: str, measures: Mapping[str, Any]) -> str:
@@ -86,7 +63,7 @@ def column_unit(name: str, measures: Mapping[str, Any]) -> str:
     if name in ENERGIES:
         return "J"
     ending = name.removesuffix("_x").removesuffix("_y").removesuffix("_z").rpartition("_")[2]
-    return COLUMN_UNITS.get(name, ENDINGS.get(ending, ""))
+    return {**UNITS, **OTHER_UNITS}.get(name, UNITS.get(ending, ""))
 
 
 def curves(columns: Sequence[str], measures: Mapping[str, Any]) -> list[dict[str, Any]]:
