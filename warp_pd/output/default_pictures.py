@@ -17,6 +17,8 @@ from .vtkhdf import read_series
 PANELS, MOST_NUMBERS = 4, 9
 # A displacement out of the plane above this share of the size of the sheet is drawn in space.
 OUT_OF_PLANE = 1e-3
+# A component below this share of the largest one of its vector is noise.
+NOISE = 1e-3
 NOT_DRAWN = {"time", "step", "half_step_kinetic", "balance_error", "largest_damage", "mean_damage", *ENERGIES}
 
 
@@ -37,6 +39,7 @@ def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, 
         names = [name for name in ENERGIES if any(row.get(name) for row in history)]
         plots.curves(folder / "energy.png", history, names, ylabel="energy (J)")
     numbers = [name for name in history[-1] if name not in NOT_DRAWN and _moves(history, name)]
+    numbers = [name for name in numbers if name in units or _counts(history, name)]
     numbers.sort(key=lambda name: name not in units)
     if numbers and len(history) > 1:
         _draw_numbers(folder, history, numbers[:MOST_NUMBERS], units)
@@ -59,6 +62,14 @@ def _moves(history: Sequence[dict[str, float]], name: str) -> bool:
     values = np.array([row.get(name, np.nan) for row in history], float)
     values = values[np.isfinite(values)]
     return bool(len(values) and np.ptp(values) > 0.0)
+
+
+def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
+    """Whether a component of a vector, such as ball_force_x, is more than the noise of the largest one."""
+    if name[-2:] not in ("_x", "_y", "_z"):
+        return True
+    reach = {c: max(abs(row.get(name[:-1] + c, 0.0)) for row in history) for c in "xyz"}
+    return reach[name[-1]] > NOISE * max(reach.values())
 
 
 def _draw_numbers(

@@ -22,6 +22,8 @@ STYLES = ("-", "--", "-.", ":")
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
 # Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
 PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
+# Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
+LOWEST, TALLEST = 0.3, 1.4
 # Distances of tick labels and names from the edges of the box, and of labels from each other and from corners [points].
 TICK_APART, NAME_APART, TICK_NEXT, CORNER = 9.0, 32.0, 38.0, 14.0
 
@@ -52,13 +54,14 @@ def surfaces(
     places = np.concatenate([everything, *(np.array(edge[1:3]) for edge in seen.edges())])
     across = seen.seen(places)[:, :2]
     low, high = across.min(axis=0), across.max(axis=0)
-    shape = float(np.clip((high - low)[1] / (high - low)[0], 0.3, 1.4))
+    shape = max(float((high - low)[1] / (high - low)[0]), LOWEST)
+    wide = (PANEL - BESIDE) * min(1.0, TALLEST / shape)
     columns = _columns(len(frames))
     rows = -(-len(frames) // columns)
-    points = 72.0 * (PANEL - BESIDE) / float((high - low)[0])
+    points = 72.0 * wide / float((high - low)[0])
     grown = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", seen.grown, strict=True) if g > 1.05]
-    tall = (PANEL - BESIDE) * shape + BELOW + TITLE_LINE * len(grown)
-    figure = new_figure(PANEL * columns + 1.4, tall * rows + 0.3)
+    tall = wide * shape + BELOW + TITLE_LINE * len(grown)
+    figure = new_figure((wide + BESIDE) * columns + 1.4, tall * rows + 0.3)
     panels = figure.subplots(rows, columns, squeeze=False)
     for axes, frame in zip(panels.flat, frames, strict=False):
         axes.set_axis_off()
@@ -264,7 +267,7 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(lines), 0.5), np.full(len(outline), 0.5),
                              np.full(len(bodies), 0.2)])  # fmt: skip
     order = np.argsort(depth, kind="stable")
-    corners = np.concatenate([sheet, strokes, bodies])[order, :, :2]
+    corners: Any = np.concatenate([sheet, strokes, bodies])[order, :, :2]
     painted = PolyCollection(
         list(corners), facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
     )  # fmt: skip

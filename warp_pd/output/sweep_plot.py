@@ -1,4 +1,4 @@
-"""The picture of a sweep: its measures against the first argument that it changes."""
+"""The picture of a sweep: its measures against the first argument that has several values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, 
     rows = -(-min(len(names), MOST_PANELS) // columns)
     figure = new_figure(4.6 * columns, 3.3 * rows + 0.4)
     panels = figure.subplots(rows, columns, squeeze=False)
-    first, *others = runs[0][0]
+    keys = list(runs[0][0])
+    first = next((key for key in keys if len({values[key] for values, _ in runs}) > 1), keys[0])
+    others = [key for key in keys if key != first]
     for axes, name in zip(panels.flat, names, strict=False):
         curves: dict[str, list[tuple[Any, float]]] = {}
         for values, found in runs:

@@ -7,6 +7,7 @@ from matplotlib.image import imread
 from small_runs import cli
 
 from warp_pd.interfaces import FrameReport
+from warp_pd.output.default_pictures import _counts
 from warp_pd.output.progress import Progress
 from warp_pd.run.folder import run_summary
 
@@ -59,6 +60,11 @@ def test_no_pictures(tmp_path, default_pictures):
     assert drawn.exit_code == 0 and "sheet.svg" in drawn.output
     refused = cli("draw", tmp_path / "out", "--pictures", "jpg")
     assert refused.exit_code == 2 and "pictures = 'jpg': expected one of 'png', 'pdf', 'svg'" in refused.output
+
+
+def test_components_that_are_noise_are_left_out():
+    history = [{"time": t, "ball_force_x": 1e-7 * t, "ball_force_z": t, "height": 1e-9 * t} for t in (0.0, 1.0, 2.0)]
+    assert [name for name in history[0] if _counts(history, name)] == ["time", "ball_force_z", "height"]
 
 
 @pytest.mark.parametrize("columns", [50, 80, 140])
