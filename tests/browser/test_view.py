@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -28,9 +29,11 @@ MEASURES = {
 
 
 def frame_of(surface, at):
-    """A tearing sheet; a plate far from it moves along x, from the left of the sheet to its right."""
+    """A tearing sheet; a plate moves along x, from the left of the sheet to its right; a field has a peak."""
     pose = np.array([[-0.2 + 0.15 * at, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]])
-    return make_frame_with_fields(surface, at, bodies=pose)
+    frame = make_frame_with_fields(surface, at, bodies=pose)
+    peak = surface.points[:, 0] + 1e3 * ((np.arange(30) == 0) & (at == 1))
+    return replace(frame, point_data={**frame.point_data, "peak": peak})
 
 
 def write_run(folder):
@@ -59,9 +62,10 @@ def run_folder(tmp_path_factory):
 
 
 @contextlib.contextmanager
-def open_page(browser, folder, name="view.html"):
-    """A page as a user opens it; errors in its console and requests to elsewhere fail the test."""
+def open_page(browser, folder, name="view.html", before="0"):
+    """A page as a user opens it, after a script; errors in its console and requests to elsewhere fail the test."""
     opened = browser.new_page(viewport={"width": 800, "height": 600})
+    opened.add_init_script(before)
     wrong = []
     opened.on("console", lambda message: message.type in ("error", "warning") and wrong.append(message.text))
     opened.on("pageerror", lambda error: wrong.append(str(error)))
@@ -191,6 +195,15 @@ def test_a_signed_field_has_zero_in_the_middle(page):
         assert np.abs(np.subtract(pixel(page, place), expected)).max() <= 4
 
 
+def test_peaks_can_be_left_out_of_the_limits(page):
+    """The field "peak" is x, 0 to 0.5 m, but 1e3 at a point of one frame."""
+    pick(page, "peak")
+    assert page.locator("#high").input_value() == "1000"
+    page.locator("#range").select_option("most")
+    found = [float(page.locator(name).input_value()) for name in ("#low", "#high")]
+    assert found == pytest.approx([0.0, 0.5], rel=1e-2)
+
+
 def test_limits_of_the_colours_can_be_given(page):
     plainly(page)
     to_frame(page, 1)
@@ -257,7 +270,8 @@ def test_a_row_of_points_is_drawn_as_points(browser, tmp_path):
     with VtkHdfSeries(tmp_path / "frames.vtkhdf", surface) as series:
         series.write(make_frame_with_fields(surface, 1, index=0, intact_faces=np.zeros(0, bool)))
     write_page(tmp_path)
-    with open_page(browser, tmp_path) as page:
+    # As in browsers that do not have this function yet.
+    with open_page(browser, tmp_path, before="delete Uint8Array.fromBase64") as page:
         plainly(page)
         # Damage of 2/7 at x = 0.
         expected = matplotlib.colormaps["inferno_r"](2.0 / 7.0, bytes=True)
@@ -268,3 +282,16 @@ def test_a_row_of_points_is_drawn_as_points(browser, tmp_path):
 def test_a_page_of_the_gallery_opens(browser):
     with open_page(browser, Path(__file__).parents[2] / "docs" / "gallery", "needle.html") as page:
         assert page.locator("#title").inner_text() == "needle"
+
+
+def test_without_webgl_the_numbers_are_there(browser, run_folder):
+    page = browser.new_page()
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = new Proxy("
+                         "HTMLCanvasElement.prototype.getContext, { apply: (get, canvas, [kind]) => "
+                         "kind === '2d' ? get.call(canvas, kind) : null })")  # fmt: skip
+    page.goto((run_folder / "view.html").as_uri())
+    page.wait_for_selector("#trouble:not([hidden])")
+    assert "The sheet cannot be drawn" in page.locator("#trouble").inner_text()
+    assert page.locator("#measures tbody tr").count() == 2 and page.locator(".u-over").count() == 2
+    page.locator(".u-over").first.click()
+    page.close()

@@ -23,8 +23,8 @@ from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
 
 LIBRARY = "vendor.js"
 SCRIPTS = ("data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
-# What a page holds unless told otherwise: points; and points times frames, but some frames in any case.
-POINTS, POINT_FRAMES, FEWEST_FRAMES = 40_000, 1_500_000, 24
+# What a page holds unless told otherwise: points; and numbers, in all frames, but some frames in any case.
+POINTS, NUMBERS, FEWEST_FRAMES = 40_000, 12_000_000, 16
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class Limits:
             one_of("fields", name, held)
         return [name for name in held if self.fields is None or name in ("displacement", *self.fields)]
 
-    def chosen_frames(self, frames: int, points: int) -> NDArray[np.int64]:
-        """Numbers of the frames that a page of so many points shows, the first and last among them."""
-        fits = max(FEWEST_FRAMES, POINT_FRAMES // points) if self.frames is None else self.frames
+    def chosen_frames(self, frames: int, numbers: int) -> NDArray[np.int64]:
+        """Indices of the frames that a page shows, the first and last among them, if each has so many numbers."""
+        fits = max(FEWEST_FRAMES, NUMBERS // numbers) if self.frames is None else self.frames
         return np.unique(np.round(np.linspace(0, frames - 1, min(frames, fits))).astype(np.int64))
 
 
@@ -93,13 +93,15 @@ def page(
 def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict[str, Any]:
     """Points, triangles, fields and bodies at the frames that the page shows."""
     most = info.points if limits.points is None else limits.points
-    shown = limits.chosen_frames(info.frames, min(info.points, most))
     _, points, first, fields = read_frame(path, 0)
     reference = points - fields["displacement"]
     cluster = clusters(reference, first, read_frame(path, info.frames - 1)[2], most)
     kept = np.unique(cluster)
+    names = limits.chosen_fields(info.fields)
+    components = sum(fields[name][0].size for name in names)
+    shown = limits.chosen_frames(info.frames, components * len(kept))
     triangles: list[NDArray[np.int64]] = []
-    values: dict[str, list[NDArray[Any]]] = {name: [] for name in limits.chosen_fields(info.fields)}
+    values: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
     for k in shown:
         _, _, intact, fields = read_frame(path, int(k))
         triangles.append(contracted(intact, cluster))

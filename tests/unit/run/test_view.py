@@ -12,7 +12,7 @@ from torn_frames import FRAMES, make_frame, write_all
 
 from warp_pd.checks import InputError
 from warp_pd.output.quantities import choices, column_unit, curves
-from warp_pd.output.view import files
+from warp_pd.output.view import Limits, files
 from warp_pd.output.vtkhdf import VtkHdfSeries
 from warp_pd.run import runner, view
 from warp_pd.run.view import page, write_page
@@ -59,6 +59,16 @@ def test_what_a_page_leaves_out_it_says(ball):
     assert content["frames"][-1]["when"] == "t = 4 s"
     assert re.fullmatch(r"\d+ of 729 points are drawn; .*", content["leftOut"][0])
     assert content["leftOut"][1] == "5 of 25 frames are shown"
+
+
+def test_a_page_holds_so_many_numbers_and_some_frames_in_any_case():
+    limits = Limits()
+    assert list(limits.chosen_frames(10, 8 * 40_000)) == list(range(10))
+    assert len(limits.chosen_frames(1000, 8 * 40_000)) == 37
+    found = limits.chosen_frames(1000, 20 * 40_000)
+    assert len(found) == 16 and found[0] == 0 and found[-1] == 999
+    # The worst case, in bytes of text: numbers that do not compress.
+    assert 16 * 20 * 1.06 * 40_000 * 2 * 4 / 3 < 50e6
 
 
 def test_a_killed_run_has_a_page_without_curves(tmp_path):

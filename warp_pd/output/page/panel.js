@@ -89,10 +89,30 @@
   function limits() {
     if (get("range").value === "own") return [Number(get("low").value), Number(get("high").value)];
     if (get("range").value === "frame") return balanced(...extremes(state.numbers));
+    if (get("range").value === "most") return balanced(...mostOf(state.scalar));
     return choice().field === "damage" ? [0, 1] : balanced(state.scalar.low, state.scalar.high);
   }
 
+  // Limits between which 98 % of the numbers of some frames are: a peak at the tip of a crack does not darken the rest.
+  function mostOf(found) {
+    if (!found.most) {
+      const room = new Float32Array(state.view.points), every = Math.ceil(frames.length / 12), numbers = [];
+      const apart = Math.ceil(room.length / 10000);
+      for (let frame = frames.length - 1; frame >= 0; frame -= every) {
+        found.fill(frame, room);
+        for (let k = 0; k < room.length; k += apart) if (!Number.isNaN(room[k])) numbers.push(room[k]);
+      }
+      numbers.sort((a, b) => a - b);
+      const at = (share) => numbers[Math.round(share * (numbers.length - 1))] ?? 0;
+      found.most = [at(0.01), at(0.99)];
+    }
+    return found.most;
+  }
+
   function balanced(low, high) {
+    // Round-off is not shown as a limit.
+    if (Math.abs(low) < 1e-9 * Math.abs(high)) low = 0;
+    if (Math.abs(high) < 1e-9 * Math.abs(low)) high = 0;
     if (get("map").value !== BOTH_SIGNS) return [low, high];
     const most = Math.max(Math.abs(low), Math.abs(high));
     return [-most, most];
@@ -168,6 +188,7 @@
   }
 
   function seek(time) {
+    if (!state.view) return;
     let nearest = 0;
     frames.forEach((frame, k) => { if (Math.abs(frame.time - time) < Math.abs(frames[nearest].time - time)) nearest = k; });
     pause();
@@ -236,14 +257,18 @@
     });
   }
 
-  async function begin() {
-    fillTables();
-    state.view = await SheetView.create(get("canvas"));
-    connect();
+  function buildGraphs() {
     const rooms = [...document.querySelectorAll(".graph")], graphs = content.history.graphs;
     rooms.slice(graphs.length).forEach((room) => room.remove());
     const energies = Math.max(graphs.findIndex(({ label }) => label === "energies"), Math.min(1, graphs.length - 1));
     state.graphs = rooms.slice(0, graphs.length).map((room, k) => new Curves(room, k ? energies : 0, seek));
+  }
+
+  async function begin() {
+    fillTables();
+    buildGraphs();
+    state.view = await SheetView.create(get("canvas"));
+    connect();
     await chooseField();
     // A flat sheet that stays flat is seen from above.
     if (state.view.flat) state.view.look("top");
@@ -252,7 +277,7 @@
 
   begin().catch((error) => {
     get("trouble").hidden = false;
-    get("trouble").textContent = `The page cannot be shown: ${error.message}`;
+    get("trouble").textContent = `The sheet cannot be drawn: ${error.message}`;
     console.error(error);
   });
 })();
