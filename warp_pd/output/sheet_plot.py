@@ -151,7 +151,10 @@ def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
     for c, name in enumerate("xyz"):
         getattr(axes, f"set_{name}lim")(low[c], high[c])
         getattr(axes, f"set_{name}label")(f"{name} (m)")
-        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4))
+        # Labels of two axes would collide at a corner of the box.
+        margin = 0.1 * (high[c] - low[c])
+        ticks = [t for t in MaxNLocator(4).tick_values(low[c], high[c]) if low[c] + margin < t < high[c] - margin]
+        getattr(axes, f"{name}axis").set_ticks(ticks)
     axes.zaxis.labelpad = 14
     axes.set_box_aspect(np.maximum(high - low, 1e-3 * (high - low).max()))
     axes.view_init(elev=view[0], azim=view[1])
