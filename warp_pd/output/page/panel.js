@@ -270,8 +270,8 @@
     state.view = await SheetView.create(get("canvas"));
     connect();
     await chooseField();
-    // A flat sheet that stays flat is seen from above.
-    if (state.view.flat) state.view.look("top");
+    // A flat sheet that stays flat is seen from above, unless a body is above it.
+    if (state.view.flat && !content.bodies.length) state.view.look("top");
     document.body.dataset.ready = "yes";
   }
 

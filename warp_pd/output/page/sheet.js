@@ -121,8 +121,11 @@
       sun.position.set(-0.4, -0.5, 0.77);
       this.scene.add(new T.AmbientLight(0xffffff, 1.4), sun, this.group);
       for (const body of this.bodies) {
+        // A plane is large, and seen from both sides.
+        const plane = body.kind === "plane";
         const material = new T.MeshLambertMaterial({
-          color: 0x4f81b0, transparent: true, opacity: 0.5, side: T.FrontSide, depthWrite: false,
+          color: 0x4f81b0, transparent: true, opacity: plane ? 0.2 : 0.5, depthWrite: false,
+          side: plane ? T.DoubleSide : T.FrontSide,
         });
         body.mesh = new T.Mesh(body.geometry, material);
         this.group.add(body.mesh);
