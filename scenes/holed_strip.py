@@ -27,7 +27,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.checks import finite, positive
-from warp_pd.fitting import Reaction
+from warp_pd.fitting import SupportForce
 
 LENGTH, WIDTH, RADIUS, THICKNESS, DENSITY = 0.1, 0.05, 0.01, 1e-3, 1000.0
 
@@ -67,7 +67,7 @@ def build(
         solver=Newton(tolerance=tolerance, load_steps=load_steps),
         measures=[
             Measure("stretch", "1", lambda built, frame: 1.0 + (stretch - 1.0) * frame.time),
-            Measure("edge_force", "N", Reaction(right, "x")),
+            Measure("edge_force", "N", SupportForce(right, "x")),
         ],
         section="own strip",
         pictures=pictures,

@@ -18,7 +18,7 @@ from warp_pd import (
     Simulation,
     Yeoh,
 )
-from warp_pd.fitting import Deflection, Reaction
+from warp_pd.fitting import Deflection, SupportForce
 
 TOLERANCE = 1e-12
 
@@ -41,7 +41,7 @@ def pulled(material, points=9, stretch=1.3, thickness=1e-3, solver=None, hole=Fa
         ],
         solver=solver or Newton(tolerance=TOLERANCE),
         measures=[
-            Measure("force", "N", Reaction(right, "x")),
+            Measure("force", "N", SupportForce(right, "x")),
             Measure("narrowing", "m", Deflection(top, "y")),
             Measure("squared", "m^2", lambda built, frame: float((frame.displacement**2).sum())),
         ],
@@ -80,7 +80,7 @@ def blown(
         measures=[
             Measure("height", "m", Deflection(centre, "z")),
             Measure("edge_height", "m", Deflection([edge], "z")),
-            Measure("pull", "N", Reaction(right, "x")),
+            Measure("pull", "N", SupportForce(right, "x")),
         ],
     )
 

@@ -4,7 +4,7 @@ from .columns import read_tests
 from .data import Curve, FieldData, read_table
 from .least_squares import fit
 from .model import SceneTests
-from .probes import Deflection, PointField, Probe, Reaction
+from .probes import Deflection, PointField, Probe, SupportForce
 from .report import Fit
 from .sensitivity import Sensitivity, sensitivity
 from .tearing import TearingFit, tearing_energy
@@ -17,9 +17,9 @@ __all__ = [
     "Fit",
     "PointField",
     "Probe",
-    "Reaction",
     "SceneTests",
     "Sensitivity",
+    "SupportForce",
     "TearingFit",
     "UniformTests",
     "fit",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,20 +10,21 @@ from typing import Any
 import click
 
 from ..checks import InputError
+from ..run.arguments import converted
 from ..run.folder import free_folder
-from ..simulation import Simulation
+from ..run.scene_files import load_scene
 from .columns import read_tests
 from .data import Test
 from .least_squares import LOSSES, fit
 from .model import SceneTests
 from .report import Fit
 
-# The name of a scene and its assignments "name=value" -> the scene's build, and its settings.
-FindScene = Callable[[str, int | None, tuple[str, ...]], tuple[Callable[..., Simulation], dict[str, Any]]]
+# Points and assignments "name=value" -> settings of a scene, as text.
+Settings = Callable[[int | None, tuple[str, ...]], dict[str, Any]]
 
 
-def fit_command(find: FindScene) -> click.Command:
-    """The command, which finds scenes by `find`."""
+def fit_command(settings_of: Settings) -> click.Command:
+    """The command, which reads the settings of a scene by `settings_of`."""
 
     @click.command("fit")
     @click.argument("scene")
@@ -50,7 +52,10 @@ def fit_command(find: FindScene) -> click.Command:
         """
         if loss not in LOSSES:
             raise InputError(f"--loss = {loss!r}: expected one of {', '.join(LOSSES)}")
-        build, settings = find(scene, points, assignments)
+        build = load_scene(scene).build
+        parameters = inspect.signature(build).parameters
+        given = settings_of(points, assignments)
+        settings = {key: converted(key, value, parameters) for key, value in given.items()}
         tests: list[Test] = []
         for path in data:
             found, notes = read_tests(path, build, measure, settings)

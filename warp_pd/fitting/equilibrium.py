@@ -37,6 +37,9 @@ class Silent:
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
         """Nothing is recorded."""
 
+    def row(self, now: float, dt: float) -> None:
+        """Nothing is recorded."""
+
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
         """Nothing is reported."""
 

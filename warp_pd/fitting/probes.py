@@ -63,7 +63,7 @@ class Deflection:
 
 
 @dataclass(frozen=True, eq=False)
-class Reaction:
+class SupportForce:
     """Force of a support on the points that it holds, along an axis [N].
 
     Attributes:
@@ -75,20 +75,20 @@ class Reaction:
     axis: str = "x"
 
     def __post_init__(self) -> None:
-        one_of("Reaction.axis", self.axis, AXES)
+        one_of("SupportForce.axis", self.axis, AXES)
 
     def __call__(self, built: Built, frame: Frame) -> float:
         """The force [N], as of the last evaluation of the forces."""
-        points = point_indices("Reaction.points", self.points, built.context.sheet.size)
+        points = point_indices("SupportForce.points", self.points, built.context.sheet.size)
         return float(-built.to_numpy(built.state.force)[points, AXES.index(self.axis)].sum())
 
     def gradient(self, state: Equilibrium) -> np.ndarray:
         """The rows of the stiffness at these points, as the internal force has a symmetric tangent."""
         unit = np.zeros(state.free.shape)
-        points = point_indices("Reaction.points", self.points, len(unit))
+        points = point_indices("SupportForce.points", self.points, len(unit))
         unit[points, AXES.index(self.axis)] = 1.0
         if (state.free & (unit > 0.0)).any():
-            raise InputError(f"Reaction.points: expected points that are held along {self.axis}")
+            raise InputError(f"SupportForce.points: expected points that are held along {self.axis}")
         return state.internal_product(unit)
 
 

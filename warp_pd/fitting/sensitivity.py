@@ -191,7 +191,7 @@ def sensitivity(
         measures: Names of measures of the scene, or of columns of its history.
         settings: Arguments of `build`; those that vary default to the function's own.
         factor: Load factor, 0 to 1.
-        method: "adjoint" (a solve for every measure, which must be a Deflection or a Reaction), "direct" (a solve for
+        method: "adjoint" (a solve for every measure, which must be a Deflection or SupportForce), "direct" (a solve for
             every argument), or "auto": the adjoint where it is possible and takes fewer solves.
         device: As for `Simulation.run`.
         precision: As for `Simulation.run`.
@@ -208,7 +208,7 @@ def sensitivity(
     probes = [value for value in values if isinstance(value, Probe)]
     possible = len(probes) == len(values) and state.has_adjoint
     if method == "adjoint" and not possible:
-        raise InputError("method = 'adjoint': expected measures that are a Deflection or a Reaction; take 'direct'")
+        raise InputError("method = 'adjoint': expected measures that are a Deflection or SupportForce; take 'direct'")
     adjoint = possible and (method == "adjoint" or (method == "auto" and len(values) <= len(vary)))
     frame = state.frame()
     numbers = np.array([float(value(state.built, frame)) for value in values])
