@@ -6,6 +6,13 @@ FIELDS = {
     "damage": "damage",
     "strain_energy_density": "strain energy density (J/m\u00b3)",
     "wrinkle_level": "wrinkle level",
+    "stretch_1": "largest principal stretch",
+    "stretch_2": "smallest principal stretch",
+    "first_piola_1": "largest first Piola stress (Pa)",
+    "first_piola_2": "smallest first Piola stress (Pa)",
+    "cauchy_1": "largest Cauchy stress (Pa)",
+    "cauchy_2": "smallest Cauchy stress (Pa)",
+    "wrinkle_state": "wrinkle state (0 taut, 1 wrinkled, 2 slack)",
     "principal_stress_1": "largest principal stress (Pa)",
     "principal_stress_2": "smallest principal stress (Pa)",
 }
