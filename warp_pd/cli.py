@@ -1,4 +1,4 @@
-"""Command line: warp-pd list, run, sweep, plan, draw, info, bench."""
+"""Command line: warp-pd list, run, sweep, plan, draw, view, info, bench."""
 
 from __future__ import annotations
 
@@ -124,14 +124,21 @@ def list_scenes() -> None:
 @click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
 @click.option("--overwrite", is_flag=True, help="Replace the results of another run in the folder.")
 @click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
+@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf; no pictures are drawn then.")
+@click.option(
+    "--fields",
+    help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
+)
 @click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
+@click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
+@click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
-    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, pictures: str,
-    no_pictures: bool, quiet: bool,
+    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
+    fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .output.progress import Progress
@@ -151,7 +158,11 @@ def run(
             resume=resume,
             overwrite=overwrite,
             usd=not no_usd,
+            vtkhdf=not no_vtkhdf,
+            fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
             pictures=False if no_pictures else pictures,
+            view=not no_view,
+            history_every=history_every,
             reporter=Progress(quiet),
         )
     except DivergedError as error:
@@ -215,7 +226,7 @@ def sweep_values(
     if not choices:
         raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
     folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
-    options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False}
+    options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
     sys.exit(_sweep(scene, choices, folder, options, overwrite, quiet))
 
 
@@ -314,6 +325,19 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
         click.echo(f"  {path.name}")
 
 
+@main.command("view")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--out", help="The file; by default view.html in FOLDER.")
+@click.option("--points", type=int, help="Largest number of points to draw; by default 40000.")
+@click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
+def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
+    """Write the page of a run from its FOLDER: one HTML file that any browser opens, without server or network."""
+    from .run.view import write_page
+
+    path = write_page(folder, out, points, frames)
+    click.echo(f"  {path} ({path.stat().st_size / 1e6:.3g} MB)")
+
+
 @main.command()
 @click.argument("file", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
 def info(file: Path) -> None:
@@ -339,32 +363,20 @@ def bench(
     damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
     """Time the steps of a sheet, and print a table."""
-    from .bench import FEATURES, Case, arithmetic_rate, copy_rate, measure, table
+    from .bench import Case, chosen_features, report
     from .checks import count, positive
-    from .device.context import find_device
 
     one_of("precision", precision, (32, 64))
     positive("seconds", seconds)
-    chosen = FEATURES if features == "all" else tuple(name.strip() for name in features.split(",") if name.strip())
     cases = [
         Case(
-            count("points", n, 3),
-            positive("horizon", m),
-            precision,
-            chosen,
-            layout,
-            damaged=damaged,
-            fast=not plain,
-            law=law,
+            count("points", n, 3), positive("horizon", m), precision, chosen_features(features), layout,
+            damaged=damaged, fast=not plain, law=law,
         )
         for m in horizon
         for n in points
-    ]
-    where = find_device(device)
-    copied = copy_rate(where, 1024 if where.is_cuda else 64)
-    counted = {precision: arithmetic_rate(where, precision)} if where.is_cuda else None
-    click.echo(f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written")
-    click.echo(table([measure(case, str(where), seconds) for case in cases], copied, counted))
+    ]  # fmt: skip
+    click.echo(report(cases, device, seconds))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+# Fields that frames hold without being asked, where a scene has them.
+OWN_FIELDS = ("displacement", "velocity", "damage", "strain_energy_density")
+
 
 def format_time(time: float, load_duration: float | None) -> str:
     """Text for the time of a frame: its time [s], or with a static solver the load factor.

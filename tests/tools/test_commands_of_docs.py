@@ -9,9 +9,11 @@ from small_runs import cli
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "docs/guide.md")
+PAGES_OF_COMMANDS = (*PAGES, "docs/viewing.md")
 # What is too large for a test, and what runs in its place: the same options with smaller values.
 SMALLER = {
     "run ball_penetration": "run ball_penetration --points 15 --horizon 2.015 --duration 0.2 --frames 4",
+    "run ball_penetration --points 51": "run ball_penetration --points 15 --horizon 2.015 --duration 0.2 --frames 4",
     "run my_scene.py --points 61": "run my_scene.py --points 15 --set duration=0.1",
     "sweep my_scene.py --points 41 --set critical_stretch=1.2,1.3,1.4": (
         "sweep my_scene.py --points 13 --duration 0.05 --set critical_stretch=1.2,1.3,1.4"
@@ -48,7 +50,7 @@ def steps(page):
             yield ("save" if title.endswith(".py") else "python"), f"{title}\n{text}"
 
 
-STEPS = [(page, kind, text) for page in PAGES for kind, text in steps(page)]
+STEPS = [(page, kind, text) for page in PAGES_OF_COMMANDS for kind, text in steps(page)]
 
 
 def test_pages_have_what_is_looked_for():
@@ -64,7 +66,7 @@ def test_pages_have_what_is_looked_for():
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
     """A folder for each page, with the files that the page has shown so far."""
-    return {page: tmp_path_factory.mktemp("page") for page in PAGES}
+    return {page: tmp_path_factory.mktemp("page") for page in PAGES_OF_COMMANDS}
 
 
 @pytest.mark.parametrize(

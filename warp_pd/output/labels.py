@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+# Words and unit of point fields; those of the components of a field that is no vector in space, by number.
 FIELDS = {
-    "damage": "damage",
-    "strain_energy_density": "strain energy density (J/m\u00b3)",
-    "wrinkle_level": "wrinkle level",
-    "stretch_1": "largest principal stretch",
-    "stretch_2": "smallest principal stretch",
-    "first_piola_1": "largest first Piola stress (Pa)",
-    "first_piola_2": "smallest first Piola stress (Pa)",
-    "cauchy_1": "largest Cauchy stress (Pa)",
-    "cauchy_2": "smallest Cauchy stress (Pa)",
-    "wrinkle_state": "wrinkle state (0 taut, 1 wrinkled, 2 slack)",
-    "principal_stress_1": "largest principal stress (Pa)",
-    "principal_stress_2": "smallest principal stress (Pa)",
+    "displacement": ("displacement", "m"),
+    "velocity": ("velocity", "m/s"),
+    "damage": ("damage", ""),
+    "strain_energy_density": ("strain energy density", "J/m\u00b3"),
+    "stretch_1": ("largest principal stretch", ""),
+    "stretch_2": ("smallest principal stretch", ""),
+    "first_piola_1": ("largest first Piola stress", "Pa"),
+    "first_piola_2": ("smallest first Piola stress", "Pa"),
+    "cauchy_1": ("largest Cauchy stress", "Pa"),
+    "cauchy_2": ("smallest Cauchy stress", "Pa"),
+    "wrinkle_state": ("wrinkle state", "0 taut, 1 wrinkled, 2 slack"),
+    "wrinkle_level": ("wrinkle level", ""),
+    "principal_stress_1": ("largest principal stress", "Pa"),
+    "principal_stress_2": ("smallest principal stress", "Pa"),
+    "principal_stress_3": ("angle of the largest principal stress", "rad"),
 }
 COLUMNS = {
     "kinetic": "kinetic energy",
@@ -36,7 +40,8 @@ UNITS = {
 def field_label(name: str) -> str:
     """Name and unit of a point field, such as "displacement along z (m)" for u3."""
     if name in FIELDS:
-        return FIELDS[name]
+        words, unit = FIELDS[name]
+        return f"{words} ({unit})" if unit else words
     stem, number = name[:-1].rstrip("_"), name[-1:]
     kinds = {"u": ("displacement", "m"), "velocity": ("velocity", "m/s")}
     if stem in kinds and number in ("1", "2", "3"):

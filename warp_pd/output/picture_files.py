@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import io
 import os
 from collections.abc import Iterator
 from contextvars import ContextVar
@@ -56,13 +58,26 @@ def pictures_in(folder: Path) -> list[Path]:
 
 
 def new_figure(width: float, height: float) -> Any:
-    """A figure that is drawn into files alone: pyplot, and the backend that a user chose for it, have no part in it."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
+    """A figure that is drawn into files and notebooks: pyplot, and the backend that a user chose, play no part."""
+    figure = _figure_class()(figsize=(width, height), layout="constrained")
     if current().title:
         figure.suptitle(current().title, fontsize=10)
     return figure
+
+
+@functools.cache
+def _figure_class() -> Any:
+    from matplotlib.figure import Figure
+
+    class Picture(Figure):
+        """A figure that a notebook shows as it is."""
+
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            self.savefig(stream, dpi=100, format="png", bbox_inches="tight")
+            return stream.getvalue()
+
+    return Picture
 
 
 def save(figure: Any, path: Path, **options: Any) -> None:

@@ -49,17 +49,22 @@ def draw_sheet(
     """
     if not isinstance(sheet, Sheet):
         raise InputError(f"sheet = {said(sheet)}: expected a Sheet")
-    target = None if path is None else _target(path)
+    written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
     figure, axes = _curved(sheet, view) if curved else _flat(sheet)
     axes.set_title("\n".join([*([title] if title else []), _described(sheet)]), fontsize=10, pad=20 if curved else 6)
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=8, frameon=False)
-    if target is not None:
-        save(figure, target, bbox_inches="tight", pad_inches=0.15)
+    if written is not None:
+        save(figure, written, bbox_inches="tight", pad_inches=0.15)
     return figure
 
 
-def _target(path: Any) -> Path:
+def target(path: Any) -> Path:
+    """The path of a picture.
+
+    Raises:
+        InputError: for one that cannot be written.
+    """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {said(path)}: expected the path of a picture or None")
     found = Path(path)

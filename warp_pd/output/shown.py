@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..frame import format_time
+from .point_fields import HeldFields
 from .vtkhdf import read_ball, read_bodies, read_frame, read_series
 
 
@@ -64,7 +65,7 @@ def _shown(path: Path, index: int, load_duration: float | None, scene: str) -> S
         points=points,
         reference=points - fields["displacement"],
         triangles=triangles,
-        fields=fields,
+        fields=HeldFields(fields),
         ball=read_ball(path, index),
         bodies=read_bodies(path, index),
         scene=scene,
