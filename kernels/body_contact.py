@@ -10,7 +10,9 @@ normal: a point that would have to lose less sticks.
 
 Work. A step has the impulses P before the drift and Q at its end. With velocities at full steps and forces F, kinetic
 energy and strain energy together change by P (v + P / 2m) + Q (v' - Q / 2m), where v is the velocity before the half
-kick and v' the last one; the rest are the terms that central differences have without contact.
+kick and v' the last one; the rest are the terms that central differences have without contact. Mass damping takes
+its part of the impulses: `half_step` in kernels/integrate.py has the exact statement. It holds only if the way of a
+point and its velocity at the half step agree, so that the shift of `project` is dt times the change of the velocity.
 
 The geometry is float64; what points get is the change of their velocity in their own precision.
 """
@@ -55,6 +57,7 @@ def body_contact(
     loaded: bool,
     damped: bool,
     tracked: bool,
+    half_steps: bool,
     module: str,
 ) -> BodyContactKernels:
     """Stages of contact with a body.
@@ -69,6 +72,7 @@ def body_contact(
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         tracked: Whether work and losses are summed up.
+        half_steps: Whether energies take the velocities at half steps.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -95,6 +99,7 @@ def body_contact(
         displacement: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
         work: wp.array(dtype=wp.float64)
+        dissipated: wp.array(dtype=wp.float64)
         impulse: wp.array(dtype=vec3)
         turn: wp.array(dtype=vec3)
         loss: wp.array(dtype=wp.float64)
@@ -169,29 +174,34 @@ def body_contact(
         return touches, n
 
     @wp.func(module=module)
-    def arrest(relative: wp.vec3d, change: wp.vec3d, n: wp.vec3d, friction: wp.float64):
-        """Change of velocity by friction, after a change along the normal."""
-        slip = relative + change
-        slip -= wp.dot(slip, n) * n
+    def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
+        """Change of velocity by friction, after a change `pressed` along the normal."""
+        slip = relative - wp.dot(relative, n) * n
         speed = wp.length(slip)
-        least = wp.min(friction * wp.length(change), speed)
+        least = wp.min(friction * pressed, speed)
         lost = wp.vec3d()
         if speed > wp.float64(0.0):
             lost = (-least / speed) * slip
         return lost
 
     @wp.func(module=module)
-    def strike(i: int, change: wp.vec3d, start: vec3, arm: wp.vec3d, a: BodyContact):
-        """`start` is the velocity at the full step, to which the impulse counts."""
+    def strike(
+        i: int, change: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d, a: BodyContact
+    ):
+        """The impulse is `weight` m times the change; it works along `start` and half the change, and damping takes
+        c dt / 2 of m change . `slowed`."""
         before = a.velocity[i]
         after = before + narrow(change)
         a.velocity[i] = after
-        momentum = wp.float64(a.mass[i]) * (wide(after) - wide(before))
+        got = wide(after) - wide(before)
+        momentum = wp.float64(weight * a.mass[i]) * got
         gained = wp.float64(0.0)
         if wp.static(tracked):
-            got = wide(after) - wide(before)
-            gained = wp.dot(momentum, wide(start) + wp.float64(0.5) * got)
+            gained = wp.dot(momentum, start + wp.float64(0.5) * got)
             a.work[i] = a.work[i] + gained
+            if wp.static(damped and half_steps):
+                lost = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * wp.dot(got, slowed)
+                a.dissipated[i] = a.dissipated[i] + lost
         if wp.static(moves_freely):
             a.push[i] = momentum
             a.arms[i] = arm
@@ -211,10 +221,10 @@ def body_contact(
                 a.push_work[i] = wp.float64(0.0)
 
     @wp.func(module=module)
-    def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, a: BodyContact):
+    def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, weight: real, a: BodyContact):
         """Sum up what friction takes [J], `relative` being the velocity before it."""
         if wp.static(tracked):
-            heat = wp.float64(a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
+            heat = wp.float64(weight * a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
             a.rubbed[i] = a.rubbed[i] - heat
 
     @pointwise(module, BodyContact, writes=("need", "rows"))
@@ -227,8 +237,6 @@ def body_contact(
                 if touches:
                     arm = x + shift - a.place[0]
                     needed = wp.length(shift) / wp.float64(a.step[0])
-                    if gap < a.skin:
-                        needed = wp.max(wp.dot(surface_velocity(arm, a) - wide(a.velocity[i]), n), wp.float64(0.0))
                     t = wp.cross(arm, n)
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
             a.need[i] = needed
@@ -251,7 +259,7 @@ def body_contact(
 
     @pointwise(
         module, BodyContact,
-        writes=("displacement", "velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
+        writes=("displacement", "velocity", "work", "impulse", "turn", "loss", "rubbed", "dissipated", "push", "arms", "push_work"),
     )  # fmt: skip
     def project_out(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
@@ -264,12 +272,13 @@ def body_contact(
                     arm = x + shift - a.place[0]
                     relative = wide(a.velocity[i]) - surface_velocity(arm, a)
                     change = shift / dt
-                    if gap < a.skin:
-                        change = wp.max(-wp.dot(relative, n), wp.float64(0.0)) * n
                     if wp.static(rubs):
-                        lost = arrest(relative, change, n, a.friction)
-                        warm(i, relative + change, lost, a)
-                        change += lost
+                        # Of a point at rest the shift has the digits that its place has lost.
+                        pressed = wp.length(change)
+                        if gap < a.skin:
+                            pressed = wp.max(-wp.dot(relative, n), wp.float64(0.0))
+                        lost = arrest(relative + change, pressed, n, a.friction)
+                        warm(i, relative + change, lost, real(1.0), a)
                         shift += dt * lost
                         q = a.rotation[0]
                         reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
@@ -278,17 +287,18 @@ def body_contact(
                             if left[3] < wp.float64(0.0):
                                 shift -= left[3] * wp.quat_rotate(q, wp.vec3d(left[0], left[1], left[2]))
                         arm = x + shift - a.place[0]
+                        change = shift / dt
                     a.displacement[i] = a.displacement[i] + narrow(shift)
                     kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                    start = (a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping))
-                    strike(i, change, start, arm, a)
+                    start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
+                    strike(i, change, start, start, real(1.0), arm, a)
                     if wp.static(tracked and loaded):
                         # The drift took the load along the way that the point did not go.
                         a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
 
     @pointwise(
         module, BodyContact,
-        writes=("velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
+        writes=("velocity", "work", "impulse", "turn", "loss", "rubbed", "dissipated", "push", "arms", "push_work"),
     )  # fmt: skip
     def separate_from(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
@@ -302,15 +312,19 @@ def body_contact(
                     approach = -wp.dot(relative, n)
                     if approach > wp.float64(0.0):
                         change = approach * n
-                        if wp.static(rubs):
-                            lost = arrest(relative, change, n, a.friction)
-                            warm(i, relative + change, lost, a)
-                            change += lost
-                        strike(i, change, a.velocity[i], arm, a)
-                        if wp.static(damped and not moves_freely):
+                        start = wide(a.velocity[i])
+                        slowed = start
+                        weight = real(1.0)
+                        if wp.static(damped):
                             # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
-                            rest = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * change
-                            a.impulse[i] = a.impulse[i] + narrow(rest)
-                            a.turn[i] = a.turn[i] + narrow(wp.cross(arm, rest))
+                            weight += half_loss(a.step, a.damping)
+                            slowed = wide(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
+                        if wp.static(rubs):
+                            lost = arrest(relative + change, approach, n, a.friction)
+                            warm(i, relative + change, lost, weight, a)
+                            change += lost
+                        if wp.static(damped):
+                            start -= wp.float64(real(0.5) * half_loss(a.step, a.damping)) * change
+                        strike(i, change, start, slowed, weight, arm, a)
 
     return BodyContactKernels(project_out, separate_from, find_inside, find_touching)

@@ -128,8 +128,8 @@ class FreeMotion:
 
 
 @functools.cache
-def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
-    """Kernels of a free body; `tracked` as in `body_contact`."""
+def free_motion(bits: int, damped: bool, tracked: bool, module: str) -> FreeMotion:
+    """Kernels of a free body; `damped` and `tracked` as in `body_contact`."""
     types = numeric(bits)
     real = types.real
 
@@ -181,6 +181,9 @@ def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
         rows: wp.array(dtype=vec6d),
         changes: wp.array(dtype=vec6d),
         use_changes: int,
+        at_end: int,
+        step: wp.array(dtype=real),
+        damping: wp.array(dtype=real),
         block: int,
         first: int,
         sums: wp.array2d(dtype=wp.float64),
@@ -189,6 +192,11 @@ def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
         b = wp.tid() + first
         A = mat66d()
         side = vec6d()
+        weight = wp.float64(1.0)
+        if wp.static(damped):
+            if at_end != 0:
+                # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
+                weight += wp.float64(0.5) * wp.float64(step[0]) * wp.float64(damping[0])
         for i in range(b * block, wp.min((b + 1) * block, need.shape[0])):
             if need[i] >= wp.float64(0.0):
                 j = rows[i]
@@ -196,7 +204,7 @@ def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
                 if use_changes != 0:
                     pushed = need[i] + wp.dot(j, changes[0]) > wp.float64(0.0)
                 if pushed:
-                    m = wp.float64(mass[i])
+                    m = weight * wp.float64(mass[i])
                     A += m * wp.outer(j, j)
                     side -= (m * need[i]) * j
         row = int(0)  # noqa: RUF046

@@ -141,7 +141,7 @@ class BuiltBody(BuiltContact):
         context, part, f = self.context, self.part, self.context.features
         kernels = body_contact(
             context.bits, part.shape.distance, part.motion.free, part.friction > 0.0, self._curved, f.held, f.loaded,
-            f.damped, f.tracked, context.module,
+            f.damped, f.tracked, f.half_steps, context.module,
         )  # fmt: skip
         project = phase is Phase.PROJECT
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
@@ -163,6 +163,7 @@ class BuiltBody(BuiltContact):
             "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
             "damping": state.damping, "force": state.force, "external": state.external,
             "displacement": state.displacement, "velocity": state.velocity, "work": state.work,
+            "dissipated": state.dissipated,
             "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **flying,
         }  # fmt: skip
 

@@ -148,7 +148,7 @@ class InFlight(BuiltMotion):
         self._inertia = wp.mat33d(*inertia.ravel().tolist())
         self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
         self._gravity = wp.vec3d(*map(float, body.gravity))
-        self._kernels = free_motion(context.bits, tracked, context.module)
+        self._kernels = free_motion(context.bits, context.features.damped, tracked, context.module)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that kick and drift the body."""
@@ -166,7 +166,7 @@ class InFlight(BuiltMotion):
 
     def before_projection(self, stage: Stage) -> None:
         """Find how the body yields to the points inside it, and move it so."""
-        self._solve(stage)
+        self._solve(stage, at_end=False)
         stage.launch(
             self.name, self._kernels.yield_to, 1, changes=self._changes, step=self.context.state.step,
             place=self.place, rotation=self.rotation, motion=self.motion,
@@ -174,15 +174,17 @@ class InFlight(BuiltMotion):
 
     def before_separation(self, stage: Stage) -> None:
         """Find how the body yields to the points that touch it."""
-        self._solve(stage)
+        self._solve(stage, at_end=True)
         stage.launch(self.name, self._kernels.foresee, 1, changes=self._changes, motion=self.motion)
 
-    def _solve(self, stage: Stage) -> None:
+    def _solve(self, stage: Stage, at_end: bool) -> None:
+        state = self.context.state
         # The second time without the points that would have to be pulled.
         for again in (0, 1):
             stage.launch(
-                self.name, self._kernels.gather, self.blocks, mass=self.context.state.mass, need=self.need,
-                rows=self.rows, changes=self._changes, use_changes=again, block=self.block, sums=self._sums,
+                self.name, self._kernels.gather, self.blocks, mass=state.mass, need=self.need,
+                rows=self.rows, changes=self._changes, use_changes=again, at_end=int(at_end), step=state.step,
+                damping=state.damping, block=self.block, sums=self._sums,
             )  # fmt: skip
             stage.launch(self.name, self._kernels.reduce, ROWS, sums=self._sums, totals=self._totals)
             stage.launch(
