@@ -80,6 +80,8 @@ def body_contact(
     way_out = ways_out(distance, module)
     half_kick, half_loss = half_step(bits, loaded, damped, module)
 
+    given = ("velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work")
+
     @functools.partial(wp.struct, module=module)
     class BodyContact:
         reference: wp.array(dtype=vec3 if curved else types.vec2)
@@ -189,7 +191,8 @@ def body_contact(
         i: int, change: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d, a: BodyContact
     ):
         """The impulse is `weight` m times the change; it works along `start` and half the change, and damping takes
-        c dt / 2 of m change . `slowed`."""
+        c dt / 2 of m change . `slowed`.
+        """
         before = a.velocity[i]
         after = before + narrow(change)
         a.velocity[i] = after
@@ -233,7 +236,7 @@ def body_contact(
             needed = wp.float64(-1.0)
             if feels(i, a):
                 x = position(i, a)
-                touches, n, shift, gap = touch_in_step(i, x, a)
+                touches, n, shift, _gap = touch_in_step(i, x, a)
                 if touches:
                     arm = x + shift - a.place[0]
                     needed = wp.length(shift) / wp.float64(a.step[0])
@@ -259,7 +262,7 @@ def body_contact(
 
     @pointwise(
         module, BodyContact,
-        writes=("displacement", "velocity", "work", "impulse", "turn", "loss", "rubbed", "dissipated", "push", "arms", "push_work"),
+        writes=("displacement", *given),
     )  # fmt: skip
     def project_out(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
@@ -298,7 +301,7 @@ def body_contact(
 
     @pointwise(
         module, BodyContact,
-        writes=("velocity", "work", "impulse", "turn", "loss", "rubbed", "dissipated", "push", "arms", "push_work"),
+        writes=given,
     )  # fmt: skip
     def separate_from(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):

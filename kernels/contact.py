@@ -62,23 +62,6 @@ def ball(bits: int) -> Shape:
     return Shape(project_ball, touch_ball)
 
 
-@functools.cache
-def half_space(bits: int) -> Shape:
-    """The half space below the centre, z < 0; no constants."""
-    types = numeric(bits)
-    real, vec3, parameters = types.real, types.vec3, types.parameters
-
-    @wp.func
-    def project_half_space(arm: vec3, constants: parameters):
-        return arm[2] < real(0.0), vec3(real(0.0), real(0.0), -arm[2])
-
-    @wp.func
-    def touch_half_space(arm: vec3, constants: parameters, tolerance: real):
-        return arm[2] <= real(0.0), vec3(real(0.0), real(0.0), real(1.0))
-
-    return Shape(project_half_space, touch_half_space)
-
-
 @dataclass(frozen=True)
 class ContactKernels:
     """Pointwise stages of one configuration.
