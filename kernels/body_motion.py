@@ -128,8 +128,8 @@ class FreeMotion:
 
 
 @functools.cache
-def free_motion(bits: int, damped: bool, tracked: bool, module: str) -> FreeMotion:
-    """Kernels of a free body; `damped` and `tracked` as in `body_contact`."""
+def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: str) -> FreeMotion:
+    """Kernels of a free body; `damped`, `tracked` and `marked` as in `body_contact`."""
     types = numeric(bits)
     real = types.real
 
@@ -177,6 +177,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, module: str) -> FreeMoti
     @kernel(module, per="block")
     def gather_touching(
         mass: wp.array(dtype=real),
+        marks: wp.array(dtype=wp.uint8),
         need: wp.array(dtype=wp.float64),
         rows: wp.array(dtype=vec6d),
         changes: wp.array(dtype=vec6d),
@@ -198,7 +199,12 @@ def free_motion(bits: int, damped: bool, tracked: bool, module: str) -> FreeMoti
                 # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
                 weight += wp.float64(0.5) * wp.float64(step[0]) * wp.float64(damping[0])
         for i in range(b * block, wp.min((b + 1) * block, need.shape[0])):
-            if need[i] >= wp.float64(0.0):
+            needs = bool(True)
+            if wp.static(marked):
+                needs = marks[i] != wp.uint8(0)
+            if needs:
+                needs = need[i] >= wp.float64(0.0)
+            if needs:
                 j = rows[i]
                 pushed = bool(True)
                 if use_changes != 0:
@@ -296,6 +302,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, module: str) -> FreeMoti
 
     @kernel(module, per="block")
     def gather_given(
+        marks: wp.array(dtype=wp.uint8),
         push: wp.array(dtype=wp.vec3d),
         arms: wp.array(dtype=wp.vec3d),
         push_work: wp.array(dtype=wp.float64),
@@ -308,10 +315,14 @@ def free_motion(bits: int, damped: bool, tracked: bool, module: str) -> FreeMoti
         turn = wp.vec3d()
         work = wp.float64(0.0)
         for i in range(b * block, wp.min((b + 1) * block, push.shape[0])):
-            linear += push[i]
-            turn += wp.cross(arms[i], push[i])
-            if wp.static(tracked):
-                work += push_work[i]
+            got = bool(True)
+            if wp.static(marked):
+                got = marks[i] != wp.uint8(0)
+            if got:
+                linear += push[i]
+                turn += wp.cross(arms[i], push[i])
+                if wp.static(tracked):
+                    work += push_work[i]
         for c in range(3):
             sums[c, b] = linear[c]
             sums[3 + c, b] = turn[c]
