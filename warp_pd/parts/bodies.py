@@ -155,7 +155,9 @@ class BuiltBody(BuiltContact):
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
         shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
         if alone:
-            stage.pointwise(part.name, kernels.mark if project else kernels.mark_now, points, **shared)
+            # The forces of the bonds are gathered in the launch before it, for which registers are precious.
+            mark = kernels.mark if project else kernels.mark_now
+            stage.pointwise(part.name, mark, points, alone=not project, **shared)
         if part.motion.free:
             stage.pointwise(part.name, find, points, alone=alone, **shared)
             (self.motion.before_projection if project else self.motion.before_separation)(stage)
