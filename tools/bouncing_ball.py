@@ -10,6 +10,7 @@ energy with which the ball arrives. A bounce is a frame in which the ball is tou
 from __future__ import annotations
 
 import os
+from itertools import pairwise
 from typing import Any
 
 from study import in_processes, provenance, run_tool, study_parser, table
@@ -33,7 +34,7 @@ def bounced(precision: int, safety: float, points: int, duration: float, device:
     return {
         "precision": precision,
         "safety": safety,
-        "bounces": sum(now and not before for before, now in zip(touched[:-1], touched[1:], strict=True)),
+        "bounces": sum(now and not before for before, now in pairwise(touched)),
         "largest": max(abs(total - totals[0]) for total in totals) / energy,
         "last": (totals[-1] - totals[0]) / energy,
         "lost": rows[-1]["ball_loss"] / energy,

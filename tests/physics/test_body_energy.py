@@ -13,6 +13,7 @@ from helpers import square
 from small_runs import simulate
 
 from warp_pd import BodyForce, BodyPath, Box, Explicit, Free, RigidBall, RigidBody, Sphere, TriangleMesh
+from warp_pd.scenes import dropped_ball
 
 POINTS, STEPS, START = 9, 300, (0.05, 0.052, 0.01501)
 MASS = 5e-3
@@ -99,3 +100,12 @@ def test_bodies_feel_the_momentum_that_they_give(kind, damping, precision):
         felt += lost
     bound = (1e-12 if precision == 64 else 3e-5) * sum(np.abs(v).sum() for v in (felt, given))
     np.testing.assert_allclose(felt, given, rtol=0.0, atol=bound)
+
+
+def test_a_ball_that_bounces_keeps_the_energy():
+    """Of ball, sheet and loss together, over the energy of the ball. 140 bounces: tools/bouncing_ball.py."""
+    scene = dropped_ball.build(points=15, horizon=2.015, diameter=0.12, duration=1.0, frames=100, safety=0.3)
+    rows = scene.run(device="cpu", precision=64).history
+    touched = np.array([row["ball_force_z"] != 0.0 for row in rows])
+    assert (touched[1:] & ~touched[:-1]).sum() >= 4
+    assert dropped_ball.energy_error(rows) < 2e-5

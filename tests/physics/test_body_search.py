@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import warp as wp
 from helpers import square
 from small_runs import simulate
 
