@@ -37,7 +37,7 @@ def build(
     duration: float = 0.4,
     frames: int = 80,
     friction: float = 0.0,
-    safety: float = 0.3,
+    safety: float = 0.15,
 ) -> Simulation:
     """`drop` is the height from which the ball falls [m]."""
     sheet = Sheet.rectangle(0.3, 0.3, thickness=1e-3, density=1000.0, points=count("points", points, 11))

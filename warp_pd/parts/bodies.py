@@ -104,7 +104,7 @@ class BuiltBody(BuiltContact):
         self._seen: Array | None = None
         self._unsure = 0.0
         if self._mesh is not None:
-            never = np.tile(np.float32([0.0, 0.0, 0.0, -1.0]), (sheet.size, 1))
+            never = np.tile(np.array([0.0, 0.0, 0.0, -1.0], np.float32), (sheet.size, 1))
             self._seen = context.array(f"{name}_seen", name, wp.vec4, never)
             self._unsure = UNSURE * part.shape.radius()
         self.impulse: Array | None = None
