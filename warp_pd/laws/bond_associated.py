@@ -21,7 +21,7 @@ from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
-from .fast_path import FastPath, fast_path
+from .fast_path import FastForce, fast_path
 from .variational import Key
 from .weight_tables import MAX_CORRECTED, weight_tables
 
@@ -139,7 +139,7 @@ class BondAssociatedForce(FamilyLaw):
         self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
         self.kernels = bond_associated(*self.key, context.module)
         self.earlier_energy = self.kernels.earlier_energy
-        self.fast_path: FastPath | None = fast_path(self, inverse, weights)
+        self.fast_path: FastForce | None = fast_path(self, inverse, weights)
 
     @functools.cached_property
     def pairs(self) -> Array:
@@ -167,13 +167,24 @@ class BondAssociatedForce(FamilyLaw):
         self.add_reference_force(stage, displacement)
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
-    def add_reference_force(self, stage: Stage, displacement: Array, inner: int = -1) -> None:
-        """Add the launch that fills `pairs`, except for undamaged families of the class `inner`."""
-        kernel = reference_force(*self.key, inner >= 0, self.context.module)
+    def add_reference_force(self, stage: Stage, displacement: Array) -> None:
+        """Add the launch that fills `pairs`."""
+        kernel = reference_force(*self.key, self.context.module)
         stage.launch(
             self.owner, kernel, self.points, **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, inner=inner, bond_force=self.pairs,
+            unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
         )  # fmt: skip
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
+        if self.fast_path is not None:
+            self.fast_path.add_energy(stage, displacement, out)
+        else:
+            self.add_reference_energy(stage, displacement, out)
+
+    def add_reference_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """The same with the reference kernel."""
+        super().add_energy(stage, displacement, out)
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""
