@@ -14,6 +14,8 @@ from ..frame import format_time
 from .vtkhdf import read_ball, read_bodies, read_frame, read_series
 
 COLOURS = "inferno_r"
+# Triangles of the outline of a plane, which is drawn behind the sheet.
+PLANE = 2
 STYLES = ("-", "--", "-.", ":")
 ENERGIES = ("kinetic", "strain", "external", "damping", "rupture", "viscous", "contact", "sheet_friction")
 
@@ -111,7 +113,8 @@ def surfaces(
             axes.plot_surface(*_sphere(*frame.ball), color="tab:blue", alpha=0.35, linewidth=0, zorder=3)
         for vertices, triangles in frame.bodies:
             axes.plot_trisurf(
-                *vertices.T, triangles=triangles, color="tab:blue", alpha=0.35, linewidth=0, zorder=3
+                *vertices.T, triangles=triangles, color="tab:blue", alpha=0.35, linewidth=0,
+                zorder=0 if len(triangles) == PLANE else 3,
             )  # fmt: skip
         grown = shown_extent / extent
         grown /= grown.min()
@@ -282,11 +285,14 @@ def _polygons(frame: Shown, face: np.ndarray) -> Any:
 
 
 def _bounds(frame: Shown) -> np.ndarray:
-    """Lowest and highest coordinates of sheet and ball [m], shape (2, 3)."""
+    """Lowest and highest coordinates of the sheet, the ball, and bodies no larger than the sheet [m], shape (2, 3)."""
     points = frame.points[_used(frame)]
     if frame.ball is not None:
         centre, diameter = frame.ball
         points = np.vstack([points, centre - 0.5 * diameter, centre + 0.5 * diameter])
+    largest = np.ptp(points, axis=0).max()
+    shown = [vertices for vertices, _ in frame.bodies if np.ptp(vertices, axis=0).max() <= largest]
+    points = np.vstack([points, *shown])
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 
