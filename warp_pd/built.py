@@ -87,7 +87,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     constraints = tuple(c for part in parts for c in part.constraints(scene.sheet))
     context = _context(scene, parts, constraints, find_device(device), bits)
     law = scene.force.build(context)
-    law.request_fields(scene.fields)
+    law.request_fields(scene.fields_of_law())
     built = [part.build(context, law) for part in parts]
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,11 +22,13 @@ from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
 from .fast_path import FastForce, fast_path
+from .shown_fields import ShownFields, factors
 from .variational import Key
 from .weight_tables import MAX_CORRECTED, weight_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 BROKEN = ("redistribute", "drop")
+NO_PRONY = {"prony": None, "strain": None, "overstress": None}
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class BondAssociatedForce(FamilyLaw):
         breakable, sheet = context.features.breakable, context.sheet
         self.law, self.weights = law, law.resolved_weights(breakable, sheet.spacings is not None)
         self.material, self.fast = law.material, law.fast
+        self.shown_stress = law.material
         broken = law.broken if breakable else None
         if self.weights == "published" or broken == "redistribute":
             # Their kernels compute the weights themselves.
@@ -189,6 +192,17 @@ class BondAssociatedForce(FamilyLaw):
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""
         return self.kernels.strain_energy
+
+    def add_shown(self, stage: Stage, shown: ShownFields) -> None:
+        """Add the launches that fill the fields of frames, means over the bonds of a point."""
+        kernel = shown.of_bonds(self.key, self.material, bool(self.shown_internal))
+        shown.add_principal(stage, kernel, factors=factors(self.context), **{**NO_PRONY, **self.shown_internal})
+        shown.add_counts(stage)
+
+    @property
+    def shown_internal(self) -> dict[str, Any]:
+        """Internal variables that the stress depends on, for the fields of frames."""
+        return {}
 
     def energy_density(self, stretch: np.ndarray) -> np.ndarray:
         """Energy density of the material in pure shear [J/m^3]."""

@@ -117,6 +117,14 @@ class EnergyBalance(BuiltPart):
                 row["viscous"] = totals["viscous"]
         return row
 
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """The same columns: all are sums."""
+        return self.columns(totals, elapsed)
+
+    def column_units(self) -> Mapping[str, str]:
+        """Joule, but for the error."""
+        return {**dict.fromkeys(self.column_names(), "J"), "balance_error": "1"}
+
 
 class Sums:
     """Sums of arrays over all points at frames: blocks on the device, in order, the rest on the host."""
@@ -151,6 +159,12 @@ class Sums:
             stage.launch(OWNER, kernel, blocks, values=values, row=row, sums=self._sums)
             row += 1 if scalar else 3
 
-    def totals(self) -> dict[str, float]:
-        """Sums as of the last frame, by name."""
-        return dict(zip(self._rows, self._sums.numpy().sum(axis=1).tolist(), strict=True))
+    def totals(self, kept: Array | None = None) -> dict[str, float]:
+        """Sums as of the last frame, by name; or those that `keep` gave."""
+        sums = self._sums if kept is None else kept
+        return dict(zip(self._rows, sums.numpy().sum(axis=1).tolist(), strict=True))
+
+    def keep(self) -> Array:
+        """A copy of the sums on the device; the host waits for nothing."""
+        kept: Array = wp.clone(self._sums)
+        return kept
