@@ -40,6 +40,7 @@ def build(
     damping: float = 5.0,
     friction: float = 0.3,
     self_contact: bool = True,
+    safety: float = 0.6,
 ) -> Simulation:
     length, width = 0.1, 0.02
     spacing = length / (positive("points", points) - 1)
@@ -62,7 +63,7 @@ def build(
         force=BondBased(Bimodular(YOUNG), horizon=horizon),
         loads=[BodyForce((0.0, 0.0, -DENSITY * GRAVITY))],
         contact=contacts,
-        solver=Explicit(duration, frames=frames, damping=damping),
+        solver=Explicit(duration, frames=frames, damping=damping, safety=safety),
         initial_displacement=place - sheet.positions,
         measures=[
             Measure("height", "m", lambda built, frame: (sheet.positions + frame.displacement)[:, 2].max()),
