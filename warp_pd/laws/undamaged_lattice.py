@@ -27,7 +27,7 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
     steps = [(int(x), int(y)) for x, y in families.steps]
     turned = [steps.index((-y, x)) if (-y, x) in steps else -1 for x, y in steps]
     n, gridded = len(steps), families.layout == "grid"
-    row = 0 if gridded else int(np.bincount(families.family_class).argmax())
+    row = families.commonest_row
     area, weight = families.areas[row], weights[row, :n] / families.areas[row]
     bonds, influence, common = (
         table[row, :n] if gridded else table for table in (families.bonds, families.influence, families.common)

@@ -31,7 +31,7 @@ class FrameChecks(BuiltPart):
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        self._blocks = -(-context.sheet.size // BLOCK)
+        self._blocks = context.own_blocks
         self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
         self.half_step_kinetic: Array | None = None
         if context.features.tracked and context.features.half_steps:
@@ -54,7 +54,8 @@ class FrameChecks(BuiltPart):
         )  # fmt: skip
         stage.launch(
             OWNER, frame_checks(context.bits, context.module).watch_motion, self._blocks,
-            displacement=state.displacement, velocity=state.velocity, not_finite=self.not_finite,
+            displacement=context.own(state.displacement), velocity=context.own(state.velocity),
+            not_finite=self.not_finite,
             fastest=self.fastest,
         )  # fmt: skip
 
@@ -66,12 +67,21 @@ class FrameChecks(BuiltPart):
 
     def first_not_finite(self) -> int | None:
         """Index of the first point whose displacement or velocity is NaN or Inf, as of the last frame; or None."""
-        lowest = int(self.not_finite.numpy().min())
-        return None if lowest == self.context.sheet.size else lowest
+        lowest = int(self._in_whole(self.context.whole_array(self.not_finite)).min())
+        return None if lowest == self.context.whole.size else lowest
+
+    def _in_whole(self, lowest: np.ndarray) -> np.ndarray:
+        """Per block, the number of a point in the whole sheet, or that of all points, where blocks know own points."""
+        share, points = self.context.share, self.context.whole.size
+        if share is None:
+            return lowest
+        begins = BLOCK * np.arange(len(lowest))
+        found = lowest + share.bounds[share.owner_of(begins)]
+        return np.where(found < begins + BLOCK, found, points)
 
     def top_speed(self) -> float:
         """Largest speed [m/s], as of the last frame."""
-        return float(np.sqrt(self.fastest.numpy().max()))
+        return float(np.sqrt(self.context.whole_array(self.fastest).max()))
 
 
 class EnergyBalance(BuiltPart):
@@ -137,8 +147,7 @@ class Sums:
         self._rows: list[str] = []
         for name, array in self.arrays.items():
             self._rows += [name] if array.dtype is wp.float64 else [f"{name}_{c}" for c in "xyz"]
-        blocks = -(-context.sheet.size // BLOCK)
-        shape = (len(self._rows), blocks)
+        shape = (len(self._rows), context.own_blocks)
         self._sums = context.array("sums_of_blocks", OWNER, wp.float64, shape=shape, per="block")
 
     def add(self, stage: Stage) -> None:
@@ -148,9 +157,9 @@ class Sums:
         for values in self.arrays.values():
             scalar = values.dtype is wp.float64
             kernel = checks.sum_blocks if scalar else checks.sum_vectors
-            stage.launch(OWNER, kernel, blocks, values=values, row=row, sums=self._sums)
+            stage.launch(OWNER, kernel, blocks, values=self.context.own(values), row=row, sums=self._sums)
             row += 1 if scalar else 3
 
     def totals(self) -> dict[str, float]:
         """Sums as of the last frame, by name."""
-        return dict(zip(self._rows, self._sums.numpy().sum(axis=1).tolist(), strict=True))
+        return dict(zip(self._rows, self.context.whole_array(self._sums).sum(axis=1).tolist(), strict=True))

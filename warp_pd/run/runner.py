@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -24,6 +25,7 @@ from ..scene import Scene, check_writers
 from . import restart
 from .divergence import DivergedError
 from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
+from .processes import crew_here
 from .recorder import Recorder, snapshot
 from .summary import Seconds, summary_of
 
@@ -99,11 +101,15 @@ def run(
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
     check_writers(writers or [])
-    folder = writable_folder(out, resume, overwrite)
-    with sole_use(folder):
+    crew, device = crew_here(device)
+    # Files and progress are those of the first process.
+    folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)
+    given, shown = (list(writers or []), reporter) if crew.leads else ([], None)
+    with contextlib.ExitStack() as stack:
+        crew.together(lambda: stack.enter_context(sole_use(folder)))
         begin = perf_counter()
-        built = compose(scene, device, precision)
-        return _run(built, folder, begin, resume, usd, reporter, list(writers or []), pictures)
+        built = crew.together(lambda: compose(scene, device, precision, crew))
+        return _run(built, folder, begin, resume, usd, shown, given, pictures)
 
 
 def _run(
@@ -111,39 +117,51 @@ def _run(
     writers: list[Writer], pictures: bool,
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
-    scene = built.simulation
+    scene, crew = built.simulation, built.context.crew
     known = None if folder is None else restart.identity(scene, built)
-    saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
-    if folder is not None and saved is not None:
-        _require_same_files(folder, usd)
-        # It tells of a run that is over, which this one is not.
-        (folder / "summary.json").unlink(missing_ok=True)
-    elif folder is not None:
-        clear(folder)
-    if folder is not None:
-        clear_unfinished(folder)
+    saved = crew.spread(crew.together(lambda: _saved(folder, known, resume, usd)))
     if reporter is not None:
         reporter.begin(headline(built))
-    compile_seconds = built.context.compile()
+    compile_seconds = crew.together(lambda: crew.in_turn(built.context.compile))
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
-    _begin(recorder, saved)
-    if folder is not None and known is not None:
-        _add_files(recorder, folder, known, usd, None if saved is None else recorder.frame_index + 1)
+    crew.together(lambda: _begin(recorder, saved))
+    append_from = None if saved is None else recorder.frame_index + 1
+    crew.lead(lambda: _add_files(recorder, folder, known, usd, append_from))
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
         message = "the run had finished already: nothing was left to do"
-    if recorder.last is None:
+    last = crew.spread(recorder.last)
+    if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
-    summary = summary_of(recorder, status, message, seconds)
-    result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
-    if folder is not None:
-        _finish(result, folder, pictures)
-    return result
+
+    def finish() -> tuple[dict[str, Any], History, Path | None]:
+        result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
+        if folder is not None:
+            _finish(result, folder, pictures)
+        return result.summary, result.history, folder
+
+    summary, history, folder = crew.spread(crew.lead(finish)) or ({}, [], None)
+    return Result(summary, history, built, last.in_double(), folder)
+
+
+def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, usd: bool) -> dict[str, Any] | None:
+    """What the restart file of a run that goes on holds, or None; clears what must not be mistaken for this run's."""
+    if folder is None or known is None:
+        return None
+    saved = restart.load(folder / restart.NAME, known) if resume else None
+    if saved is not None:
+        _require_same_files(folder, usd)
+        # It tells of a run that is over, which this one is not.
+        (folder / "summary.json").unlink(missing_ok=True)
+    else:
+        clear(folder)
+    clear_unfinished(folder)
+    return saved
 
 
 def _require_same_files(folder: Path, usd: bool) -> None:
@@ -170,8 +188,12 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
     built.context.run("setup")
 
 
-def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: bool, append_from: int | None) -> None:
+def _add_files(
+    recorder: Recorder, folder: Path | None, known: restart.Identity | None, usd: bool, append_from: int | None
+) -> None:
     """Let the recorder write frames, history and restart files, in a thread beside the computation."""
+    if folder is None or known is None:
+        return
     scene = recorder.built.simulation
     equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
     surface = surface_of(recorder.built)
@@ -193,8 +215,8 @@ def _add_files(recorder: Recorder, folder: Path, known: restart.Identity, usd: b
 def _room_of_a_frame(built: Built) -> int:
     """Room for two frames, restart files and the small files [bytes]."""
     context = built.context
-    frame = BYTES_OF_POINT * context.sheet.size + 12 * len(context.sheet.triangles)
-    restarts = sum(array.capacity for array in context.fields.kept().values())
+    frame = BYTES_OF_POINT * context.whole.size + 12 * len(context.whole.triangles)
+    restarts = sum(array.capacity for array in context.fields.kept().values()) * context.crew.size
     return int(2 * frame + 2 * restarts + SMALL_FILES)
 
 
@@ -216,7 +238,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         recorder.start_clock()
         if resumed:
             built.context.run("frame")
-            recorder.accept(snapshot(built, recorder.frame_index, recorder.time))
+            built.context.crew.lead(lambda: recorder.accept(snapshot(built, recorder.frame_index, recorder.time)))
         else:
             recorder.frame(0, 0.0, 0, 0.0)
         recorder.start_clock()
@@ -251,11 +273,11 @@ def _finish(result: Result, folder: Path, pictures: bool) -> None:
 
 def headline(built: Built) -> str:
     """One line that says what runs where."""
-    scene = built.simulation
+    scene, processes = built.simulation, built.context.crew.size
     return (
         f"{scene.scene}: {scene.sheet.size} points, {built.law.families.bond_count} bonds, horizon "
         f"{scene.force.horizon:g} spacings, {built.law.weights} weights, float{built.context.bits}, on "
-        f"{built.context.device.name}"
+        f"{built.context.device.name}" + (f", {processes} processes" if processes > 1 else "")
     )
 
 

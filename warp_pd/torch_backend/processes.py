@@ -1,0 +1,304 @@
+"""Several processes that compute one sheet together, by torch.distributed: NCCL on GPUs, Gloo on CPUs.
+
+`torchrun` starts them. Halos and sums go from device to device; files, errors and progress through the first process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from datetime import timedelta
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+import torch.distributed as dist
+import warp as wp
+
+from ..device.crew import Crew, LostError
+from ..device.fields import Array, Stored, to_host
+from ..device.launches import Call, Touched
+from ..families.share import BLOCK, Share
+from .step import capture
+
+T = TypeVar("T")
+
+# A frame may be long, and the first process may draw pictures meanwhile: a process that died is noticed otherwise.
+PATIENCE = timedelta(hours=24)
+
+
+@contextlib.contextmanager
+def _talking() -> Iterator[None]:
+    """Context of what needs the other processes.
+
+    Raises:
+        LostError: if one of them has ended.
+    """
+    try:
+        yield
+    except (RuntimeError, dist.DistBackendError) as error:
+        text = str(error).splitlines()[0][:120]
+        raise LostError(
+            f"processes: another process of this run ended ({text}); --resume goes on from the last restart file"
+        ) from None
+
+
+class TorchCrew(Crew):
+    """The processes that torchrun started.
+
+    Attributes:
+        device: The Torch device of this process.
+    """
+
+    def __init__(self, cuda: bool) -> None:
+        """Meet the others.
+
+        Args:
+            cuda: Whether the sheet is on GPUs, one a process.
+        """
+        with _talking():
+            if not dist.is_initialized():
+                backend = "cpu:gloo,cuda:nccl" if cuda else "gloo"
+                dist.init_process_group(backend, timeout=PATIENCE)
+            self.rank, self.size = dist.get_rank(), dist.get_world_size()
+        # One of several processes of a machine each takes its share of the cores; Torch works on one.
+        torch.set_num_threads(1)
+
+    def together(self, work: Callable[[], T]) -> T:
+        """Do work in all processes; the error of one is raised in all."""
+        result, error = None, None
+        try:
+            result = work()
+        except LostError:
+            raise
+        except (Exception, KeyboardInterrupt) as caught:
+            error = caught
+        errors: list[Any] = [None] * self.size
+        with _talking():
+            dist.all_gather_object(errors, None if error is None else _sendable(error))
+        first = next((rank for rank, text in enumerate(errors) if text is not None), None)
+        if first is not None:
+            raise error if first == self.rank and error is not None else pickle.loads(errors[first])
+        return result  # type: ignore[return-value]
+
+    def lead(self, work: Callable[[], T]) -> T | None:
+        """Do work in the first process, while the others answer what it asks for."""
+        if not self.leads:
+            self._serve()
+            return None
+        try:
+            result = work()
+        except LostError:
+            raise
+        except (Exception, KeyboardInterrupt) as error:
+            self._tell(("end", _sendable(error)))
+            raise
+        self._tell(("end", None))
+        return result
+
+    def _tell(self, message: Any) -> Any:
+        """The message that the first process gives."""
+        told = [message]
+        with _talking():
+            dist.broadcast_object_list(told, src=0)
+        return told[0]
+
+    def _serve(self) -> None:
+        while True:
+            what, value = self._tell(None)
+            if what == "end":
+                if value is not None:
+                    raise pickle.loads(value)
+                return
+            self._send_own(self.register[value], self.share)
+
+    def bind(self, register: list[Stored], share: Share) -> None:
+        """Know the fields that the first process may ask for."""
+        self.register, self.share = register, share
+
+    def whole(self, stored: Stored, index: int, share: Share | None) -> np.ndarray:
+        """A copy of a field of the whole sheet on the host; within `lead` only."""
+        if share is None or stored.field.per not in ("point", "bond", "face", "block"):
+            return to_host(stored.array)
+        self._tell(("field", index))
+        return self._send_own(stored, share)
+
+    def _send_own(self, stored: Stored, share: Share) -> np.ndarray:
+        """Bring the own parts of a field together in the first process, which returns the whole."""
+        per, values = stored.field.per, to_host(stored.array)
+        places: Any = None
+        if per in ("point", "bond"):
+            values = values[share.own] if per == "point" else values[:, share.own]
+        if per == "face":
+            places = share.faces
+        parts: Any = [None] * self.size if self.leads else None
+        with _talking():
+            dist.gather_object((np.ascontiguousarray(values), places), parts)
+        if parts is None:
+            return values
+        whole = np.concatenate([part for part, _ in parts], axis=-1 if per == "block" else int(per == "bond"))
+        if per == "face":
+            at = np.concatenate([where for _, where in parts])
+            found = np.empty_like(whole)
+            found[at] = whole
+            return found
+        return whole
+
+    def in_turn(self, work: Callable[[], T]) -> T:
+        """Do work in the first process, then in all others, which find what it left."""
+        if self.leads:
+            result = work()
+        with _talking():
+            dist.barrier()
+        if not self.leads:
+            result = work()
+        return result
+
+    def any(self, flag: bool) -> bool:
+        """Whether a flag is set in any process."""
+        return self._reduced(float(flag), dist.ReduceOp.MAX) > 0.0
+
+    def least(self, value: float) -> float:
+        """The least of a number of all processes."""
+        return self._reduced(value, dist.ReduceOp.MIN)
+
+    def _reduced(self, value: float, operation: Any) -> float:
+        number = torch.tensor([value], dtype=torch.float64)
+        with _talking():
+            dist.all_reduce(number, operation)
+        return float(number[0])
+
+    def spread(self, value: T) -> T:
+        """The value that the first process has."""
+        return self._tell(value)  # type: ignore[no-any-return]
+
+    def exchange(self, fields: Sequence[Stored], share: Share) -> Call:
+        """A call that fills the halo of some fields with what its owners have."""
+        halos: list[Any] = [None] * self.size
+        outside = np.ones(len(share.points), bool)
+        outside[share.own] = False
+        with _talking():
+            dist.all_gather_object(halos, share.points[outside])
+        begin, end = share.bounds[share.rank], share.bounds[share.rank + 1]
+        routes = []
+        for rank in range(self.size):
+            asked = halos[rank]
+            mine = asked[(asked >= begin) & (asked < end)] - begin + share.own.start
+            theirs = np.searchsorted(share.points, share.bounds[[rank, rank + 1]])
+            if rank != share.rank and (len(mine) or theirs[1] > theirs[0]):
+                routes.append((rank, mine, slice(int(theirs[0]), int(theirs[1]))))
+        messages = [
+            _Message(stored.array, rank, mine, theirs, tag)
+            for rank, mine, theirs in routes
+            for tag, stored in enumerate(fields)
+        ]
+        exchange = _Exchange(messages, fields[0].array.device)
+        addresses = frozenset(int(stored.array.ptr) for stored in fields)
+        names = ", ".join(stored.name for stored in fields)
+        threads = sum(message.points for message in messages)
+        touched = Touched(addresses, frozenset(), addresses)
+        return Call(f"exchange {names}", "processes", threads, exchange, capture, touched)
+
+    def gather_blocks(self, mine: Array, everything: Array, share: Share) -> Call:
+        """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
+        starts = -(-share.bounds // BLOCK)
+        widest = int(np.diff(starts).max())
+        source, target = wp.to_torch(mine), wp.to_torch(everything)
+        packed = torch.zeros((source.shape[0], widest), dtype=source.dtype, device=source.device)
+        parts = [torch.zeros_like(packed) for _ in range(self.size)]
+
+        def gather() -> None:
+            with _talking(), _stream(mine.device):
+                packed[:, : source.shape[1]] = source
+                dist.all_gather(parts, packed)
+                for part, first, last in zip(parts, starts[:-1], starts[1:], strict=True):
+                    target[:, first:last] = part[:, : last - first]
+
+        touched = Touched(frozenset([int(mine.ptr)]), frozenset(), frozenset([int(everything.ptr)]))
+        return Call("gather blocks", "processes", int(starts[-1]), gather, capture, touched)
+
+
+class _Message:
+    """What goes between this process and another one for one field."""
+
+    def __init__(self, array: Array, rank: int, mine: np.ndarray, theirs: slice, tag: int) -> None:
+        """Share the array with Torch.
+
+        Args:
+            array: The field, of points or [members, points].
+            rank: The other process.
+            mine: Own points that it needs.
+            theirs: Points here that it owns.
+            tag: Tells the fields of one exchange apart.
+        """
+        self.rank, self.tag, self.points = rank, tag, len(mine)
+        # The points last: bonds and words of bits are [members, points].
+        tensor = wp.to_torch(array)
+        self.by_bond = array.ndim == 2
+        device = tensor.device
+        in_a_row = len(mine) > 0 and int(mine[-1] - mine[0]) == len(mine) - 1
+        chosen: Any = slice(int(mine[0]), int(mine[-1]) + 1) if in_a_row else torch.from_numpy(mine).to(device)
+        self._source = (lambda: tensor[:, chosen]) if self.by_bond else (lambda: tensor[chosen])
+        self._target = tensor[:, theirs] if self.by_bond else tensor[theirs]
+        # Rows of points are sent and received where they lie.
+        self.outgoing = self._source() if in_a_row and not self.by_bond else self._source().contiguous()
+        self.copied_out = not (in_a_row and not self.by_bond)
+        self.incoming = torch.empty_like(self._target).contiguous() if self.by_bond else self._target
+
+    def pack(self) -> list[Any]:
+        """The operations that send and receive."""
+        if self.copied_out:
+            self.outgoing.copy_(self._source())
+        found = []
+        if self.outgoing.numel():
+            found.append(dist.P2POp(dist.isend, self.outgoing, self.rank, tag=self.tag))
+        if self.incoming.numel():
+            found.append(dist.P2POp(dist.irecv, self.incoming, self.rank, tag=self.tag))
+        return found
+
+    def unpack(self) -> None:
+        """Put what came where it belongs."""
+        if self.by_bond:
+            self._target.copy_(self.incoming)
+
+
+class _Exchange:
+    """Sends and receives the halo of some fields at once."""
+
+    def __init__(self, messages: list[_Message], device: Any) -> None:
+        self.messages, self.device = messages, device
+
+    def __call__(self) -> None:
+        """Exchange, on Warp's stream."""
+        with _talking(), _stream(self.device):
+            operations = [operation for message in self.messages for operation in message.pack()]
+            for request in dist.batch_isend_irecv(operations) if operations else []:
+                request.wait()
+            for message in self.messages:
+                message.unpack()
+
+
+def _stream(device: Any) -> Any:
+    """Torch on the stream that Warp works on now, that of a capture included."""
+    if not device.is_cuda:
+        return contextlib.nullcontext()
+    return torch.cuda.stream(wp.stream_to_torch(wp.get_stream(device)))
+
+
+def _sendable(error: BaseException) -> bytes:
+    """An error as bytes; one that cannot be sent becomes its text."""
+    try:
+        data = pickle.dumps(error)
+        pickle.loads(data)
+    except Exception:
+        data = pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
+    return data
+
+
+def own_device(name: str | None) -> str | None:
+    """The device of this process: a GPU each, unless it is the CPU."""
+    if name in (None, "cuda") and torch.cuda.is_available():
+        return f"cuda:{os.environ.get('LOCAL_RANK', '0')}"
+    return name
