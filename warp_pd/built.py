@@ -136,7 +136,7 @@ def _require_divisible(built: Built) -> None:
         InputError: for one.
     """
     if built.context.share is not None and not built.solver.divides:
-        raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit")
+        raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")
 
 
 def _check_columns(scene: Scene, built: Built) -> None:

@@ -201,6 +201,12 @@ class Context:
         index, stored = next((k, s) for k, s in enumerate(self.fields) if s.array is array)
         return self.crew.whole(stored, index, self.share)
 
+    def total(self, array: Array) -> float:
+        """Sum of an array of points of the whole sheet, in one order on any number of processes."""
+        found = self.crew.spread(self.crew.lead(lambda: float(self.whole_array(array).sum())))
+        assert found is not None
+        return found
+
     def values_here(self, stored: Stored, whole: np.ndarray) -> np.ndarray:
         """What is here of the values of a field of the whole sheet, on the host."""
         share, per = self.share, stored.field.per

@@ -92,7 +92,7 @@ class Exchanges:
 
     def find(self) -> dict[str, dict[int, list[Stored]]]:
         """Fields to exchange before items of each stage, by the number of the item."""
-        entry = dict.fromkeys({k for access in self._access.values() for k in access.writes}, HALO)
+        entry = {k: _depth_of(self.fields[k]) for access in self._access.values() for k in access.writes}
         while True:
             found, lowest = {}, dict(entry)
             for stage in self.stages:
@@ -117,13 +117,18 @@ class Exchanges:
                         f"{self.fields[k].owner}: {self.fields[k].name} is not known around the own points, "
                         "which several processes cannot yet do"
                     )
-                depth[k] = HALO
+                depth[k] = _depth_of(self.fields[k])
             if shallow:
                 found[place] = [self.fields[k] for k in sorted(shallow)]
             gives = min([*(depth[k] for k in access.reads), *(depth[k] - 1 for k in access.gathers), HALO])
             for k in access.writes:
                 depth[k] = min(depth[k], gives)
         return found, depth
+
+
+def _depth_of(stored: Stored) -> int:
+    """How deep a field is right after an exchange; families of the outermost horizon are empty."""
+    return HALO if stored.field.per == "point" else HALO - 1
 
 
 def add_exchanges(context: Context) -> None:

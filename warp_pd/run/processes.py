@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
+from ..checks import InputError
 from ..device.crew import Crew
 
 
@@ -29,3 +31,16 @@ def crew_here(device: str | None) -> tuple[Crew, str | None]:
 
     mine = own_device(device)
     return TorchCrew(cuda=mine is not None and mine.startswith("cuda")), mine
+
+
+def launch(processes: int, arguments: Sequence[str]) -> int:
+    """Run `warp-pd` with some arguments in several processes; the exit code.
+
+    Raises:
+        InputError: without Torch.
+    """
+    try:
+        from ..torch_backend.launch import launch as start
+    except ImportError:
+        raise InputError("--processes: expected torch to be installed; pip install warp-pd[neural]") from None
+    return start(processes, arguments)

@@ -176,23 +176,10 @@ class TorchCrew(Crew):
 
     def exchange(self, fields: Sequence[Stored], share: Share) -> Call:
         """A call that fills the halo of some fields with what its owners have."""
-        halos: list[Any] = [None] * self.size
-        outside = np.ones(len(share.points), bool)
-        outside[share.own] = False
-        with _talking():
-            dist.all_gather_object(halos, share.points[outside])
-        begin, end = share.bounds[share.rank], share.bounds[share.rank + 1]
-        routes = []
-        for rank in range(self.size):
-            asked = halos[rank]
-            mine = asked[(asked >= begin) & (asked < end)] - begin + share.own.start
-            theirs = np.searchsorted(share.points, share.bounds[[rank, rank + 1]])
-            if rank != share.rank and (len(mine) or theirs[1] > theirs[0]):
-                routes.append((rank, mine, slice(int(theirs[0]), int(theirs[1]))))
         messages = [
             _Message(stored.array, rank, mine, theirs, tag)
-            for rank, mine, theirs in routes
             for tag, stored in enumerate(fields)
+            for rank, mine, theirs in self._routes(share, stored.field.per == "bond")
         ]
         exchange = _Exchange(messages, fields[0].array.device)
         addresses = frozenset(int(stored.array.ptr) for stored in fields)
@@ -200,6 +187,28 @@ class TorchCrew(Crew):
         threads = sum(message.points for message in messages)
         touched = Touched(addresses, frozenset(), addresses)
         return Call(f"exchange {names}", "processes", threads, exchange, capture, touched)
+
+    def _routes(self, share: Share, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """For each other process: its number, own points here that it needs, points here that it owns.
+
+        Args:
+            share: What is here.
+            near: Whether only points whose families are whole there count: others have none to hold bonds.
+        """
+        outside = share.near.copy() if near else np.ones(len(share.points), bool)
+        outside[share.own] = False
+        halos: list[Any] = [None] * self.size
+        with _talking():
+            dist.all_gather_object(halos, share.points[outside])
+        wanted, owner = np.flatnonzero(outside), share.owner_of(share.points[outside])
+        begin, end = share.bounds[share.rank], share.bounds[share.rank + 1]
+        routes = []
+        for rank, asked in enumerate(halos):
+            mine = asked[(asked >= begin) & (asked < end)] - begin + share.own.start
+            theirs = wanted[owner == rank]
+            if len(mine) or len(theirs):
+                routes.append((rank, mine, theirs))
+        return routes
 
     def gather_blocks(self, mine: Array, everything: Array, share: Share) -> Call:
         """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
@@ -223,7 +232,7 @@ class TorchCrew(Crew):
 class _Message:
     """What goes between this process and another one for one field."""
 
-    def __init__(self, array: Array, rank: int, mine: np.ndarray, theirs: slice, tag: int) -> None:
+    def __init__(self, array: Array, rank: int, mine: np.ndarray, theirs: np.ndarray, tag: int) -> None:
         """Share the array with Torch.
 
         Args:
@@ -235,22 +244,28 @@ class _Message:
         """
         self.rank, self.tag, self.points = rank, tag, len(mine)
         # The points last: bonds and words of bits are [members, points].
-        tensor = wp.to_torch(array)
-        self.by_bond = array.ndim == 2
-        device = tensor.device
-        in_a_row = len(mine) > 0 and int(mine[-1] - mine[0]) == len(mine) - 1
-        chosen: Any = slice(int(mine[0]), int(mine[-1]) + 1) if in_a_row else torch.from_numpy(mine).to(device)
-        self._source = (lambda: tensor[:, chosen]) if self.by_bond else (lambda: tensor[chosen])
-        self._target = tensor[:, theirs] if self.by_bond else tensor[theirs]
+        self._tensor = wp.to_torch(array)
+        self._leaving, self._arriving = (
+            (slice(None), part) if array.ndim == 2 else (part,) for part in (self._part(mine), self._part(theirs))
+        )
         # Rows of points are sent and received where they lie.
-        self.outgoing = self._source() if in_a_row and not self.by_bond else self._source().contiguous()
-        self.copied_out = not (in_a_row and not self.by_bond)
-        self.incoming = torch.empty_like(self._target).contiguous() if self.by_bond else self._target
+        self.outgoing, self.incoming = self._lying(self._leaving), self._lying(self._arriving)
+
+    def _part(self, points: np.ndarray) -> Any:
+        """Consecutive points as a slice, others as a tensor of indices."""
+        if len(points) and int(points[-1] - points[0]) == len(points) - 1:
+            return slice(int(points[0]), int(points[-1]) + 1)
+        return torch.from_numpy(np.asarray(points, np.int64)).to(self._tensor.device)
+
+    def _lying(self, place: Any) -> Any:
+        """The part of the field itself if it is in one piece, otherwise room for a copy of it."""
+        part = self._tensor[place]
+        return part if part.is_contiguous() and isinstance(place[0], slice) else torch.empty_like(part).contiguous()
 
     def pack(self) -> list[Any]:
         """The operations that send and receive."""
-        if self.copied_out:
-            self.outgoing.copy_(self._source())
+        if not self._shares(self.outgoing):
+            self.outgoing.copy_(self._tensor[self._leaving])
         found = []
         if self.outgoing.numel():
             found.append(dist.P2POp(dist.isend, self.outgoing, self.rank, tag=self.tag))
@@ -260,8 +275,11 @@ class _Message:
 
     def unpack(self) -> None:
         """Put what came where it belongs."""
-        if self.by_bond:
-            self._target.copy_(self.incoming)
+        if not self._shares(self.incoming):
+            self._tensor[self._arriving] = self.incoming
+
+    def _shares(self, part: Any) -> bool:
+        return bool(part.untyped_storage().data_ptr() == self._tensor.untyped_storage().data_ptr())
 
 
 class _Exchange:
