@@ -213,11 +213,11 @@ class Context:
         if share is None or per not in ("point", "bond", "face"):
             return whole
         if per == "face":
-            return whole[share.faces]
+            return np.asarray(whole[share.faces])
         if per == "point":
-            return whole[share.points]
+            return np.asarray(whole[share.points])
         # Families that are not whole here are empty.
-        found = whole[:, share.points]
+        found = np.asarray(whole[:, share.points])
         found[:, ~share.near] = 0
         return found
 

@@ -28,7 +28,7 @@ class RowsHere:
 
     def table(self, values: np.ndarray) -> np.ndarray:
         """Rows here of a table of the whole families, zero where they are empty."""
-        found = values[self.rows]
+        found = np.asarray(values[self.rows])
         found[self.empty] = 0
         return found
 

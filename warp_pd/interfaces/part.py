@@ -73,7 +73,9 @@ class Part(Protocol):
         Raises:
             InputError: by default: several processes cannot run it.
         """
-        raise InputError(f"{self.argument}: {type(self).__name__}: several processes cannot yet run it; expected one")
+        raise InputError(
+            f"{self.argument}: {type(self).__name__}: expected a run in one process; several cannot share it yet"
+        )
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the part on a device: allocate arrays and register schedules; launches are added later."""

@@ -84,9 +84,7 @@ class RigidBody(Contact):
             InputError: for a free body, which all points move.
         """
         if self.motion.free:
-            raise InputError(
-                f"RigidBody {self.name!r}: motion = Free: several processes cannot yet run it; expected BodyPath"
-            )
+            raise InputError(f"RigidBody {self.name!r}: motion = Free: expected BodyPath, or a run in one process")
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:

@@ -22,6 +22,8 @@ def report(result: Result) -> Iterator[str]:
             unit = "" if m["unit"] == "1" else f" {m['unit']}"
             line += f"   reference {m['reference']:.6g}{unit} ({m['source']}), error {100 * m['error']:+.3f} %"
         yield line
+    if result.folder is None:
+        return
     yield f"results in {result.folder}"
     for path in sorted(result.folder.iterdir()):
         yield f"  {path.name}"

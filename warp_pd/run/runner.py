@@ -321,7 +321,8 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
     earlier = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
 
     def ask(number: int, stack: Any) -> None:
-        if recorder.stop_asked:
+        # Several processes get one signal twice, from the terminal and from torchrun, and stop together.
+        if recorder.stop_asked and recorder.built.context.crew.size == 1:
             raise KeyboardInterrupt
         recorder.ask_to_stop()
         if recorder.reporter is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
 import uuid
 from collections.abc import Sequence
@@ -11,7 +12,7 @@ from torch.distributed.elastic.multiprocessing.api import SignalException
 from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
 from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
-INTERRUPTED = 130
+INTERRUPTED, LOST = 130, 4
 
 
 def launch(processes: int, arguments: Sequence[str]) -> int:
@@ -22,7 +23,7 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
         arguments: Of each.
     """
     # They say in one line themselves what went wrong.
-    logging.getLogger("torch.distributed.elastic").setLevel(logging.CRITICAL)
+    logging.disable(logging.CRITICAL)
     config = LaunchConfig(
         min_nodes=1, max_nodes=1, nproc_per_node=processes, run_id=uuid.uuid4().hex, rdzv_backend="c10d",
         rdzv_endpoint="localhost:0", local_addr="localhost", max_restarts=0, monitor_interval=0.2,
@@ -31,8 +32,12 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
         elastic_launch(config, sys.executable)("-m", "warp_pd", *arguments)
     except ChildFailedError as error:
         # A process that was killed has minus the number of the signal.
-        codes = [failure.exitcode for failure in error.failures.values()]
-        return next((code for code in codes if code > 0), 1)
+        codes = {rank: int(failure.exitcode) for rank, failure in error.failures.items()}
+        for rank, code in sorted(codes.items()):
+            if code < 0:
+                name = signal.Signals(-code).name
+                print(f"warp-pd: process {rank} was ended by {name}; --resume goes on", file=sys.stderr)
+        return next((code for code in codes.values() if code > 0), LOST)
     except SignalException:
         return INTERRUPTED
     return 0

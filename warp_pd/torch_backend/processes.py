@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
+import re
 from collections.abc import Callable, Iterator, Sequence
 from datetime import timedelta
 from typing import Any, TypeVar
@@ -39,7 +40,7 @@ def _talking() -> Iterator[None]:
     try:
         yield
     except (RuntimeError, dist.DistBackendError) as error:
-        text = str(error).splitlines()[0][:120]
+        text = re.sub(r"\[[^]]*\]:?\d*\s*", "", str(error).splitlines()[0])[:80].strip(" .")
         raise LostError(
             f"processes: another process of this run ended ({text}); --resume goes on from the last restart file"
         ) from None
