@@ -13,7 +13,7 @@ from .device.clock import Clock
 from .device.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
 from .device.crew import Crew
 from .device.fields import FieldRegister
-from .families.share import divided, part_of_sheet
+from .families.share import Share, divided, part_of_sheet
 from .interfaces import Constraint, Part
 from .kernels.numeric import numeric
 from .parts.frame_checks import EnergyBalance
@@ -26,11 +26,7 @@ OWNER = "Simulation"
 def scene_context(
     scene: Scene, parts: list[Part], constraints: Sequence[Constraint], device: wp.Device, bits: int, crew: Crew
 ) -> Context:
-    """The context in which the parts of a scene are built.
-
-    Raises:
-        InputError: for more processes than the sheet can be divided into.
-    """
+    """The context in which the parts of a scene are built; with several processes `crew.share` says what is here."""
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
     start, placement = scene.initial("initial_displacement"), sheet.placement()
@@ -51,14 +47,22 @@ def scene_context(
         clock=Clock(solver.duration, solver.default_ramp), placement=placement, crew=crew,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip
-    return made if crew.size == 1 else _context_here(made, scene.force.horizon)
+    return made if crew.share is None else _context_here(made, crew.share)
 
 
-def _context_here(whole: Context, horizon: float) -> Context:
+def share_of(scene: Scene, crew: Crew) -> Share:
+    """What a process of several has of the sheet of a scene.
+
+    Raises:
+        InputError: for more processes than the sheet can be divided into.
+    """
+    scene.check()
+    return divided(scene.sheet.unstretched(), scene.force.horizon, crew.rank, crew.size)
+
+
+def _context_here(whole: Context, share: Share) -> Context:
     """The context of one of several processes."""
-    crew = whole.crew
-    share = divided(whole.whole, horizon, crew.rank, crew.size)
-    crew.bind(whole.fields.stored, share)
+    whole.crew.bind(whole.fields.stored)
     placement, points = whole.placement, share.points
     return replace(
         whole, sheet=part_of_sheet(whole.whole, share), share=share, held=whole.held[points],

@@ -26,10 +26,12 @@ class Crew:
     Attributes:
         rank: Number of this process, from 0.
         size: Number of processes.
+        share: What this process has of the sheet; None if there is one alone.
     """
 
     rank: int = 0
     size: int = 1
+    share: Share | None = None
 
     @property
     def leads(self) -> bool:
@@ -60,8 +62,12 @@ class Crew:
         """The value that the first process has."""
         return value
 
-    def bind(self, register: list[Stored], share: Share) -> None:
-        """Know the fields that the first process may ask for, and what is here."""
+    def divide(self, share: Share) -> None:
+        """Take a share of the sheet, and tell the others."""
+        self.share = share
+
+    def bind(self, register: list[Stored]) -> None:
+        """Know the fields that the first process may ask for."""
         return None
 
     def whole(self, stored: Stored, index: int, share: Share | None) -> np.ndarray:

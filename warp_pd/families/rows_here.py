@@ -81,6 +81,12 @@ def rows_here(families: Families, share: Share) -> RowsHere:
         stiffness=row(families.stiffness),
         frames=point(families.frames),
         chords=point(families.chords),
-        whole=WholeFamilies(families.bond_count, 0 if family_class is None else families.commonest_row),
+        whole=_whole(families),
     )
     return replace(made, families=here)
+
+
+def _whole(families: Families) -> WholeFamilies:
+    cloud = families.family_class is None
+    row = 0 if cloud else families.commonest_row
+    return WholeFamilies(families.bond_count, row, not cloud and families.has_common)

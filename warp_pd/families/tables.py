@@ -50,10 +50,17 @@ def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
 
 @dataclass(frozen=True)
 class WholeFamilies:
-    """What the families of a part of a sheet still know of those of the whole sheet."""
+    """What the families of a part of a sheet still know of those of the whole sheet.
+
+    Attributes:
+        bonds: Number of bonds.
+        commonest_row: Row of most points, see `Families`.
+        has_common: Whether any point has it.
+    """
 
     bonds: int
     commonest_row: int
+    has_common: bool
 
 
 @dataclass(eq=False)
@@ -152,6 +159,11 @@ class Families:
             return self.whole.commonest_row
         assert self.family_class is not None
         return 0 if self.layout == "grid" else int(np.bincount(self.family_class).argmax())
+
+    @property
+    def has_common(self) -> bool:
+        """Whether any point of the whole sheet has the commonest row."""
+        return self.whole.has_common if self.whole else bool((self.family_class == self.commonest_row).any())
 
     @property
     def bond_count(self) -> int:

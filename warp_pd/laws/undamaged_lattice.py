@@ -32,7 +32,7 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
     bonds, influence, common = (
         table[row, :n] if gridded else table for table in (families.bonds, families.influence, families.common)
     )
-    if min(turned) < 0 or not families.exists[row, :n].all() or not (families.family_class == row).any():
+    if min(turned) < 0 or not families.exists[row, :n].all() or not families.has_common:
         return None
     uneven = (
         np.ptp(families.member_areas[row, :n]) / area,

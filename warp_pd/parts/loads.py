@@ -245,7 +245,8 @@ class ExternalForce(External):
                 self.constant += force
         self.following = [load for load in self.changing if load.follows_displacement]
         self._constant: Array | None = None
-        if self.changing and self.constant.any():
+        # All of several processes have the same fields.
+        if self.changing and (self.constant.any() or context.share is not None):
             self._constant = context.array("constant_loads", "loads", context.types.vec3, self.constant)
         self._dead: Array | None = None
 

@@ -160,7 +160,9 @@ class Damaged(BuiltRupture):
         self.spared: Array | None = None
         if rupture.spared is not None:
             mask = np.zeros(sheet.size, np.uint8)
-            mask[point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
+            # Of several processes one may have none of them.
+            here = context.share is not None
+            mask[rupture.spared if here else point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
             self.spared = context.array("spared", owner, wp.uint8, mask)
         tracked = context.features.tracked and law.has_energy
         self.released: Array | None = None

@@ -22,6 +22,7 @@ from ..interfaces import History, Reporter, Writer
 from ..output.background import Background
 from ..output.formats import file_writers
 from ..scene import Scene, check_writers
+from ..scene_context import share_of
 from . import restart
 from .divergence import DivergedError
 from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
@@ -108,6 +109,8 @@ def run(
     with contextlib.ExitStack() as stack:
         crew.together(lambda: stack.enter_context(sole_use(folder)))
         begin = perf_counter()
+        if crew.size > 1:
+            crew.divide(crew.together(lambda: share_of(scene, crew)))
         built = crew.together(lambda: compose(scene, device, precision, crew))
         return _run(built, folder, begin, resume, usd, shown, given, pictures)
 

@@ -113,17 +113,25 @@ class TorchCrew(Crew):
                 if value is not None:
                     raise pickle.loads(value)
                 return
-            self._send_own(self.register[value], self.share)
+            index, name = value
+            if self.share is None or self.register[index].name != name:
+                raise RuntimeError(f"field {name!r}: expected the same fields in all processes")
+            self._send_own(self.register[index], self.share)
 
-    def bind(self, register: list[Stored], share: Share) -> None:
+    def divide(self, share: Share) -> None:
+        """Take a share of the sheet, and tell the others."""
+        self.share = share
+        self._routes = {near: self._find_routes(share, near) for near in (False, True)}
+
+    def bind(self, register: list[Stored]) -> None:
         """Know the fields that the first process may ask for."""
-        self.register, self.share = register, share
+        self.register = register
 
     def whole(self, stored: Stored, index: int, share: Share | None) -> np.ndarray:
         """A copy of a field of the whole sheet on the host; within `lead` only."""
         if share is None or stored.field.per not in ("point", "bond", "face", "block"):
             return to_host(stored.array)
-        self._tell(("field", index))
+        self._tell(("field", (index, stored.name)))
         return self._send_own(stored, share)
 
     def _send_own(self, stored: Stored, share: Share) -> np.ndarray:
@@ -180,7 +188,7 @@ class TorchCrew(Crew):
         messages = [
             _Message(stored.array, rank, mine, theirs, tag)
             for tag, stored in enumerate(fields)
-            for rank, mine, theirs in self._routes(share, stored.field.per == "bond")
+            for rank, mine, theirs in self._routes[stored.field.per == "bond"]
         ]
         exchange = _Exchange(messages, fields[0].array.device)
         addresses = frozenset(int(stored.array.ptr) for stored in fields)
@@ -189,7 +197,7 @@ class TorchCrew(Crew):
         touched = Touched(addresses, frozenset(), addresses)
         return Call(f"exchange {names}", "processes", threads, exchange, capture, touched)
 
-    def _routes(self, share: Share, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    def _find_routes(self, share: Share, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """For each other process: its number, own points here that it needs, points here that it owns.
 
         Args:
