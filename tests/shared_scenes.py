@@ -33,6 +33,10 @@ from warp_pd import (
     TearingEnergy,
     Visco,
 )
+from warp_pd.built import compose
+from warp_pd.device.crew import Crew
+from warp_pd.device.launches import Call, Touched
+from warp_pd.scene_context import share_of
 
 MATERIAL = MooneyRivlin(5e4, 0.0)
 SIZE = {"thickness": 1e-3, "density": 1000.0}
@@ -113,6 +117,26 @@ def scene(name, points=33, frames=2, duration=DURATION):
 def build(name="torn", points=33, frames=2, duration=DURATION):
     """For `warp-pd run`."""
     return scene(name, points, frames, duration)
+
+
+class OneOfMany(Crew):
+    """One of several processes, whose calls to the others do nothing."""
+
+    def __init__(self, made, rank, size):
+        self.rank, self.size = rank, size
+        self.divide(share_of(made, self))
+
+    def exchange(self, fields, share):
+        names = ", ".join(stored.name for stored in fields)
+        return Call(f"exchange {names}", "", 0, lambda: None, None, Touched())
+
+    def gather_blocks(self, mine, everything, share):
+        return Call("gather blocks", "", 0, lambda: None, None, Touched())
+
+
+def composed(made, rank=0, size=2, precision=None):
+    """A scene as one of several processes builds it."""
+    return compose(made, "cpu", precision, OneOfMany(made, rank, size))
 
 
 def started(processes, *arguments):

@@ -6,7 +6,7 @@ import logging
 import signal
 import sys
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from torch.distributed.elastic.multiprocessing.api import SignalException
 from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
@@ -31,13 +31,24 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
     try:
         elastic_launch(config, sys.executable)("-m", "warp_pd", *arguments)
     except ChildFailedError as error:
-        # A process that was killed has minus the number of the signal.
-        codes = {rank: int(failure.exitcode) for rank, failure in error.failures.items()}
-        for rank, code in sorted(codes.items()):
-            if code < 0:
-                name = signal.Signals(-code).name
-                print(f"warp-pd: process {rank} was ended by {name}; --resume goes on", file=sys.stderr)
-        return next((code for code in codes.values() if code > 0), LOST)
+        return _code({rank: int(failure.exitcode) for rank, failure in error.failures.items()})
     except SignalException:
         return INTERRUPTED
     return 0
+
+
+def _code(codes: Mapping[int, int]) -> int:
+    """Exit code of a run that failed; says which process was killed, unless another one said what was wrong.
+
+    Args:
+        codes: Exit code of each process that failed, minus the number of the signal if it was killed.
+    """
+    said = next((code for code in codes.values() if code > 0 and code != LOST), None)
+    if said is not None:
+        return said
+    # torchrun ends the others by SIGTERM.
+    killed = {rank: signal.Signals(-code) for rank, code in sorted(codes.items()) if code < 0}
+    first = {rank: by for rank, by in killed.items() if by != signal.SIGTERM} or killed
+    for rank, by in first.items():
+        print(f"warp-pd: process {rank} was ended by {by.name}; --resume goes on", file=sys.stderr)
+    return LOST

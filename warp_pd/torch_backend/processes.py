@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import os
 import pickle
@@ -46,6 +47,11 @@ def _talking() -> Iterator[None]:
         ) from None
 
 
+def _part() -> None:
+    if dist.is_initialized():
+        dist.destroy_process_group()
+
+
 class TorchCrew(Crew):
     """The processes that torchrun started.
 
@@ -63,6 +69,8 @@ class TorchCrew(Crew):
             if not dist.is_initialized():
                 backend = "cpu:gloo,cuda:nccl" if cuda else "gloo"
                 dist.init_process_group(backend, timeout=PATIENCE)
+                # Threads of Gloo that still wait would end the process by SIGABRT.
+                atexit.register(_part)
             self.rank, self.size = dist.get_rank(), dist.get_world_size()
         # One of several processes of a machine each takes its share of the cores; Torch works on one.
         torch.set_num_threads(1)
