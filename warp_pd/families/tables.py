@@ -163,7 +163,7 @@ class Families:
     @property
     def has_common(self) -> bool:
         """Whether any point of the whole sheet has the commonest row."""
-        return self.whole.has_common if self.whole else bool((self.family_class == self.commonest_row).any())
+        return self.whole.has_common if self.whole else bool(np.any(self.family_class == self.commonest_row))
 
     @property
     def bond_count(self) -> int:
