@@ -17,10 +17,10 @@ from ..checks import InputError
 from ..families.share import HALO
 from .context import Context
 from .fields import Stored
-from .launches import Call, Item, Launch, Stage
+from .launches import Call, Item, Launch, Stage, arrays_in
 
 # Launches that work on the own points, or on blocks of them, and those that work on more than a point's own family.
-OWN_BLOCKS, WHOLE = "block", ("once", "body")
+OWN_BLOCKS, LIST, WHOLE = "block", "list", ("once", "body")
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,9 @@ class Exchanges:
         reads, gathers = self._numbers(touched.reads) & written, self._numbers(touched.gathers) & written
         if per == OWN_BLOCKS:
             reads, gathers = reads | gathers, frozenset()
+        if per == LIST and launch.source.effects.gathers:
+            named = {int(a.ptr) for name, a in arrays_in(launch.arguments) if name in launch.source.effects.gathers}
+            reads, gathers = gathers - self._numbers(named), gathers & self._numbers(named)
         if per in WHOLE and gathers:
             raise InputError(
                 f"{launch.owner}: {launch.name} works on all points at once, which several processes cannot yet do"

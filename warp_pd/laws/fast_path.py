@@ -54,7 +54,8 @@ def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray
         return None
     members = force.families.members
     shared = shares_memory(force.context.device) and members <= MAX_MEMBERS
-    small = shared and force.points * members <= MAX_SHARED
+    # By the whole sheet: several processes take the same kernels as one.
+    small = shared and force.context.whole.size * members <= MAX_SHARED
     stencil = undamaged_stencil(force.families, inverse, weights) if known.isotropic and not small else None
     return FastPath(force, near, stencil, shared) if stencil or shared else None
 

@@ -65,6 +65,8 @@ class TorchCrew(Crew):
         Args:
             cuda: Whether the sheet is on GPUs, one a process.
         """
+        if cuda:
+            torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
         with _talking():
             if not dist.is_initialized():
                 backend = "cpu:gloo,cuda:nccl" if cuda else "gloo"
@@ -167,8 +169,7 @@ class TorchCrew(Crew):
         """Do work in the first process, then in all others, which find what it left."""
         if self.leads:
             result = work()
-        with _talking():
-            dist.barrier()
+        self.any(False)
         if not self.leads:
             result = work()
         return result
@@ -300,10 +301,15 @@ class _Message:
 
 
 class _Exchange:
-    """Sends and receives the halo of some fields at once."""
+    """Sends and receives the halo of some fields at once.
+
+    Attributes:
+        nbytes: What this process sends.
+    """
 
     def __init__(self, messages: list[_Message], device: Any) -> None:
         self.messages, self.device = messages, device
+        self.nbytes = sum(message.outgoing.nbytes for message in messages)
 
     def __call__(self) -> None:
         """Exchange, on Warp's stream."""

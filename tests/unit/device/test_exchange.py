@@ -25,6 +25,7 @@ from warp_pd import (
 )
 from warp_pd.device.exchange import add_exchanges
 from warp_pd.kernels.effects import kernel
+from warp_pd.laws import fast_path
 
 
 def exchanged(name, stage="step"):
@@ -38,6 +39,16 @@ def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
     assert exchanged("torn") == ["exchange displacement, velocity"]
     # Bonds that break by their work follow from forces, which the halo does not have.
     assert any("intact_bonds" in name for name in exchanged("energy"))
+
+
+@pytest.mark.parametrize("few", [0, 10**6])
+def test_the_kernels_of_a_gpu_exchange_the_same(monkeypatch, few):
+    """On a CPU their launches can be declared, not run."""
+    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
+    monkeypatch.setattr(fast_path, "MAX_SHARED", few)
+    assert exchanged("loads") == ["exchange displacement"]
+    assert exchanged("torn") == ["exchange displacement, velocity"]
+    assert exchanged("cloud") == ["exchange displacement, velocity"]
 
 
 def test_one_process_exchanges_nothing():
