@@ -40,9 +40,9 @@ def scene_context(
         contact=any(part.changes_velocities for part in scene.contacts),
         half_steps=all(c.half_steps for c in scene.contacts),
     )
-    whole, initial = sheet.unstretched(), start if placement is None else start + placement
+    initial = start if placement is None else start + placement
     made = Context(
-        sheet=whole, whole=whole, device=device, types=numeric(bits), features=features, held=held,
+        sheet=sheet.unstretched(), device=device, types=numeric(bits), features=features, held=held,
         module=module_name(scene, parts, features, bits), initial_displacement=initial, fields=FieldRegister(device),
         clock=Clock(solver.duration, solver.default_ramp), placement=placement, crew=crew,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
@@ -65,7 +65,7 @@ def _context_here(whole: Context, share: Share) -> Context:
     whole.crew.bind(whole.fields.stored)
     placement, points = whole.placement, share.points
     return replace(
-        whole, sheet=part_of_sheet(whole.whole, share), share=share, held=whole.held[points],
+        whole, sheet=part_of_sheet(whole.sheet, share), undivided=whole.sheet, share=share, held=whole.held[points],
         initial_displacement=whole.initial_displacement[points],
         placement=None if placement is None else placement[points],
     )  # fmt: skip

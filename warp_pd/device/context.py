@@ -119,7 +119,7 @@ class Context:
         clock: Time and schedules.
         placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
             frames are counted from there; or None.
-        whole: The whole sheet, without stress.
+        undivided: The whole sheet, without stress, if several processes share it.
         share: What is here of the sheet; None if it is all here.
         crew: The processes that share it.
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
@@ -137,7 +137,7 @@ class Context:
     initial_displacement: np.ndarray
     fields: FieldRegister
     clock: Clock
-    whole: Sheet
+    undivided: Sheet | None = None
     placement: np.ndarray | None = None
     share: Share | None = None
     crew: Crew = field(default_factory=Crew)
@@ -145,6 +145,11 @@ class Context:
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
     state: State = field(init=False)
+
+    @property
+    def whole(self) -> Sheet:
+        """The whole sheet, without stress, whoever has it."""
+        return self.sheet if self.undivided is None else self.undivided
 
     @property
     def bits(self) -> int:
@@ -245,7 +250,7 @@ class Context:
         """A context for another sheet of the same simulation, with its own state and stages of another prefix."""
         start = np.zeros((sheet.size, 3))
         return replace(
-            self, sheet=sheet, whole=sheet, prefix=prefix, features=features, held=held, initial_displacement=start,
+            self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
             placement=None,
         )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """The register of fields: every array of a simulation, declared once with its purpose.
 
-Restart files, `plan`, the memory table, frames and (later) halo exchange read this register, so they cannot disagree.
+Restart files, `plan`, the memory table, frames and halo exchange read this register, so they cannot disagree.
 """
 
 from __future__ import annotations
