@@ -19,7 +19,7 @@ import click
 
 from .checks import InputError, OutputError, count, kind_and_text, one_of, user_code
 from .device.crew import LostError
-from .run.processes import is_first, launch, processes_here
+from .run.processes import crew_here, is_first, launch, processes_here
 from .simulation import Simulation
 
 WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
@@ -242,7 +242,9 @@ def run(
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
-    simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
+    settings = _settings(points, horizon, force, weights, solver, duration, frames, assignments)
+    crew, _ = crew_here(device)
+    simulation = crew.together(lambda: build_scene(scene, settings))
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
         folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))

@@ -125,7 +125,7 @@ def _run(
     saved = crew.spread(crew.together(lambda: _saved(folder, known, resume, usd)))
     if reporter is not None:
         reporter.begin(headline(built))
-    compile_seconds = crew.together(lambda: crew.in_turn(built.context.compile))
+    compile_seconds = crew.in_turn(built.context.compile)
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)

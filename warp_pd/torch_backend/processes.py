@@ -19,6 +19,8 @@ import torch
 import torch.distributed as dist
 import warp as wp
 
+from ..checks import InputError
+from ..cores import start_warp
 from ..device.crew import Crew, LostError
 from ..device.fields import Array, Stored, to_host
 from ..device.launches import Call, Touched
@@ -167,12 +169,8 @@ class TorchCrew(Crew):
 
     def in_turn(self, work: Callable[[], T]) -> T:
         """Do work in the first process, then in all others, which find what it left."""
-        if self.leads:
-            result = work()
-        self.any(False)
-        if not self.leads:
-            result = work()
-        return result
+        found = self.lead(work)
+        return self.together(lambda: work() if found is None else found)
 
     def any(self, flag: bool) -> bool:
         """Whether a flag is set in any process."""
@@ -339,7 +337,21 @@ def _sendable(error: BaseException) -> bytes:
 
 
 def own_device(name: str | None) -> str | None:
-    """The device of this process: a GPU each, unless it is the CPU."""
-    if name in (None, "cuda") and torch.cuda.is_available():
-        return f"cuda:{os.environ.get('LOCAL_RANK', '0')}"
-    return name
+    """The device of this process: a GPU each, unless it is the CPU.
+
+    Raises:
+        InputError: for one GPU of all, more processes than GPUs, or a torch without CUDA.
+    """
+    if name is not None and name.startswith("cuda:"):
+        raise InputError(f"device = {name!r}: expected 'cuda', a GPU for each process, or 'cpu'")
+    start_warp()
+    if name not in (None, "cuda") or (name is None and not wp.is_cuda_available()):
+        return name
+    if not torch.cuda.is_available():
+        raise InputError(
+            f"processes: expected GPUs and a torch that has CUDA, this is {torch.__version__}; or --device cpu"
+        )
+    processes, present = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), torch.cuda.device_count()
+    if processes > present:
+        raise InputError(f"processes = {processes}: expected at most {present}, a GPU each, or --device cpu")
+    return f"cuda:{os.environ.get('LOCAL_RANK', '0')}"
