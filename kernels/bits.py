@@ -19,10 +19,24 @@ _LOWEST = """
 #endif
 """
 
+_NUMBER = """
+#if defined(__CUDA_ARCH__)
+    return __popc(mask);
+#else
+    return __builtin_popcount(mask);
+#endif
+"""
+
 
 @wp.func_native(_LOWEST)
 def lowest_bit(mask: wp.uint32) -> int:
     """Index of the lowest bit that is set; undefined for 0."""
+    ...
+
+
+@wp.func_native(_NUMBER)
+def number_of_bits(mask: wp.uint32) -> int:
+    """How many bits are set."""
     ...
 
 

@@ -58,7 +58,12 @@ class Kernel:
 
 
 def kernel(
-    module: str, *, gathers: tuple[str, ...] = (), per: str = "point", launch_bounds: tuple[int, int] | None = None
+    module: str,
+    *,
+    gathers: tuple[str, ...] = (),
+    per: str = "point",
+    launch_bounds: tuple[int, int] | None = None,
+    name: str | None = None,
 ) -> Callable[[Callable[..., None]], Kernel]:
     """Decorator that makes a kernel of the Warp module `module`.
 
@@ -67,9 +72,12 @@ def kernel(
         gathers: Arguments that are read at points other than the thread's own.
         per: What a thread works on, see Effects.
         launch_bounds: Maximum threads per block and minimum blocks per multiprocessor, on CUDA.
+        name: Name of the kernel, if it is not that of the function.
     """
 
     def declare(function: Callable[..., None]) -> Kernel:
+        if name is not None:
+            function.__name__ = function.__qualname__ = name
         names = list(inspect.signature(function).parameters)
         if "first" not in names:
             raise ValueError(

@@ -98,6 +98,19 @@ def principal_strains(bits: int) -> wp.Function:
 
 
 @functools.cache
+def no_volume_change(bits: int) -> wp.Function:
+    """Function (G, constants) -> J^2 - 1 of an incompressible material: zero."""
+    types = numeric(bits)
+    real, mat22, parameters = types.real, types.mat22, types.parameters
+
+    @wp.func
+    def unchanged(G: mat22, constants: parameters):
+        return real(0.0)
+
+    return unchanged
+
+
+@functools.cache
 def incompressible(energy_of: FunctionFactory) -> Incompressible:
     """All functions of a material, from the factory of its energy, see above."""
 

@@ -50,3 +50,18 @@ def dead_load(bits: int, module: str) -> Kernel:
         external[i] = external[i] + factors[schedule][0] * force[p]
 
     return add_dead_load
+
+
+@functools.cache
+def support_forces(bits: int, module: str) -> Kernel:
+    """Kernel that fills `out` with minus the internal force on some points [N]."""
+    vec3 = numeric(bits).vec3
+
+    @kernel(module, per="list")
+    def support_forces(
+        points: wp.array(dtype=wp.int32), force: wp.array(dtype=vec3), first: int, out: wp.array(dtype=vec3)
+    ):
+        p = wp.tid() + first
+        out[p] = -force[points[p]]
+
+    return support_forces

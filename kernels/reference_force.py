@@ -13,13 +13,11 @@ from .numeric import numeric
 
 @functools.cache
 def reference_force(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, others: bool, module: str
+    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
 ) -> Kernel:
     """Reference kernel that fills bond_force [members, points] with the forces of each family, N.
 
-    It evaluates the sums as written in the formulas above, for any family and form. With `others` it skips undamaged
-    families of the class `inner`, which have at most 32 members and a separate kernel. Other arguments as for
-    `bond_associated`.
+    It evaluates the sums as written in the formulas above, for any family and form. Arguments as for `bond_associated`.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -52,7 +50,6 @@ def reference_force(
             constants: parameters,
             inverse_horizon: real,
             unit_force: real,
-            inner: int,
             first: int,
             bond_force: wp.array2d(dtype=vec3),
         ):
@@ -90,14 +87,10 @@ def reference_force(
         constants: parameters,
         inverse_horizon: real,
         unit_force: real,
-        inner: int,
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
         i = wp.tid() + first
-        if wp.static(others):
-            if family.family_class[i] == inner and is_undamaged(family, intact, i):
-                return
         for k in range(family.members):
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
         undamaged = is_undamaged(family, intact, i)

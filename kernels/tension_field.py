@@ -168,6 +168,25 @@ def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Func
 
 
 @functools.cache
+def relaxed_volume(volume: FunctionFactory, width: FunctionFactory) -> FunctionFactory:
+    """Factory of (G, constants) -> J^2 - 1 at the taut strain, from that of the sheet itself."""
+
+    def relaxed(bits: int) -> wp.Function:
+        types = numeric(bits)
+        mat22, parameters = types.mat22, types.parameters
+        volume_change = volume(bits)
+        _, taut = taut_strain(width, bits)
+
+        @wp.func
+        def relaxed_volume_change(G: mat22, constants: parameters):
+            return volume_change(taut(G, constants), constants)
+
+        return relaxed_volume_change
+
+    return named(relaxed, volume, f"relaxed_by_{width.__name__}")
+
+
+@functools.cache
 def tension_field(
     functions: PairFactory, near: FunctionFactory | None, response: FunctionFactory | None, width: FunctionFactory
 ) -> TensionField:

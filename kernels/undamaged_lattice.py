@@ -1,13 +1,14 @@
-"""Fast path of the variational bond-associated law: undamaged families inside a square lattice or grid.
+"""Fast path of the variational bond-associated law: undamaged families inside a lattice or grid.
 
 They are identical, so all data of their reference configuration are constants in the code. With
     F_ij = I + sum_k U_ik (x) b_jk,    b_jk = c_k K_ij^-1 X_ik,    t_ik = h sum_j W_ij P_ij b_jk
 a member of an intersection costs twelve multiplications and additions. If an intersection contains more than
 half of a large family, the sum runs over the members outside it and is subtracted from the sum over all.
 
-A rotation by 90 degrees maps the stencil onto itself. The kernel therefore unrolls the bonds of one quarter and
-repeats them four times, each time with displacements and forces in axes rotated by 90 degrees. The family then
-stays in registers, and the code in the instruction cache of a GPU. The material must be isotropic.
+A rotation by 90 degrees maps the stencil of a square lattice onto itself. The kernel therefore unrolls the bonds of one
+quarter and repeats them four times, each time with displacements and forces in axes rotated by 90 degrees. The family
+then stays in registers, and the code in the instruction cache of a GPU. Where the spacings along x and y differ, a
+rotation by 180 degrees does the same with the bonds of one half. The material must be isotropic.
 """
 
 import functools
@@ -29,22 +30,24 @@ MAX_REGISTERS = 200
 
 @dataclass(frozen=True)
 class Stencil:
-    """Undamaged family of a square lattice, in units of the horizon and of the area of an inner point.
+    """Undamaged family of a lattice, in units of the horizon and of the area of an inner point.
 
     Attributes:
         steps: Lattice steps to each member.
-        turned: Member onto which a rotation by 90 degrees maps each member.
+        turns: 4 if a rotation by 90 degrees maps the family onto itself, 2 if only one by 180 degrees does.
+        turned: Member onto which that rotation maps each member.
         moments: w_ik X_ik of each member.
-        quarter: Members of one quarter; rotations by 90 degrees give all others.
-        inside: Whether each member (second index) belongs to the intersection of each bond of the quarter.
-        inverse: K_ij^-1 (11, 12, 22) of each bond of the quarter.
-        weights: W_ij of each bond of the quarter.
+        part: Members of one quarter or half; rotations give all others.
+        inside: Whether each member (second index) belongs to the intersection of each bond of the part.
+        inverse: K_ij^-1 (11, 12, 22) of each bond of the part.
+        weights: W_ij of each bond of the part.
     """
 
     steps: tuple[tuple[int, int], ...]
+    turns: int
     turned: tuple[int, ...]
     moments: tuple[tuple[float, float], ...]
-    quarter: tuple[int, ...]
+    part: tuple[int, ...]
     inside: tuple[tuple[bool, ...], ...]
     inverse: tuple[tuple[float, float, float], ...]
     weights: tuple[float, ...]
@@ -52,9 +55,11 @@ class Stencil:
 
 @functools.cache
 def undamaged_lattice_force(
-    bits: int, near: FunctionFactory, stencil: Stencil, gridded: bool, breakable: bool, listed: bool, module: str
+    bits: int, near: FunctionFactory, stencil: Stencil, gridded: bool, breakable: bool, module: str
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
+
+    It puts all other points on the list `others`, in any order.
 
     Point i has column i % ring of `bond_force`: the ring has a column for each point, or fewer that launches reuse.
 
@@ -65,18 +70,17 @@ def undamaged_lattice_force(
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
         breakable: Whether families may be damaged; those count as others.
-        listed: Whether the indices of all other points go to the list `others` (in any order).
         module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
     stress_near = near(bits)
     green = kinematics(bits).green
-    n, bonds = len(stencil.steps), len(stencil.quarter)
+    n, bonds = len(stencil.steps), len(stencil.part)
     full = (1 << n) - 1
     right = [step[0] for step in stencil.steps]
     up = [step[1] for step in stencil.steps]
-    turned, inside = stencil.turned, stencil.inside
+    turned, inside, half = stencil.turned, stencil.inside, stencil.turns == 2
     large = n > LARGE
     most = [large and 2 * sum(members) > n for members in inside]
     c1 = [real(moment[0]) for moment in stencil.moments]
@@ -93,7 +97,19 @@ def undamaged_lattice_force(
 
     @wp.func(module=module)
     def turn(v: vec3):
-        return vec3(v[1], -v[0], v[2])
+        """A vector in axes rotated by 90 or 180 degrees."""
+        if wp.static(half):
+            return vec3(-v[0], -v[1], v[2])
+        else:
+            return vec3(v[1], -v[0], v[2])
+
+    @wp.func(module=module)
+    def turn_moments(first: vec3, second: vec3):
+        """Sums of c_k X_k1 v_k and c_k X_k2 v_k in those axes."""
+        if wp.static(half):
+            return -turn(first), -turn(second)
+        else:
+            return turn(second), -turn(first)
 
     @wp.func(module=module)
     def seen(v: vec3, cosine: int, sine: int):
@@ -125,8 +141,7 @@ def undamaged_lattice_force(
             if intact[0, i] != wp.uint32(wp.static(full)):
                 undamaged = False
         if not undamaged:
-            if wp.static(listed):
-                others[wp.atomic_add(other_count, 0, 1)] = i
+            others[wp.atomic_add(other_count, 0, 1)] = i
             return
         origin = displacement[i]
         T = Vectors()
@@ -214,16 +229,15 @@ def undamaged_lattice_force(
                     U_seen[k] = turn(U[wp.static(turned[k])])
                 U = U_seen
             else:
-                before_turn = cosine
-                cosine = -sine
-                sine = before_turn
+                before = cosine
+                if wp.static(half):
+                    cosine = -before
+                else:
+                    cosine = -sine
+                    sine = before
             if wp.static(large):
-                before = U1
-                U1 = turn(U2)
-                U2 = -turn(before)
-                before = T1
-                T1 = turn(T2)
-                T2 = -turn(before)
+                U1, U2 = turn_moments(U1, U2)
+                T1, T2 = turn_moments(T1, T2)
         slot = i % bond_force.shape[1]
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):

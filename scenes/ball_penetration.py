@@ -100,9 +100,9 @@ def pictures(history, folder):
 
     duration = history[-1]["time"]
     shown = plots.frames_at(folder, [share * duration for share in (0.25, 0.5, 0.75, 1.0)])
-    plots.surfaces(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
-    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)")
-    plots.from_above(folder / "torn_from_above.png", shown[-1:], field="damage", label="damage", limits=(0.0, 1.0))
+    plots.surfaces(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
+    plots.surfaces(folder / "deflection.png", shown, field="u3")
+    plots.from_above(folder / "torn_from_above.png", shown[-1:], field="damage", limits=(0.0, 1.0))
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")
     plots.curves(folder / "ball_force.png", history, ["ball_force_z"], ylabel="force on the ball (N)")
     plots.curves(folder / "crack_length.png", history, ["crack_length"], ylabel="crack length (m)")

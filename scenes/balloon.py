@@ -112,7 +112,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[0]["time"], history[len(history) // 2]["time"], history[-1]["time"]])
-    plots.surfaces(folder / "balloon.png", shown, field="u3", label="displacement along z (m)")
+    plots.surfaces(folder / "balloon.png", shown, field="u3")
     plots.curves(
         folder / "pressure.png", history, ["pressure", "exact_pressure"], ylabel="pressure (Pa)", against="stretch",
         xlabel="stretch l = r / R",

@@ -87,5 +87,5 @@ def pictures(history, folder):
     begin = next((k for k, row in enumerate(history) if row["mean_damage"] > 0.0), 0)
     chosen = np.unique(np.linspace(begin, len(history) - 1, 4).astype(int))
     shown = plots.frames_at(folder, [history[k]["time"] for k in chosen])
-    plots.surfaces(folder / "burst.png", shown, field="damage", label="damage")
+    plots.surfaces(folder / "burst.png", shown, field="damage")
     plots.curves(folder / "pressure.png", history, ["pressure"], ylabel="pressure (Pa)")

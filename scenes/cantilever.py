@@ -76,7 +76,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
-    plots.from_above(folder / "deformed.png", shown, field="u2", label="displacement along y (m)")
+    plots.from_above(folder / "deformed.png", shown, field="u2")
     line = row_at(shown[0].reference, 0.5 * HEIGHT)
     x = shown[0].reference[line, 0]
     plots.profiles(

@@ -83,7 +83,7 @@ def pictures(history, folder):
     first = heights.index(min(heights))
     chosen = (0, first // 2, first, min(2 * first, len(history) - 1))
     shown = plots.frames_at(folder, [history[k]["time"] for k in chosen])
-    plots.surfaces(folder / "drop.png", shown, field="u3", label="u3 (m)")
+    plots.surfaces(folder / "drop.png", shown, field="u3")
     plots.curves(folder / "height.png", history, ["ball_position_z", "deflection"], ylabel="height (m)")
     names = ["ball_kinetic", "ball_potential", "kinetic", "strain", "ball_loss"]
     plots.curves(folder / "energy.png", history, names, ylabel="energy (J)")

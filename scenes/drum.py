@@ -86,7 +86,7 @@ def pictures(history, folder):
 
     if "height" in history[0]:
         plots.curves(folder / "height.png", history, ["height"], ylabel="height of the centre (m)")
-        plots.surfaces(folder / "drum.png", plots.frames_at(folder, [0.0]), field="u3", label="u3 (m)")
+        plots.surfaces(folder / "drum.png", plots.frames_at(folder, [0.0]), field="u3")
     else:
         found = [{"mode": k + 1, "frequency": history[-1][f"frequency_{k + 1}"]} for k in range(len(SLOWEST))]
         plots.curves(folder / "frequencies.png", found, ["frequency"], ylabel="Hz", against="mode", xlabel="mode")

@@ -86,4 +86,4 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[0]["time"], history[-1]["time"]])
-    plots.from_above(folder / "glove.png", shown, field="u2", label="displacement along y (m)")
+    plots.from_above(folder / "glove.png", shown, field="u2")

@@ -137,11 +137,9 @@ def pictures(history, folder):
 
     times = [row["time"] for row in history]
     shown = plots.frames_at(folder, times[-1:])
-    plots.from_above(folder / "displacement_x.png", shown, field="u1", label="displacement along x (m)")
-    plots.from_above(folder / "displacement_y.png", shown, field="u2", label="displacement along y (m)")
+    plots.from_above(folder / "displacement_x.png", shown, field="u1")
+    plots.from_above(folder / "displacement_y.png", shown, field="u2")
     if "mean_damage" in history[0]:
         begin = next((k for k, row in enumerate(history) if row["largest_damage"] > 0.0), 0)
         chosen = [times[min(begin + k, len(times) - 1)] for k in (1, 3, 6, 10)]
-        plots.reference(
-            folder / "damage.png", plots.frames_at(folder, chosen), field="damage", label="damage", limits=(0.0, 1.0)
-        )
+        plots.reference(folder / "damage.png", plots.frames_at(folder, chosen), field="damage", limits=(0.0, 1.0))

@@ -96,7 +96,7 @@ def pictures(history, folder):
     ends = np.array([row["end_displacement"] for row in history])
     times = [history[int(np.argmin(np.abs(ends - end)))]["time"] for end in SHOWN]
     shown = plots.frames_at(folder, times)
-    plots.reference(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.reference(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.reference(folder / "wrinkles.png", shown, field="wrinkle_level", label="wrinkle level", limits=(0.0, 1.0))
     plots.curves(
         folder / "load.png", history, ["load"], ylabel="load (N)", against="end_displacement", xlabel="Ux (m)"

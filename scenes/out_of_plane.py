@@ -49,6 +49,6 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, SHOWN)
-    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)")
-    plots.from_above(folder / "from_above.png", shown, field="u3", label="u3 (m)")
+    plots.surfaces(folder / "deflection.png", shown, field="u3")
+    plots.from_above(folder / "from_above.png", shown, field="u3")
     plots.curves(folder / "pull.png", history, ["pull"], ylabel="pull (N)")

@@ -113,10 +113,10 @@ def pictures(history, folder):
 
     end = history[-1]["time"]
     shown = plots.frames_at(folder, [t for t in SHOWN if t <= end] or [end])
-    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)", view=(35.0, -70.0))
-    plots.surfaces(folder / "deflection_at_end.png", shown[-1:], field="u3", label="u3 (m)", view=(35.0, -70.0))
-    plots.from_above(folder / "from_above.png", shown, field="u3", label="u3 (m)")
-    plots.reference(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.surfaces(folder / "deflection.png", shown, field="u3", view=(35.0, -70.0))
+    plots.surfaces(folder / "deflection_at_end.png", shown[-1:], field="u3", view=(35.0, -70.0))
+    plots.from_above(folder / "from_above.png", shown, field="u3")
+    plots.reference(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     speed = growth_rate(history, "crack_length")
     rows = [{**row, "crack_speed": v} for row, v in zip(history, speed, strict=True)]
     plots.curves(folder / "crack_length.png", rows, ["crack_length"], ylabel="crack length (m)")

@@ -52,12 +52,12 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, list(LARGEST))
-    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)")
+    plots.surfaces(folder / "deflection.png", shown, field="u3")
     plots.curves(
         folder / "largest_deflection.png",
         history,
         ["largest_deflection"],
-        ylabel="largest u3 (m)",
+        ylabel="largest displacement along z (m)",
         marks=[(t, u) for t, u in LARGEST.items() if t <= history[-1]["time"]],
         marks_label="finite elements",
     )

@@ -70,7 +70,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
-    plots.surfaces(folder / "deflection.png", shown, field="u3", label="u3 (m)")
+    plots.surfaces(folder / "deflection.png", shown, field="u3")
     x, y, _ = shown[0].reference.T
     line = np.flatnonzero(abs(y - 0.5) < 1e-9) if (abs(y - 0.5) < 1e-9).any() else np.argsort(abs(y - 0.5))[:50]
     line = line[np.argsort(x[line])]

@@ -167,7 +167,7 @@ def pictures(history, folder):
 
     begin = next((row["time"] for row in history if row["tip"] > 0.0), history[-1]["time"])
     shown = plots.frames_at(folder, [begin, 0.5 * (begin + history[-1]["time"]), history[-1]["time"]])
-    plots.from_above(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
+    plots.from_above(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.curves(
         folder / "release.png", history, ["release_ratio"], ylabel="G / Gc", against="stretch", xlabel="stretch"
     )

@@ -228,8 +228,8 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [row["time"] for row in history[1:]])
-    plots.from_above(folder / "u1.png", shown, field="u1", label="displacement along x (m)")
-    plots.from_above(folder / "u2.png", shown, field="u2", label="displacement along y (m)")
+    plots.from_above(folder / "u1.png", shown, field="u1")
+    plots.from_above(folder / "u2.png", shown, field="u2")
     plots.curves(
         folder / "force.png",
         history,

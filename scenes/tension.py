@@ -66,4 +66,4 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
-    plots.from_above(folder / "contraction.png", shown, field="u2", label="displacement along y (m)")
+    plots.from_above(folder / "contraction.png", shown, field="u2")

@@ -86,6 +86,6 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [0.0, history[-1]["time"]])
-    plots.surfaces(folder / "sheets.png", shown, field="u3", label="u3 (m)")
+    plots.surfaces(folder / "sheets.png", shown, field="u3")
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")
     plots.curves(folder / "slip.png", history, ["slip"], ylabel="slip (m)")

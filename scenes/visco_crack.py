@@ -151,13 +151,13 @@ def pictures(history, folder):
     if "mean_damage" in history[0]:
         times = SHOWN[history[-1]["time"] > 0.028]
         shown = plots.frames_at(folder, times)
-        plots.reference(folder / "damage.png", shown, field="damage", label="damage", limits=(0.0, 1.0))
-        plots.from_above(folder / "deformed.png", shown[-1:], field="damage", label="damage", limits=(0.0, 1.0))
+        plots.reference(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
+        plots.from_above(folder / "deformed.png", shown[-1:], field="damage", limits=(0.0, 1.0))
         plots.curves(folder / "damage_history.png", history, ["largest_damage", "mean_damage"], ylabel="damage")
         return
     shown = plots.frames_at(folder, [history[-1]["time"]])
-    plots.from_above(folder / "displacement_x.png", shown, field="u1", label="displacement along x (m)")
-    plots.from_above(folder / "displacement_y.png", shown, field="u2", label="displacement along y (m)")
+    plots.from_above(folder / "displacement_x.png", shown, field="u1")
+    plots.from_above(folder / "displacement_y.png", shown, field="u2")
     plots.curves(
         folder / "opening.png", history, ["crack_opening"], ylabel="opening (m)", against="stretch", xlabel="stretch"
     )  # fmt: skip

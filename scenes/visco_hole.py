@@ -112,8 +112,8 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
-    plots.from_above(folder / "displacement_x.png", shown, field="u1", label="displacement along x (m)")
-    plots.from_above(folder / "displacement_y.png", shown, field="u2", label="displacement along y (m)")
+    plots.from_above(folder / "displacement_x.png", shown, field="u1")
+    plots.from_above(folder / "displacement_y.png", shown, field="u2")
     plots.curves(
         folder / "stress.png", history, ["nominal_stress"], ylabel="nominal stress (Pa)", against="stretch",
         xlabel="stretch",

@@ -108,7 +108,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     shown = plots.frames_at(folder, [history[-1]["time"]])
-    plots.from_above(folder / "displacement.png", shown, field="u1", label="displacement along x (m)")
+    plots.from_above(folder / "displacement.png", shown, field="u1")
     plots.curves(
         folder / "stress.png", history, ["nominal_stress", "viscous_stress"], ylabel="nominal stress (Pa)",
         against="stretch", xlabel="stretch",

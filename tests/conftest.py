@@ -1,4 +1,4 @@
-"""Devices that tests run on."""
+"""Devices that tests run on, and pictures that they do not wait for."""
 
 import pytest
 import warp as wp
@@ -13,3 +13,15 @@ def device(request):
     if request.param != "cpu" and not wp.is_cuda_available():
         pytest.skip("needs a GPU")
     return request.param
+
+
+@pytest.fixture
+def default_pictures():
+    """Draw the pictures of scenes without a function for them."""
+
+
+@pytest.fixture(autouse=True)
+def no_default_pictures(request, monkeypatch):
+    """Leave those pictures out where a test does not ask for them: they take longer than most runs."""
+    if "default_pictures" not in request.fixturenames:
+        monkeypatch.setattr("warp_pd.output.default_pictures.draw", lambda *arguments: None)

@@ -1,13 +1,15 @@
-"""Run every scene at its full size. Makes a page of their numbers and one picture of all of them.
+"""Run the scenes and make a page of their numbers.
 
-    python tools/scenes.py --device cuda:0 --jobs 4        docs/scenes.md, docs/scenes.png and docs/ball.png
+    python tools/scenes.py --device cuda:0 --jobs 4        docs/scenes.md and docs/ball.png
     python tools/scenes.py --only-page                     from the runs in the work folder
 
-It takes a few minutes on one H200 and some hours on two CPU cores.
+It takes a few minutes on one H200 and some hours on two CPU cores. A section whose run is not in the work folder stays
+as it is on the page. `tools/montage.py` makes the picture of all scenes, docs/scenes.png.
 """
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -70,24 +72,49 @@ CASES = (
     SceneCase("out_of_plane", "NN 6.2 lifted sheet", "deflection.png"),
     SceneCase("precut_tear", "NN 6.3 running slit", "deflection_at_end.png"),
     SceneCase("ball_penetration", "NN 6.4 ball", "deflection.png"),
+    SceneCase("drum", "Drum, struck", "", {"points": 31, "amplitude": 0.01, "duration": 1e-3, "frames": 10}),
+    SceneCase("balloon", "Balloon", "", {"points": 10, "stretch": 1.6, "frames": 4}),
+    SceneCase("balloon_burst", "Balloon that bursts", "", {"points": 16}),
+    SceneCase("tube", "Tube, pulled and inflated", "", {"points": 32, "frames": 3}),
+    SceneCase("glove", "Glove from an SVG file", "", {"spacing": 5e-3, "load_steps": 2}),
+    SceneCase(
+        "dropped_ball", "Ball dropped on a trampoline", "",
+        {"points": 25, "horizon": 2.015, "duration": 0.2, "frames": 40},
+    ),
+    SceneCase("needle", "Needle", "", {"points": 31, "frames": 20}),
+    SceneCase("folded_sheet", "Strip that folds", "", {"points": 41, "frames": 40}),
+    SceneCase("two_sheets", "A sheet pulled over another one", "", {"points": 17, "frames": 20}),
 )  # fmt: skip
 
 
-def page(work: Path, commit: str | None) -> str:
-    """The numbers of all runs as markdown."""
+def page(work: Path, commit: str | None, earlier: str = "") -> str:
+    """The numbers of all runs as markdown; sections of the earlier page for those that do not exist."""
     summaries = {case: case.summary(work) for case in CASES}
+    kept = dict(re.findall(r"^## (.*?)\n\n(.*?)\n*(?=^## |\Z)", earlier, re.DOTALL | re.MULTILINE))
+    header = page_header("scenes.py", devices_of(summaries.values()), commit)
+    before = re.search(r"^Made by .*$", earlier, re.MULTILINE)
     lines = [
-        "# Every scene at its full size",
+        "# Every scene in numbers",
         "",
-        page_header("scenes.py", devices_of(summaries.values()), commit),
+        before[0]
+        if before and any(case.title in kept for case, found in summaries.items() if found is None)
+        else header,
         "",
         *paragraph(
-            "Seconds are those of the whole run without compilation; runs may have shared the device. The column *of* "
-            "says whether a number belongs to the last frame or to the whole run. Sections are those of the papers in "
-            "the README."
+            "A section that names another machine was run there, small; the others are full-size runs. Seconds are "
+            "those of the whole run without compilation; runs may have shared the device. The column *of* says whether "
+            "a number belongs to the last frame or to the whole run. Sections are those of [the "
+            "papers](papers/index.md)."
         ),
+        "![All scenes, from small runs](scenes.png)",
+        "",
     ]
-    return "\n".join(lines + sections(summaries))
+    for case, summary in summaries.items():
+        if summary is None and case.title in kept:
+            lines += [f"## {case.title}", "", kept[case.title], ""]
+        else:
+            lines += sections({case: summary})
+    return "\n".join(lines)
 
 
 def sections(summaries: Mapping[SceneCase, Mapping[str, Any] | None]) -> list[str]:
@@ -103,7 +130,8 @@ def sections(summaries: Mapping[SceneCase, Mapping[str, Any] | None]) -> list[st
             f"`warp-pd run {case.scene}{settings}`: {summary['points']} points, horizon {summary['horizon']}, "
             f"{summary['weights']} weights, float{summary['precision']}, {summary['steps']} steps in "
             f"{summary['wall_s'] - summary['compile_s']:.1f} s (and {summary['compile_s']:.1f} s of compilation); "
-            f"{summary['status']} {summary['message']}".rstrip(),
+            f"{summary['status']} {summary['message']}".rstrip()
+            + f", on {summary['device']}, {summary['date'][:10]}",
             "",
             *table(
                 ["number", "of", "value", "reference", "error"],
@@ -124,7 +152,7 @@ def cells(name: str, measure: Mapping[str, Any]) -> list[str]:
     return [name, measure["of"], value, reference, error]
 
 
-def picture_of_all(work: Path, path: Path, cases: Sequence[SceneCase] = CASES) -> None:
+def picture_of_all(work: Path, path: Path, cases: Sequence[SceneCase]) -> None:
     """One picture of all scenes; nothing if none has been run."""
     import matplotlib.pyplot as plt
 
@@ -158,8 +186,8 @@ def main() -> None:
         __doc__, device="cpu", jobs=1, work=RUNS / "scenes", out=DOCS / "scenes.md", only_page=False, commit=None
     ).parse_args()
     execute_all(CASES, options)
-    write_page(options.out, page(options.work, options.commit))
-    picture_of_all(options.work, options.out.with_suffix(".png"))
+    earlier = options.out.read_text() if options.out.is_file() else ""
+    write_page(options.out, page(options.work, options.commit, earlier))
     ball_picture(options.work, options.out.with_name("ball.png"))
 
 

@@ -355,7 +355,7 @@ def page(
     """The whole page as markdown; draws its pictures of displacements."""
     uniaxial = next((c.points for c in everything if c.mode == "uniaxial"), 0)
     lines = [
-        "# Stretched sheets: what a law for one mode of loading costs",
+        "# Stretched sheets: errors of laws made for one mode of loading",
         "",
         *paragraph(
             f"{header} Scene `stretch`, {points} points along a side ({uniaxial} uniaxial), float64, edges on rollers. "
@@ -373,7 +373,7 @@ def page(
             "its elements. Dotted lines are the formula in the limit of many bonds, each sheet as wide as its law "
             "makes it."
         ),
-        "## The cost",
+        "## Errors",
         "",
         *paragraph(
             "Error of the force on an edge at four stretches. Sheets without a defect are compared with the exact "

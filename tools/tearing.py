@@ -227,7 +227,7 @@ def page(
     weights = " and ".join(sorted({s["weights"] for s in summaries if s})) or "no"
     header = page_header("tearing.py", devices_of(summaries, device), commit)
     lines = [
-        "# Tearing: what the grid, the horizon and the spacing do to it",
+        "# Tearing: effects of grid, horizon and spacing",
         "",
         *paragraph(f"{header} {weights.capitalize()} weights, float32. Horizons are in spacings."),
         *paragraph(

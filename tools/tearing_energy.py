@@ -140,7 +140,7 @@ def page(strips: Mapping[str, Any], runs: Mapping[str, Any]) -> str:
     ended = sum(row["status"] == "finished" for row in rows)
     worst = max(row["worst_energy_balance"] for row in rows)
     return "\n".join([
-        "# Tearing energy: is it what a sheet tears at?",
+        "# Tearing energy: prescribed and measured",
         "",
         *paragraph(page_header("tearing_energy.py", runs["device"], runs["commit"])),
         *paragraph(

@@ -30,7 +30,9 @@ if TYPE_CHECKING:
         TensionField,
         Yeoh,
     )
+    from .output.frames import Frames, SavedFrame
     from .output.sheet_plot import draw_sheet
+    from .output.vtkhdf import read_frame, read_series
     from .parts import (
         BodyForce,
         BodyPath,
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
         Plane,
         PointForce,
         Pressure,
+        Reaction,
         RigidBall,
         RigidBody,
         SelfContact,
@@ -56,7 +59,7 @@ if TYPE_CHECKING:
         TriangleMesh,
     )
     from .pieces import placed, together
-    from .run.runner import Result
+    from .run.result import Result
     from .scene import Measure, Outcome
     from .shapes.curves import Circle, Polygon, Spline
     from .shapes.files import read_mesh
@@ -82,12 +85,14 @@ else:
             "laws.visco_bonds": "ViscoBondBased",
             "materials": "ArrudaBoyce Bimodular Gent Incompressible Material MooneyRivlin NeoHookean Ogden "
             "PairwiseMaterial Prony TensionField Yeoh",
+            "output.frames": "Frames SavedFrame",
             "output.sheet_plot": "draw_sheet",
+            "output.vtkhdf": "read_frame read_series",
             "pieces": "placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
-            "EnclosedVolume Fixed Free Motion Plane PointForce Pressure RigidBall RigidBody SelfContact Sphere "
-            "TearingEnergy TriangleMesh",
-            "run.runner": "Result",
+            "EnclosedVolume Fixed Free Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
+            "Sphere TearingEnergy TriangleMesh",
+            "run.result": "Result",
             "scene": "Measure Outcome",
             "shapes.curves": "Circle Polygon Spline",
             "shapes.files": "read_mesh",
@@ -126,6 +131,7 @@ __all__ = [
     "Explicit",
     "Fixed",
     "Frame",
+    "Frames",
     "Free",
     "Gent",
     "HyperelasticBonds",
@@ -148,10 +154,12 @@ __all__ = [
     "Polygon",
     "Pressure",
     "Prony",
+    "Reaction",
     "Relaxation",
     "Result",
     "RigidBall",
     "RigidBody",
+    "SavedFrame",
     "SelfContact",
     "Sheet",
     "Simulation",
@@ -166,7 +174,9 @@ __all__ = [
     "Yeoh",
     "draw_sheet",
     "placed",
+    "read_frame",
     "read_mesh",
     "read_outline",
+    "read_series",
     "together",
 ]

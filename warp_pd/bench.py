@@ -17,6 +17,7 @@ import warp as wp
 
 from .built import Built
 from .checks import InputError, finite, one_of
+from .device.context import find_device
 from .families import unpack
 from .interfaces import Law, Part
 from .laws import BondAssociated, BondBased
@@ -345,3 +346,21 @@ def _rough(sheet: Sheet) -> np.ndarray:
         return 0.2 * sheet.points + 0.05 * np.sin(7.0 * sheet.points[:, [1, 2, 0]]) + noise
     x, y = sheet.points.T
     return np.column_stack([0.3 * x + 0.05 * np.sin(7.0 * y), -0.1 * y, 0.1 * np.sin(5.0 * x * y)]) + noise
+
+
+def chosen_features(names: str) -> tuple[str, ...]:
+    """Features by their names, with commas between them; "all" stands for all."""
+    return FEATURES if names == "all" else tuple(name.strip() for name in names.split(",") if name.strip())
+
+
+def report(cases: Sequence[Case], device: str | None, seconds: float) -> str:
+    """What the cases of one precision cost on a device, and how fast that copies, as text.
+
+    Raises:
+        InputError: for a device that does not exist, or a case that cannot be built.
+    """
+    where, precision = find_device(device), cases[0].precision
+    copied = copy_rate(where, 1024 if where.is_cuda else 64)
+    counted = {precision: arithmetic_rate(where, precision)} if where.is_cuda else None
+    rows = table([measure(case, str(where), seconds) for case in cases], copied, counted)
+    return f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written\n{rows}"

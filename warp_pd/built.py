@@ -86,7 +86,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     context = scene_context(scene, parts, constraints, find_device(device), bits, crew or Crew())
     constraints = constraints_here(constraints, context)
     law = scene.force.build(context)
-    law.request_fields(scene.fields)
+    law.request_fields(scene.fields_of_law())
     built = [part.build(context, law) for part in parts_here(parts, context)]
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))

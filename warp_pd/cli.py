@@ -1,26 +1,19 @@
-"""Command line: warp-pd list, run, plan, draw, info, bench."""
+"""Command line: warp-pd list, run, sweep, plan, draw, view, info, bench."""
 
 from __future__ import annotations
 
-import contextlib
-import difflib
-import functools
-import importlib
-import importlib.util
 import inspect
 import os
-import pkgutil
 import sys
-import traceback
 from pathlib import Path
 from typing import Any
 
 import click
 
-from .checks import InputError, OutputError, count, kind_and_text, one_of, user_code
+from .checks import InputError, OutputError, count, one_of
 from .device.crew import LostError
 from .run.processes import crew_here, is_first, launch, processes_here
-from .simulation import Simulation
+from .run.scene_files import build_scene, load_scene, scene_names
 
 WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
 
@@ -63,99 +56,6 @@ def main() -> None:
     """Peridynamics of thin rubber sheets that stretch, wrinkle, tear and get pierced."""
 
 
-def scene_names() -> list[str]:
-    """Names of the scenes that come with the package."""
-    package = importlib.import_module("warp_pd.scenes")
-    return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
-
-
-def load_scene(name: str) -> Any:
-    """The module of a scene, by name, or by the path of a Python file with a function `build`.
-
-    Raises:
-        InputError: if there is none; the message names the nearest one.
-    """
-    if name.endswith(".py"):
-        return _load_file(Path(name))
-    return importlib.import_module(f"warp_pd.scenes.{one_of('scene', name, scene_names())}")
-
-
-def _load_file(path: Path) -> Any:
-    if not path.is_file():
-        raise InputError(f"scene = {str(path)!r}: the file does not exist")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # As Python does for a script, so that the file can import modules in its folder.
-    folder = str(path.resolve().parent)
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    with user_code(functools.partial(_said_in, path)):
-        try:
-            spec.loader.exec_module(module)
-        except SyntaxError as error:
-            raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None
-    if not callable(getattr(module, "build", None)):
-        raise InputError(f"scene = {str(path)!r}: the file has no function build(...) that returns a Simulation")
-    return module
-
-
-def _said_in(path: Path, error: Exception) -> str:
-    """One line on an error in a scene's file, with the last line number of that file in the traceback."""
-    steps = traceback.extract_tb(error.__traceback__)
-    lines = [step.lineno for step in steps if Path(step.filename).resolve() == path.resolve()]
-    where = f"line {lines[-1]}: " if lines else ""
-    return f"scene = {str(path)!r}: {where}{kind_and_text(error)}"
-
-
-def build_scene(name: str, settings: dict[str, Any]) -> Any:
-    """The simulation of a scene; `settings` contains text or numbers for the arguments of its `build`.
-
-    Raises:
-        InputError: for a name that the scene does not know, or a value that does not fit.
-    """
-    scene = load_scene(name)
-    parameters = inspect.signature(scene.build).parameters
-    values = {key: _convert(key, value, parameters) for key, value in settings.items()}
-    own = name.endswith(".py")
-    with user_code(functools.partial(_said_in, Path(name))) if own else contextlib.nullcontext():
-        simulation = scene.build(**values)
-    if not isinstance(simulation, Simulation):
-        raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; expected a Simulation")
-    simulation.scene = Path(name).stem
-    simulation.file = str(Path(name).resolve()) if own else None
-    used = {key: values.get(key, p.default) for key, p in parameters.items()}
-    simulation.settings = {k: v for k, v in used.items() if isinstance(v, str | int | float | bool | type(None))}
-    return simulation
-
-
-def _convert(key: str, value: Any, parameters: Any) -> Any:
-    """`value` in the type of the argument's default."""
-    if key not in parameters:
-        nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
-        hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
-        if key == "duration" and {"speed", "travel"} <= set(parameters):
-            hint = " (the duration is travel / speed)"
-        raise InputError(f"{key} is not an argument of this scene: expected one of {', '.join(parameters)}{hint}")
-    default = parameters[key].default
-    if not isinstance(value, str) or isinstance(default, str):
-        return value
-    if isinstance(default, bool):
-        known = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
-        return known[one_of(f"--set {key}", value.lower(), known)]
-    if isinstance(default, int):
-        try:
-            return int(value)
-        except ValueError:
-            raise InputError(f"--set {key} = {value!r}: expected a whole number") from None
-    if value.lower() == "none" and default is None:
-        return None
-    try:
-        return float(value)
-    except ValueError:
-        raise InputError(f"--set {key} = {value!r}: expected a number") from None
-
-
 def _settings(
     points: int | None, horizon: float | None, force: str | None, weights: str | None, solver: str | None,
     duration: float | None, frames: int | None, assignments: tuple[str, ...],
@@ -165,15 +65,32 @@ def _settings(
         "duration": duration, "frames": frames,
     }  # fmt: skip
     settings = {key: value for key, value in named.items() if value is not None}
+    return settings | _assigned(assignments, settings)
+
+
+def _assigned(assignments: tuple[str, ...], given: dict[str, Any]) -> dict[str, str]:
+    """The arguments of --set NAME=VALUE, none of which may be given already."""
+    found: dict[str, str] = {}
     for text in assignments:
         key, separator, value = text.partition("=")
         if not separator or not key.strip():
             raise InputError(f"--set {text!r}: expected name=value")
         name = key.strip().replace("-", "_")
-        if name in settings:
-            raise InputError(f"--set {text}: {name} = {settings[name]} is given already; expected one value")
-        settings[name] = value.strip()
-    return settings
+        earlier = given.get(name, found.get(name))
+        if earlier is not None:
+            raise InputError(f"--set {text}: {name} = {earlier} is given already; expected one value")
+        found[name] = value.strip()
+    return found
+
+
+def _of_a_sweep(command: Any) -> Any:
+    """Options of `sweep` that take values separated by commas."""
+    values = "VALUE,VALUE,..."
+    assigned = "Values of a parameter of the scene, separated by commas; tuples in brackets. May be repeated."
+    command = click.option("--set", "assignments", multiple=True, metavar=f"NAME={values}", help=assigned)(command)
+    for name in ("frames", "duration", "solver", "weights", "force", "horizon", "points"):
+        command = click.option(f"--{name}", metavar=values, help=f"As for `run`: {name}.")(command)
+    return command
 
 
 def _scene_options(command: Any) -> Any:
@@ -220,7 +137,15 @@ def list_scenes() -> None:
 @click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
 @click.option("--overwrite", is_flag=True, help="Replace the results of another run in the folder.")
 @click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
+@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf; no pictures are drawn then.")
+@click.option(
+    "--fields",
+    help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
+)
+@click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
+@click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
+@click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 @click.option(
     "--processes", "--gpus", "processes", type=int, default=1,
@@ -229,7 +154,8 @@ def list_scenes() -> None:
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
-    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_pictures: bool, quiet: bool,
+    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
+    fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
     processes: int,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
@@ -256,7 +182,11 @@ def run(
             resume=resume,
             overwrite=overwrite,
             usd=not no_usd,
-            pictures=not no_pictures,
+            vtkhdf=not no_vtkhdf,
+            fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
+            pictures=False if no_pictures else pictures,
+            view=not no_view,
+            history_every=history_every,
             reporter=Progress(quiet),
         )
     except DivergedError as error:
@@ -274,6 +204,72 @@ def run(
         sys.exit(DIVERGED)
     if result.status == STOPPED:
         sys.exit(130)
+
+
+@main.command("sweep")
+@click.argument("scene")
+@_of_a_sweep
+@click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
+@click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers.")
+@click.option("--out", help="Folder for the runs, the table and the plot; by default runs/SCENE-sweep.")
+@click.option("--overwrite", is_flag=True, help="Run everything again.")
+@click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
+@click.option("--pictures", help="Draw the pictures of every run: png, pdf or svg.")
+@click.option("--quiet", is_flag=True, help="Print the table alone.")
+def sweep_values(
+    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
+    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, **named: str | None,
+) -> None:  # fmt: skip
+    """Run SCENE for all combinations of values: --set horizon=2.015,3.15 --points 51,101.
+
+    Every run has a folder of its own. The same command continues a sweep that was interrupted, and skips what is done.
+    A run that fails does not stop the others: the table says so, and the exit code is that of the worst.
+    """
+    from .run.arguments import split_values
+
+    choices = {key: split_values(text) for key, text in named.items() if text is not None}
+    for name, text in _assigned(assignments, choices).items():
+        choices[name] = split_values(text)
+    if not choices:
+        raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
+    folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
+    options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
+    sys.exit(_sweep(scene, choices, folder, options, overwrite, quiet))
+
+
+def _sweep(
+    scene: str, choices: dict[str, list[str]], folder: Path, options: dict[str, Any], overwrite: bool, quiet: bool
+) -> int:
+    """Run a sweep, print and write its table, draw its plot; gives the exit code."""
+    from .output.picture_files import Drawing, drawing
+    from .output.sweep_plot import draw_sweep
+    from .run.folder import writable_folder
+    from .run.runner import FINISHED, STOPPED
+    from .run.sweep import REFUSED, Row, printed_table, sweep, write_table
+
+    load_scene(scene)
+    writable_folder(folder, resume=False)
+
+    def told(number: int, count: int, row: Row) -> None:
+        if not quiet:
+            seconds = f" in {row.summary['wall_s']:.1f} s" if row.summary and not row.skipped else ""
+            text = f"{row.status}{', done before' if row.skipped else ''}{seconds}"
+            click.echo(f"[{number}/{count}] {row.name}: {text}", err=True)
+
+    rows = sweep(lambda values: build_scene(scene, values), choices, folder, options, overwrite=overwrite, told=told)
+    for row in rows:
+        if row.message:
+            click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
+    click.echo(printed_table(rows))
+    write_table(folder / "sweep.csv", rows)
+    with drawing(Drawing(Path(scene).stem)):
+        drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])
+    click.echo(f"  {folder / 'sweep.csv'}" + (f", {folder / 'sweep.png'}" if drawn else ""))
+    ends = {row.status for row in rows}
+    if STOPPED in ends:
+        click.echo("warp-pd: interrupted: the same command continues", err=True)
+        return 130
+    return DIVERGED if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0
 
 
 @main.command()
@@ -294,10 +290,12 @@ def plan(
 @click.option("--shape", is_flag=True, help="Draw the sheet of SCENE before it runs.")
 @click.option("--points", type=int, help="With --shape: points along x.")
 @click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="With --shape: as for `run`.")
+@click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--out", help="With --shape: the picture, .png, .pdf or .svg; by default SCENE-shape.png.")
 def draw(
-    folder: Path, scene: str | None, shape: bool, points: int | None, assignments: tuple[str, ...], out: str | None
-) -> None:
+    folder: Path, scene: str | None, shape: bool, points: int | None, assignments: tuple[str, ...], pictures: str,
+    out: str | None,
+) -> None:  # fmt: skip
     """Draw the pictures of a run from its FOLDER again, for runs made with --no-pictures or changed pictures.
 
     With --shape: draw the sheet of SCENE, a name from `warp-pd list` or a Python file. Nothing is compiled or run.
@@ -314,12 +312,14 @@ def draw(
     given = {"--points": points, "--set": assignments or None, "--out": out}
     for option in (name for name, value in given.items() if value is not None):
         raise InputError(f"{option}: expected it with --shape")
-    _draw_again(folder, scene)
+    _draw_again(folder, scene, pictures)
 
 
-def _draw_again(folder: Path, scene: str | None) -> None:
+def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
+    from .output.picture_files import pictures_in
     from .run.folder import read_history, run_summary
     from .run.runner import draw as draw_pictures
+    from .run.runner import picture_formats
 
     summary = run_summary(folder)
     if summary is None:
@@ -327,11 +327,22 @@ def _draw_again(folder: Path, scene: str | None) -> None:
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
-    if simulation.pictures is None:
-        raise InputError(f"scene = {simulation.scene!r}: it draws no pictures")
-    draw_pictures(simulation, read_history(folder / "history.csv"), folder)
-    for path in sorted(folder.glob("*.png")):
+    draw_pictures(simulation, read_history(folder / "history.csv"), folder, picture_formats(pictures))
+    for path in pictures_in(folder):
         click.echo(f"  {path.name}")
+
+
+@main.command("view")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--out", help="The file; by default view.html in FOLDER.")
+@click.option("--points", type=int, help="Largest number of points to draw; by default 40000.")
+@click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
+def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
+    """Write the page of a run from its FOLDER: one HTML file that any browser opens, without server or network."""
+    from .run.view import write_page
+
+    path = write_page(folder, out, points, frames)
+    click.echo(f"  {path} ({path.stat().st_size / 1e6:.3g} MB)")
 
 
 @main.command()
@@ -359,32 +370,20 @@ def bench(
     damaged: float, plain: bool, seconds: float, device: str | None,
 ) -> None:  # fmt: skip
     """Time the steps of a sheet, and print a table."""
-    from .bench import FEATURES, Case, arithmetic_rate, copy_rate, measure, table
+    from .bench import Case, chosen_features, report
     from .checks import count, positive
-    from .device.context import find_device
 
     one_of("precision", precision, (32, 64))
     positive("seconds", seconds)
-    chosen = FEATURES if features == "all" else tuple(name.strip() for name in features.split(",") if name.strip())
     cases = [
         Case(
-            count("points", n, 3),
-            positive("horizon", m),
-            precision,
-            chosen,
-            layout,
-            damaged=damaged,
-            fast=not plain,
-            law=law,
+            count("points", n, 3), positive("horizon", m), precision, chosen_features(features), layout,
+            damaged=damaged, fast=not plain, law=law,
         )
         for m in horizon
         for n in points
-    ]
-    where = find_device(device)
-    copied = copy_rate(where, 1024 if where.is_cuda else 64)
-    counted = {precision: arithmetic_rate(where, precision)} if where.is_cuda else None
-    click.echo(f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written")
-    click.echo(table([measure(case, str(where), seconds) for case in cases], copied, counted))
+    ]  # fmt: skip
+    click.echo(report(cases, device, seconds))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+# Fields that frames hold without being asked, where a scene has them.
+OWN_FIELDS = ("displacement", "velocity", "damage", "strain_energy_density")
+
 
 def format_time(time: float, load_duration: float | None) -> str:
     """Text for the time of a frame: its time [s], or with a static solver the load factor.
@@ -17,7 +20,7 @@ def format_time(time: float, load_duration: float | None) -> str:
         time: Time, or load time of a static solver [s].
         load_duration: Load time of the full load of a static solver [s]; None in dynamics.
     """
-    return f"t = {time:.4g} s" if load_duration is None else f"{100.0 * time / load_duration:.4g} % of the load"
+    return f"t = {time:.4g} s" if load_duration is None else f"load factor {time / load_duration:.4g}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,6 +50,7 @@ class TearLine:
         else:
             self.areas = 0.5 * np.linalg.norm(np.cross(side, other), axis=1)
         self._edges, self._beside = _shared_edges(sheet.triangles)
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def length(self, intact: np.ndarray) -> float:
         """Crack length [m]; `intact`, shape (F,), says which faces are whole."""
@@ -127,6 +128,12 @@ class TearLine:
 
     def without_specks(self, intact: np.ndarray) -> np.ndarray:
         """Whole faces, shape (F,), with small torn patches taken as whole and then small whole pieces as torn."""
+        # Several measures ask for the same frame, and the next frame is often torn no further.
+        if self._last is None or not np.array_equal(self._last[0], intact):
+            self._last = intact.copy(), self._without_specks(intact)
+        return self._last[1]
+
+    def _without_specks(self, intact: np.ndarray) -> np.ndarray:
         unit, areas = self.sheet.spacing**2, self.areas
         if self.sheet.spacings is not None:
             # As if the spacing were the least one everywhere.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .checks import InputError, finite, numbers, said
-from .frame import Frame
+from .frame import OWN_FIELDS, Frame
 from .interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
 from .regions import Region
 from .sheet import Sheet
@@ -97,6 +97,8 @@ class Scene:
         measures: Numbers to report, at every frame; the summary has those of the last one.
         outcomes: Numbers to report of the whole run.
         fields: Names of further point fields of the frames, of those that the force law offers.
+        chosen_fields: Names of all point fields that files of frames hold besides the displacement and `fields`; None:
+            all that there are.
         initial_displacement: [m], shape (N, 3), or None for zero. The sheet was brought there at once: nothing of a
             viscous law has relaxed.
         initial_velocity: [m/s], shape (N, 3), or None for zero.
@@ -104,8 +106,8 @@ class Scene:
         scene: Name of the scene.
         file: Python file of a scene that does not come with the package, or None.
         section: Part of the paper that it rebuilds.
-        pictures: Function (history, folder) that draws the scene's pictures into the folder of the results,
-            or None.
+        pictures: Function (history, folder) that draws the scene's pictures into the folder of the results; None for
+            the default ones.
         notes: What a scene decided for the user, one line each; the summary and the command line repeat them.
         settings: Arguments of the scene's `build`, for the summary and restart files.
     """
@@ -119,6 +121,7 @@ class Scene:
     measures: Sequence[Measure] = ()
     outcomes: Sequence[Outcome] = ()
     fields: Sequence[str] = ()
+    chosen_fields: Sequence[str] | None = None
     initial_displacement: np.ndarray | None = None
     initial_velocity: np.ndarray | None = None
     track_energy: bool = True
@@ -179,8 +182,9 @@ class Scene:
             for index, part in enumerate(parts):
                 if isinstance(part, type) or not isinstance(part, kind):
                     raise InputError(f"{name}[{index}] = {said(part)}: expected a list of {name}")
-        if isinstance(self.fields, str) or not all(isinstance(name, str) for name in self.fields):
-            raise InputError(f"fields = {said(self.fields)}: expected a list of names")
+        for names in (self.fields, self.chosen_fields or ()):
+            if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+                raise InputError(f"fields = {said(names)}: expected a list of names")
         given = [
             *(("loads", part) for part in self.loads), *(("contact", part) for part in self.contacts),
             ("damage", self.damage),
@@ -208,6 +212,10 @@ class Scene:
                 raise InputError(f"name of a measure = {name!r}: expected text in one line")
             if names.count(name) > 1:
                 raise InputError(f"measures: two numbers of the run would be called {name!r}: expected one")
+
+    def fields_of_law(self) -> list[str]:
+        """Names of the fields that the force law has to give."""
+        return [name for name in (*self.fields, *(self.chosen_fields or ())) if name not in OWN_FIELDS]
 
     @property
     def load_duration(self) -> float | None:

@@ -23,7 +23,7 @@ from .shapes.surfaces import sphere, surface, tube
 from .shapes.triangulation import Segment
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Sheet(SelectableShape):
     """A shape with a thickness and a density.
 
@@ -297,13 +297,11 @@ class Sheet(SelectableShape):
         """
         return Sheet.of(sphere(radius, points), thickness=thickness, density=density)
 
-    def as_cloud(self) -> Sheet:
-        """The same sheet, its lattice or grid forgotten: bonds are then stored in a table."""
-        return replace(self, lattice=None, grid=None)
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
+        """A picture of the sheet, which a notebook shows; see `warp_pd.draw_sheet`."""
+        from . import draw_sheet
 
-    def _require_flat(self, what: str) -> None:
-        if self.frames is not None:
-            raise InputError(f"{what}: expected a flat sheet, got a curved one")
+        return draw_sheet(self, path)
 
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].

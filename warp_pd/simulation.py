@@ -10,14 +10,28 @@ from .built import Built, compose
 from .scene import Measure, Outcome, Scene
 
 if TYPE_CHECKING:
-    from .run.runner import Result
+    from .run.result import Result
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Simulation(Scene):
     """A sheet and everything that acts on it. Nothing is allocated before `build` or `run`."""
 
     __doc__ = f"{__doc__}\n{(Scene.__doc__ or '').split(chr(10), 1)[1]}"
+
+    def __repr__(self) -> str:
+        """A line for each part: all arrays of a scene would fill a notebook."""
+        from .output.notebook import text_table
+        from .run.described import scene_rows
+
+        return text_table(f"Simulation {self.scene!r}", scene_rows(self))
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        from .output.notebook import html_table
+        from .run.described import scene_rows
+
+        return html_table(f"Simulation {self.scene!r}", scene_rows(self))
 
     def build(self, device: str | None = None, precision: int | None = None) -> Built:
         """Allocate arrays and declare kernels and launches; compiles nothing yet.
@@ -44,9 +58,13 @@ class Simulation(Scene):
         return draw_sheet(self.sheet, path, title=self.scene)
 
     def run(self, **options: Any) -> Result:
-        """Run to the end; see `warp_pd.run.runner.run` for the options."""
+        """Run to the end; see `warp_pd.run.runner.run` for the options. A notebook shows the progress by default."""
+        from .output.notebook import in_notebook
+        from .output.progress import Progress
         from .run.runner import run
 
+        if "reporter" not in options and in_notebook():
+            options["reporter"] = Progress()
         return run(self, **options)
 
 

@@ -44,8 +44,21 @@ def test_examples_of_shapes_run(code, tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == re.findall(r"[a-z]+\.png", code)
 
 
+@pytest.mark.parametrize("page", ["contact", "self-contact"])
+def test_examples_of_contact_can_be_built(page):
+    (code,) = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL)
+    names = {}
+    exec(compile(code, page, "exec"), names)
+    assert ("punch" if page == "contact" else "SelfContact") in names["simulation"].plan("cpu")
+
+
 def test_every_page_is_in_the_navigation():
     named = [line for line in (ROOT / "mkdocs.yml").read_text().splitlines() if not line.strip().startswith("#")]
     pages = {str(path.relative_to(ROOT / "docs")) for path in (ROOT / "docs").rglob("*.md")}
     assert "index.md" in pages
     assert pages == set(re.findall(r"[\w/-]+\.md", "\n".join(named)))
+
+
+def test_the_readme_is_short():
+    """It is for someone who has ten minutes."""
+    assert len((ROOT / "README.md").read_text().split()) < 1000

@@ -21,7 +21,8 @@ def test_the_wheel_works_away_from_the_sources(tmp_path):
     wheel = next(tmp_path.glob("*.whl"))
     modules = {f"{PLACES[name]}/{p.relative_to(ROOT / name)}" for name in PLACES for p in (ROOT / name).rglob("*.py")}
     modules |= {f"warp_pd/scenes/{p.name}" for p in (ROOT / "scenes").glob("*.svg")}
-    assert "warp_pd/scenes/glove.svg" in modules
+    modules |= {f"warp_pd/output/page/{p.name}" for p in (ROOT / "warp_pd" / "output" / "page").iterdir()}
+    assert {"warp_pd/scenes/glove.svg", "warp_pd/output/page/vendor.js"} <= modules
     assert modules <= set(zipfile.ZipFile(wheel).namelist())
     site = tmp_path / "site"
     subprocess.run([*pip, "install", "--no-deps", "--no-index", "--target", str(site), str(wheel)], check=True)

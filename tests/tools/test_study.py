@@ -135,10 +135,14 @@ def test_results_of_a_table_of_scenes_are_markdown(tmp_path):
     measure = {"value": 0.5, "unit": "m", "of": "last frame", "reference": 0.4, "source": "elements", "error": 0.25}
     summary = {
         "points": 9, "horizon": 2.015, "weights": "plain", "precision": 64, "steps": 3, "wall_s": 2.0,
-        "compile_s": 0.5, "status": "finished", "message": "", "device": "CPU", "measures": {"deflection": measure},
+        "compile_s": 0.5, "status": "finished", "message": "", "device": "CPU",
+        "date": "2026-11-22T10:00:00", "measures": {"deflection": measure},
     }  # fmt: skip
     (folder / "summary.json").write_text(json.dumps(summary))
     text = scenes.page(tmp_path, "here")
     assert "| deflection | last frame | 0.5 m | 0.4 (elements) | +25.000 % |" in text
-    assert "3 steps in 1.5 s (and 0.5 s of compilation); finished" in text
+    assert "3 steps in 1.5 s (and 0.5 s of compilation); finished, on CPU, 2026-11-22" in text
     assert text.count("Not run.") == len(scenes.CASES) - 1
+    # Without the run, the section stays.
+    (folder / "summary.json").unlink()
+    assert scenes.page(tmp_path, "there", text) == text

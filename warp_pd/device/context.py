@@ -145,6 +145,7 @@ class Context:
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
     state: State = field(init=False)
+    _sequences: dict[str, LaunchSequence] = field(init=False, default_factory=dict)
 
     @property
     def whole(self) -> Sheet:
@@ -260,7 +261,12 @@ class Context:
 
     def run(self, name: str) -> None:
         """Run a stage once, now."""
-        run_once(self.device, self.stages[self.prefix + name])
+        if self.device.is_cuda:
+            run_once(self.device, self.stages[self.prefix + name])
+            return
+        if name not in self._sequences:
+            self._sequences[name] = self.sequence(name)
+        self._sequences[name].run()
 
     def use_fast_math(self, module: str) -> None:
         """Let a module use the approximate divisions, roots and exponentials of the hardware, in float32 on a GPU."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import warp as wp
@@ -14,16 +16,18 @@ import warp as wp
 from ..cores import available_cores, cores
 from .launches import Call, Item, Launch, Stage, Touched
 
-# Below this number of threads, splitting a launch over the cores of a CPU does not pay.
-SPLIT_FROM = 4096
+# A launch that takes longer than this on one core of a CPU [s] is split over all; starting them takes a third of it.
+SPLIT_FROM = 1e-4
+# Number of runs, of which the shortest decides.
+TIMED_RUNS = 3
 
 
 class LaunchSequence:
     """The launches of a stage, repeated, ready to run any number of times.
 
     On CUDA they are one captured graph; if one is a Call, the Call captures them. On a CPU every launch is recorded
-    once; a large one is cut into slices that run on all cores (a launch releases the interpreter lock), and calls run
-    in between. The stage's wraparound launch replaces the last launch and the first one of the next repetition.
+    once; one that takes long is cut into slices that run on all cores (a launch releases the interpreter lock), and
+    calls run in between. The stage's wraparound launch replaces the last launch and the first of the next repetition.
     """
 
     def __init__(self, stage: Stage, repeat: int = 1) -> None:
@@ -33,9 +37,12 @@ class LaunchSequence:
         if stage.wraparound is not None:
             self.items = [*once[:-1], *[stage.wraparound, *once[1:-1]] * (repeat - 1), once[-1]]
         self._replay: Callable[[], None] | None = None
-        self._commands: list[list[Callable[[], None]]] = []
+        self._commands: list[Callable[[], None]] = []
         if not self.device.is_cuda:
-            recorded = {item: _record(item, self.device) for item in dict.fromkeys(self.items)}
+            recorded = {
+                item: CpuLaunch(item, self.device).run if isinstance(item, Launch) else item.function
+                for item in dict.fromkeys(self.items)
+            }
             self._commands = [recorded[item] for item in self.items]
 
     def run(self) -> None:
@@ -46,11 +53,8 @@ class LaunchSequence:
             self._replay = self._replay or self._captured()
             self._replay()
             return
-        for commands in self._commands:
-            if len(commands) == 1:
-                commands[0]()
-            else:
-                list(cores().map(_call, commands))
+        for command in self._commands:
+            command()
 
     def _captured(self) -> Callable[[], None]:
         calls = [item for item in dict.fromkeys(self.items) if isinstance(item, Call)]
@@ -62,29 +66,48 @@ class LaunchSequence:
         return functools.partial(wp.capture_launch, capture.graph)
 
 
-def _call(command: Callable[[], None]) -> None:
-    command()
-
-
 def _run_calls(calls: Iterable[Call]) -> None:
     for call in calls:
         call.function()
 
 
-def _record(item: Item, device: wp.Device) -> list[Callable[[], None]]:
-    """The launch as recorded commands, one per slice."""
-    if isinstance(item, Call):
-        return [item.function]
-    parts = available_cores() if item.threads >= SPLIT_FROM else 1
-    bounds = item.begin + np.linspace(0, item.threads, parts + 1).astype(int)
-    commands: list[Callable[[], None]] = []
-    for begin, end in itertools.pairwise(bounds):
-        threads, values = item.slice(int(begin), int(end))
+class CpuLaunch:
+    """A launch on a CPU: on one core, or in slices on all of them if it takes long. Results are the same."""
+
+    def __init__(self, item: Launch, device: wp.Device) -> None:
+        self.item, self.device = item, device
+        self.slices = [self._record(item.begin, item.begin + item.threads)]
+        self._undecided = TIMED_RUNS if min(item.threads, available_cores()) > 1 else 0
+        self._shortest = math.inf
+
+    def run(self) -> None:
+        """Run the launch and wait for it."""
+        if self._undecided:
+            self._run_timed()
+            return
+        first, *others = self.slices
+        started = [cores().submit(other) for other in others]
+        first()
+        for future in started:
+            future.result()
+
+    def _run_timed(self) -> None:
+        begin = time.perf_counter()
+        self.slices[0]()
+        self._shortest = min(self._shortest, time.perf_counter() - begin)
+        self._undecided -= 1
+        if not self._undecided and self._shortest > SPLIT_FROM:
+            item = self.item
+            bounds = item.begin + np.linspace(0, item.threads, available_cores() + 1).astype(int)
+            self.slices = [self._record(int(begin), int(end)) for begin, end in itertools.pairwise(bounds)]
+
+    def _record(self, begin: int, end: int) -> Callable[[], None]:
+        item = self.item
+        threads, values = item.slice(begin, end)
         command: Any = wp.launch(
-            item.kernel, dim=threads, inputs=values, device=device, record_cmd=True, block_dim=item.block_dim
+            item.kernel, dim=threads, inputs=values, device=self.device, record_cmd=True, block_dim=item.block_dim
         )
-        commands.append(command.launch)
-    return commands
+        return cast(Callable[[], None], command.launch)
 
 
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:

@@ -55,6 +55,20 @@ class BuiltPart(Protocol):
         """
         return {}
 
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Columns of a row of the history between frames, from sums alone: nothing else is read there.
+
+        Args:
+            before: Sums at the row before, or nothing at the first one after a frame.
+            totals: Sums at this row.
+            elapsed: Time between the two [s].
+        """
+        return {}
+
+    def column_units(self) -> Mapping[str, str]:
+        """SI units of its columns, as far as they are known."""
+        return {}
+
     def end_frame(self) -> None:
         """Do host work after a frame has been recorded."""
         return None

@@ -164,6 +164,10 @@ class BuiltLaw(BuiltPart, Protocol):
         """
         ...
 
+    def field_names(self) -> Sequence[str]:
+        """Names of the fields that `request_fields` takes."""
+        return ()
+
     def fingerprint(self) -> str:
         """Hash of the values of user functions at fixed arguments: a restart must use the same functions."""
         return ""

@@ -42,6 +42,10 @@ class FrameSink(Protocol):
         """Record a frame at the time `now` [s], `steps` steps of dt [s] after the last one."""
         ...
 
+    def row(self, now: float, dt: float) -> None:
+        """Record a row of the history between frames, after a step of dt [s]; the host reads nothing."""
+        ...
+
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
         """Report the progress of a static solver between frames."""
         ...

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,12 +21,14 @@ from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material, tables_here
-from .fast_path import FastPath, fast_path
+from .fast_path import FastForce, fast_path
+from .shown_fields import ShownFields, factors
 from .variational import Key
 from .weight_tables import MAX_CORRECTED, weight_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 BROKEN = ("redistribute", "drop")
+NO_PRONY = {"prony": None, "strain": None, "overstress": None}
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,7 @@ class BondAssociatedForce(FamilyLaw):
         breakable, sheet = context.features.breakable, context.sheet
         self.law, self.weights = law, law.resolved_weights(breakable, sheet.spacings is not None)
         self.material, self.fast = law.material, law.fast
+        self.shown_stress = law.material
         broken = law.broken if breakable else None
         if self.weights == "published" and context.share is not None:
             raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
@@ -142,7 +145,7 @@ class BondAssociatedForce(FamilyLaw):
         self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
         self.kernels = bond_associated(*self.key, context.module)
         self.earlier_energy = self.kernels.earlier_energy
-        self.fast_path: FastPath | None = fast_path(self, inverse, weights)
+        self.fast_path: FastForce | None = fast_path(self, inverse, weights)
 
     @functools.cached_property
     def pairs(self) -> Array:
@@ -170,17 +173,39 @@ class BondAssociatedForce(FamilyLaw):
         self.add_reference_force(stage, displacement)
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
-    def add_reference_force(self, stage: Stage, displacement: Array, inner: int = -1) -> None:
-        """Add the launch that fills `pairs`, except for undamaged families of the class `inner`."""
-        kernel = reference_force(*self.key, inner >= 0, self.context.module)
+    def add_reference_force(self, stage: Stage, displacement: Array) -> None:
+        """Add the launch that fills `pairs`."""
+        kernel = reference_force(*self.key, self.context.module)
         stage.launch(
             self.owner, kernel, self.points, **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, inner=inner, bond_force=self.pairs,
+            unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
         )  # fmt: skip
+
+    def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
+        if self.fast_path is not None:
+            self.fast_path.add_energy(stage, displacement, out)
+        else:
+            self.add_reference_energy(stage, displacement, out)
+
+    def add_reference_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """The same with the reference kernel."""
+        super().add_energy(stage, displacement, out)
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""
         return self.kernels.strain_energy
+
+    def add_shown(self, stage: Stage, shown: ShownFields) -> None:
+        """Add the launches that fill the fields of frames, means over the bonds of a point."""
+        kernel = shown.of_bonds(self.key, self.material, bool(self.shown_internal))
+        shown.add_principal(stage, kernel, factors=factors(self.context), **{**NO_PRONY, **self.shown_internal})
+        shown.add_counts(stage)
+
+    @property
+    def shown_internal(self) -> dict[str, Any]:
+        """Internal variables that the stress depends on, for the fields of frames."""
+        return {}
 
     def energy_density(self, stretch: np.ndarray) -> np.ndarray:
         """Energy density of the material in pure shear [J/m^3]."""

@@ -143,13 +143,14 @@ class BondBasedForce(FamilyLaw):
 
         Args:
             names: "principal_stress": largest and smallest principal virial stress [Pa] and the angle of the
-                largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,).
+                largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,); and
+                those of all laws, see laws/shown_fields.py.
 
         Raises:
             InputError: for another name, or the principal stress of a curved sheet.
         """
-        for name in names:
-            one_of("fields", name, FIELDS)
+        super().request_fields(names)
+        for name in (name for name in FIELDS if name in names):
             if name == "principal_stress" and self.families.frames is not None:
                 raise InputError("fields: 'principal_stress': expected a flat sheet, got a curved one")
             dtype = self.context.types.vec3 if name == "principal_stress" else wp.float32

@@ -19,10 +19,11 @@ from ..families.rows_here import rows_here
 from ..interfaces import BuiltLaw, Law, Tangent
 from ..kernels.effects import Kernel
 from ..kernels.pointwise import Pointwise
-from ..materials import capabilities, padded_constants
+from ..materials import Material, capabilities, padded_constants
 from ..phases import Phase
 from ..sheet import Sheet
 from .family_struct import family_struct
+from .shown_fields import ShownFields, grouped, offered, refuse_other
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:
@@ -76,7 +77,9 @@ class FamilyLaw(BuiltLaw):
         points: Number of points.
         depends_on_time: Whether the force depends on more than the present displacement.
         thickness: Thickness of the sheet [m].
-        fields: Further point fields that the law offers for frames.
+        offered_fields: Point fields of its own that the law offers for frames, besides those of all laws.
+        shown_stress: Material of the stresses that frames can show, or None for a law without one.
+        shown: Point fields that frames show, or None.
         takes_curved: Whether it works on curved sheets.
         takes_graded: Whether it works on sheets of graded spacing.
         takes_tension_field: Whether its material may be a TensionField.
@@ -90,6 +93,8 @@ class FamilyLaw(BuiltLaw):
     coarsens: bool = False
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
+    shown_stress: Material | None = None
+    shown: ShownFields | None = None
     takes_curved: bool = False
     takes_graded: bool = False
     takes_tension_field: bool = False
@@ -159,6 +164,13 @@ class FamilyLaw(BuiltLaw):
             self.add_force(stage, state.displacement, state.force)
         elif phase is Phase.FRAME and self.strain_energy is not None:
             self.add_energy(stage, state.displacement, self.strain_energy)
+        if phase is Phase.FRAME and self.shown is not None:
+            self.add_shown(stage, self.shown)
+
+    def add_shown(self, stage: Stage, shown: ShownFields) -> None:
+        """Add the launches that fill the fields of frames; here from the gradient of the family."""
+        shown.add_principal(stage, shown.of_family(self.shown_stress))
+        shown.add_counts(stage)
 
     def sums(self) -> Mapping[str, Array]:
         """The strain energy."""
@@ -234,14 +246,20 @@ class FamilyLaw(BuiltLaw):
         return hashlib.sha1(np.ascontiguousarray(influence[:64]).tobytes()).hexdigest()[:12]
 
     def request_fields(self, names: Sequence[str]) -> None:
-        """Let frames show further fields of the law.
+        """Let frames show further fields of the law, see laws/shown_fields.py.
 
         Raises:
             InputError: for names that it does not offer.
         """
-        if names:
-            offered = ", ".join(repr(name) for name in self.offered_fields) or "none"
-            raise InputError(f"fields = {list(names)!r}: expected {offered} with the law {self.owner}")
+        wanted = grouped(names)
+        refuse_other(wanted, self.field_names(), self.owner)
+        wanted = [name for name in wanted if name not in self.offered_fields]
+        if wanted:
+            self.shown = ShownFields(self, wanted)
+
+    def field_names(self) -> tuple[str, ...]:
+        """Names of all fields that the law offers."""
+        return (*self.offered_fields, *offered(self.context, self.shown_stress))
 
     def likely_cause(self) -> str:
         """The likely cause if a run diverged."""

@@ -1,9 +1,8 @@
 """Fast kernels of the variational bond-associated law, and when they are used.
 
-Undamaged families inside a square lattice or grid have a separate kernel, if the material is isotropic. On a GPU it
-puts all other points on a list, which a second kernel works through with two bonds per thread. Clouds, and sheets too
-small to fill a GPU with one thread per point, use only the second kernel. CPU threads have no shared memory: there all
-other points use the reference kernel.
+On a CPU one kernel serves all families. On a GPU undamaged families inside a lattice or grid have a separate
+kernel, if the material is isotropic. It puts all other points on a list, which a second kernel works through with two
+bonds per thread. Clouds, and sheets too small to fill a GPU with one thread per point, use only the second kernel.
 
 The bond forces of large lattices pass through a ring buffer, one strip of the sheet at a time: all of them would take
 most of the memory, and those of a strip stay in the cache of a GPU.
@@ -13,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import warp as wp
@@ -21,15 +21,17 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..kernels.factories import FunctionFactory
+from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
+from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
-# Largest family whose bonds share a thread block; larger ones compile slowly.
-MAX_MEMBERS = 64
+# Largest family whose bonds share a thread block, and largest that a CPU sums by rows; larger ones compile slowly.
+MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
@@ -40,7 +42,19 @@ RING = 2**20
 MAX_SHARED = 300_000
 
 
-def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> FastPath | None:
+class FastForce(Protocol):
+    """Fast kernels on one sheet and device."""
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        ...
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
+        ...
+
+
+def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
     """The fast kernels for a force law on a sheet, or None if there are none.
 
     Args:
@@ -48,16 +62,18 @@ def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray
         inverse: K^-1 by row, shape (R, n, 3).
         weights: W divided by the reference area by row, shape (R, n).
     """
-    known = capabilities(force.material)
-    near = known.near
-    if not force.fast or force.weights == "published" or near is None:
-        return None
     members = force.families.members
-    shared = shares_memory(force.context.device) and members <= MAX_MEMBERS
+    if not force.fast or force.weights == "published":
+        return None
+    if not shares_memory(force.context.device):
+        return RowSums(force) if members <= MAX_CPU_MEMBERS else None
+    known = capabilities(force.material)
+    if known.near is None or members > MAX_MEMBERS:
+        return None
     # By the whole sheet: several processes take the same kernels as one.
-    small = shared and force.context.whole.size * members <= MAX_SHARED
+    small = force.context.whole.size * members <= MAX_SHARED
     stencil = undamaged_stencil(force.families, inverse, weights) if known.isotropic and not small else None
-    return FastPath(force, near, stencil, shared) if stencil or shared else None
+    return FastPath(force, known.near, stencil)
 
 
 def shares_memory(device: wp.Device) -> bool:
@@ -65,23 +81,51 @@ def shares_memory(device: wp.Device) -> bool:
     return bool(device.is_cuda)
 
 
+class RowSums:
+    """The fast kernels of a CPU."""
+
+    def __init__(self, force: BondAssociatedLaw) -> None:
+        self.force = force
+        layout, bits, material, broken, _ = force.key
+        near, words = capabilities(force.material).near, -(-force.families.members // WORD)
+        self.kernels = [
+            family_rows(layout, bits, material, near, broken, words, energetic, force.context.module)
+            for energetic in (False, True)
+        ]
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        law = self.force
+        stage.launch(
+            law.owner, self.kernels[0], law.points, **law.family_arguments(displacement), constants=law.constants,
+            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None,
+        )  # fmt: skip
+        law.add_gather(stage, law.kernels.gather, law.pairs, force)
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
+        law = self.force
+        stage.launch(
+            law.owner, self.kernels[1], law.points, **law.family_arguments(displacement), constants=law.constants,
+            unit=law.unit_volume, bond_force=None, energies=energies,
+        )  # fmt: skip
+
+
 class FastPath:
-    """The fast kernels on one sheet and device.
+    """The fast kernels of a GPU.
 
     Attributes:
         near: Factory of the material's stress_near.
         stencil: Stencil of undamaged inner families and the class that they share, or None.
-        shared: Whether all other families use the second kernel, in which the bonds of a family share a block.
+        listed: Whether all other families are on a list.
         gridded: Whether the sheet is a grid with gaps.
     """
 
-    def __init__(
-        self, force: BondAssociatedLaw, near: FunctionFactory, stencil: tuple[Stencil, int] | None, shared: bool
-    ) -> None:
-        self.force, self.near, self.stencil, self.shared = force, near, stencil, shared
+    def __init__(self, force: BondAssociatedLaw, near: FunctionFactory, stencil: tuple[Stencil, int] | None) -> None:
+        self.force, self.near, self.stencil = force, near, stencil
         w: Context = force.context
         vec3 = w.types.vec3
-        self.listed = shared and stencil is not None
+        self.listed = stencil is not None
         self.gridded = force.families.layout == "grid"
         self.module = self._undamaged_module()
         # The kernel of all others is compiled for its own block size.
@@ -95,7 +139,7 @@ class FastPath:
             self.others = w.array("other_points", force.owner, wp.int32, shape=force.points, per="table")
             self.other_count = w.array("other_count", force.owner, wp.int32, shape=1, per="once")
         self.strips = self._strips() if self.listed else []
-        self.moments = self._moments() if shared else None
+        self.moments = self._moments()
         members = force.families.members
         if len(self.strips) > 1:
             self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, RING), per="bond")
@@ -107,7 +151,7 @@ class FastPath:
         _, bits, _, broken, _ = self.force.key
         stencil = None if self.stencil is None else self.stencil[0]
         near = (self.near.__module__, self.near.__qualname__)
-        key = (bits, near, stencil, self.gridded, broken is not None, self.listed, self.force.context.device.is_cuda)
+        key = (bits, near, stencil, self.gridded, broken is not None, self.force.context.device.is_cuda)
         return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
@@ -140,27 +184,24 @@ class FastPath:
         for strip in self.strips or [everything]:
             if self.stencil is not None:
                 self._add_undamaged(stage, strip, *self.stencil, displacement, force)
-            if self.shared:
-                self._add_shared(stage, strip, displacement, force)
-        if not self.shared:
-            assert self.stencil is not None
-            self.force.add_reference_force(stage, displacement, inner=self.stencil[1])
-            self.force.add_gather(stage, self.force.kernels.gather, self.force.pairs, force)
+            self._add_shared(stage, strip, displacement, force)
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64: that of the reference kernels."""
+        self.force.add_reference_energy(stage, displacement, energies)
 
     def _add_undamaged(
         self, stage: Stage, strip: Strip, stencil: Stencil, inner: int, displacement: Array, force: Array
     ) -> None:
         law = self.force
         _, bits, _, broken, _ = law.key
-        kernel = undamaged_lattice_force(
-            bits, self.near, stencil, self.gridded, broken is not None, self.listed, self.module
-        )
+        kernel = undamaged_lattice_force(bits, self.near, stencil, self.gridded, broken is not None, self.module)
         stage.launch(
             law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
             places=law.struct.centres if self.gridded else law.lattice_columns,
             # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
-            turns=4, constants=law.constants, inverse_horizon=law.inverse_horizon,
+            turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip

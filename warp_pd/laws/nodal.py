@@ -95,7 +95,7 @@ class NodalForce(PointLaw):
 
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context)
-        self.material = law.material
+        self.material = self.shown_stress = law.material
         breakable = context.features.breakable
         self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy

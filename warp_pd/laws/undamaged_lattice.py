@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 from ..families import Families, unpack
@@ -11,11 +14,45 @@ from ..kernels.undamaged_lattice import Stencil
 TOLERANCE = 1e-9
 
 
+@dataclass(frozen=True)
+class Rotation:
+    """A rotation that may map a family onto itself.
+
+    Attributes:
+        turns: How many of them make a full turn, 4 or 2.
+    """
+
+    turns: int
+
+    def of(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """The rotated components."""
+        return (-y, x) if self.turns == 4 else (-x, -y)
+
+    def turned(self, steps: list[tuple[int, int]]) -> list[int]:
+        """Member onto which each member is mapped, -1 if there is none."""
+        return [steps.index(step) if (step := self.of(x, y)) in steps else -1 for x, y in steps]
+
+    def part(self, steps: list[tuple[int, int]]) -> list[int]:
+        """Members whose rotations are all members."""
+        return [k for k, (x, y) in enumerate(steps) if (x > 0 and y >= 0) or (self.turns == 2 and x <= 0 < y)]
+
+    def keeps(self, steps: list[tuple[int, int]], bonds: np.ndarray, weight: np.ndarray) -> bool:
+        """Whether it maps bonds and weights onto themselves."""
+        turned = self.turned(steps)
+        if min(turned) < 0:
+            return False
+        apart = np.abs(bonds[turned] - np.column_stack(self.of(*bonds.T))).max()
+        return bool(max(apart, np.abs(weight[turned] / weight - 1.0).max()) <= TOLERANCE)
+
+
+ROTATIONS = (Rotation(4), Rotation(2))
+
+
 def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarray) -> tuple[Stencil, int] | None:
     """Stencil of the undamaged families inside a lattice or grid, and the row that they share; None if there are none.
 
-    There are none on clouds, on lattices that are not square, with more than 32 members, and on sheets so small that
-    no family is complete and has equal weights.
+    There are none on clouds, with more than 32 members, and on sheets so small that no family is complete and has
+    equal weights.
 
     Args:
         families: The families.
@@ -24,33 +61,32 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
     """
     if families.family_class is None or families.steps is None or len(families.steps) > WORD:
         return None
-    steps = [(int(x), int(y)) for x, y in families.steps]
-    turned = [steps.index((-y, x)) if (-y, x) in steps else -1 for x, y in steps]
-    n, gridded = len(steps), families.layout == "grid"
+    n, gridded = len(families.steps), families.layout == "grid"
     row = families.commonest_row
     area, weight = families.areas[row], weights[row, :n] / families.areas[row]
     bonds, influence, common = (
         table[row, :n] if gridded else table for table in (families.bonds, families.influence, families.common)
     )
-    if min(turned) < 0 or not families.exists[row, :n].all() or not families.has_common:
+    if not families.exists[row, :n].all() or not families.has_common:
         return None
-    uneven = (
-        np.ptp(families.member_areas[row, :n]) / area,
-        np.abs(bonds[turned] - np.column_stack([-bonds[:, 1], bonds[:, 0]])).max(),
-        np.abs(weight[turned] / weight - 1.0).max(),
-    )
-    if max(uneven) > TOLERANCE:
+    if np.ptp(families.member_areas[row, :n]) > TOLERANCE * area:
         return None
-    quarter = [k for k, (x, y) in enumerate(steps) if x > 0 and y >= 0]
+    steps = [(int(x), int(y)) for x, y in families.steps]
+    found = [rotation for rotation in ROTATIONS if rotation.keeps(steps, bonds, weight)]
+    if not found:
+        return None
+    rotation = found[0]
+    part = rotation.part(steps)
     inside = unpack(common, n)
     stencil = Stencil(
         steps=tuple(steps),
-        turned=tuple(turned),
+        turns=rotation.turns,
+        turned=tuple(rotation.turned(steps)),
         moments=tuple((_even(x), _even(y)) for x, y in influence[:, None] * bonds),
-        quarter=tuple(quarter),
-        inside=tuple(tuple(bool(b) for b in inside[j]) for j in quarter),
-        inverse=tuple((_even(a), _even(b), _even(c)) for a, b, c in inverse[row, quarter] * area),
-        weights=tuple(_even(w) for w in weight[quarter]),
+        part=tuple(part),
+        inside=tuple(tuple(bool(b) for b in inside[j]) for j in part),
+        inverse=tuple((_even(a), _even(b), _even(c)) for a, b, c in inverse[row, part] * area),
+        weights=tuple(_even(w) for w in weight[part]),
     )
     return stencil, row
 

@@ -53,8 +53,12 @@ class BondAssociatedLaw(Protocol):
         """Arguments common to all launches of a law."""
         ...
 
-    def add_reference_force(self, stage: Stage, displacement: Array, inner: int = -1) -> None:
-        """Add the launch that fills `pairs`, except for undamaged families of the class `inner`."""
+    def add_reference_force(self, stage: Stage, displacement: Array) -> None:
+        """Add the launch that fills `pairs`."""
+        ...
+
+    def add_reference_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
         ...
 
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:

@@ -135,6 +135,11 @@ class ViscoForce(ElasticVisco):
             unit_volume=self.unit_volume, **self.internal,
         )  # fmt: skip
 
+    @property
+    def shown_internal(self) -> dict[str, Any]:
+        """Prony terms, strain and overstress."""
+        return {"prony": self.prony, "strain": self.internal["strain"], "overstress": self.internal["overstress"]}
+
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         state = {name: self.internal[name] for name in ("strain", "overstress")}

@@ -68,6 +68,13 @@ class NeoHookean:
         return neo_hookean_width
 
     @property
+    def volume(self) -> FunctionFactory:
+        """See `kernels.neo_hookean.neo_hookean_volume`."""
+        from ..kernels.neo_hookean import neo_hookean_volume
+
+        return neo_hookean_volume
+
+    @property
     def membrane(self) -> PairFactory:
         """See `kernels.neo_hookean.neo_hookean_membrane`."""
         from ..kernels.neo_hookean import neo_hookean_membrane
@@ -138,6 +145,13 @@ class Gent:
         from ..kernels.gent import gent_width
 
         return gent_width
+
+    @property
+    def volume(self) -> FunctionFactory:
+        """See `kernels.gent.gent_volume`."""
+        from ..kernels.gent import gent_volume
+
+        return gent_volume
 
     @property
     def membrane(self) -> PairFactory:

@@ -51,6 +51,13 @@ class Incompressible:
         return incompressible_width
 
     @property
+    def volume(self) -> FunctionFactory:
+        """See `kernels.incompressible.no_volume_change`."""
+        from ..kernels.incompressible import no_volume_change
+
+        return no_volume_change
+
+    @property
     def _made(self) -> kernels.Incompressible:
         from ..kernels.incompressible import incompressible
 
@@ -222,3 +229,10 @@ class Ogden:
         from ..kernels.tension_field import incompressible_width
 
         return incompressible_width
+
+    @property
+    def volume(self) -> FunctionFactory:
+        """See `kernels.incompressible.no_volume_change`."""
+        from ..kernels.incompressible import no_volume_change
+
+        return no_volume_change

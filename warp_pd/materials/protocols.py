@@ -56,6 +56,8 @@ class Capabilities:
         ratios: Numbers that decide the stress over mu, for the neural law.
         lock: Jm of a material that locks [-].
         width: Factory of the width in uniaxial tension, for `TensionField`.
+        volume: Factory of (G, constants) -> J^2 - 1, for the Cauchy stress.
+        wrinkle_width: Factory of the width that decides whether it wrinkles, of a material of tension field theory.
         goes_slack: Whether it carries nothing in compression.
     """
 
@@ -67,6 +69,8 @@ class Capabilities:
     ratios: Mapping[str, float] | None
     lock: float | None
     width: FunctionFactory | None
+    volume: FunctionFactory | None
+    wrinkle_width: FunctionFactory | None
     goes_slack: bool
 
 
@@ -81,6 +85,8 @@ def capabilities(material: Any) -> Capabilities:
         ratios=getattr(material, "ratios", None),
         lock=getattr(material, "lock", None),
         width=getattr(material, "width", None),
+        volume=getattr(material, "volume", None),
+        wrinkle_width=getattr(material, "wrinkle_width", None),
         goes_slack=getattr(material, "goes_slack", False),
     )
 

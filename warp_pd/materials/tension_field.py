@@ -71,12 +71,26 @@ class TensionField:
         return capabilities(self.material).lock
 
     @property
+    def wrinkle_width(self) -> FunctionFactory:
+        """Width of the material in uniaxial tension."""
+        from ..kernels.tension_field import width_from_stress
+
+        return capabilities(self.material).width or width_from_stress(self.material.functions)
+
+    @property
+    def volume(self) -> FunctionFactory | None:
+        """Volume change of the material at the taut strain; None if the material has none."""
+        from ..kernels.tension_field import relaxed_volume
+
+        volume = capabilities(self.material).volume
+        return relaxed_volume(volume, self.wrinkle_width) if volume is not None else None
+
+    @property
     def _relaxed(self) -> kernels.TensionField:
-        from ..kernels.tension_field import tension_field, width_from_stress
+        from ..kernels.tension_field import tension_field
 
         known = capabilities(self.material)
-        functions = self.material.functions
-        return tension_field(functions, known.near, known.response, known.width or width_from_stress(functions))
+        return tension_field(self.material.functions, known.near, known.response, self.wrinkle_width)
 
 
 def with_wrinkles(material: Material, wrinkles: str) -> Material:

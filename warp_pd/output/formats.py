@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from ..checks import InputError
@@ -10,8 +11,9 @@ from ..interfaces import Writer
 
 
 def file_writers(
-    folder: Path, surface: Surface, *, usd: bool, seconds_per_frame: float | None, append_from: int | None
-) -> list[Writer]:
+    folder: Path, surface: Surface, *, usd: bool, seconds_per_frame: float | None, append_from: int | None,
+    vtkhdf: bool = True, fields: Collection[str] | None = None,
+) -> list[Writer]:  # fmt: skip
     """Writers of the files in a folder.
 
     Args:
@@ -20,16 +22,20 @@ def file_writers(
         usd: Whether to write animation.usd.
         seconds_per_frame: Time between frames [s], if that is always the same.
         append_from: Index of the first frame of a resumed run, or None.
+        vtkhdf: Whether to write frames.vtkhdf.
+        fields: Names of the point fields of frames.vtkhdf besides the displacement; None: all.
 
     Raises:
         InputError: if a resumed run has lost its frames.
     """
-    from .vtkhdf import VtkHdfSeries
+    writers: list[Writer] = []
+    if vtkhdf:
+        from .vtkhdf import VtkHdfSeries
 
-    frames = folder / "frames.vtkhdf"
-    if append_from is not None and not frames.is_file():
-        raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {frames.name}")
-    writers: list[Writer] = [VtkHdfSeries(frames, surface, append_from=append_from)]
+        frames = folder / "frames.vtkhdf"
+        if append_from is not None and not frames.is_file():
+            raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {frames.name}")
+        writers.append(VtkHdfSeries(frames, surface, append_from=append_from, fields=fields))
     if usd:
         from .usd import UsdAnimation
 

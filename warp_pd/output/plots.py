@@ -1,174 +1,141 @@
-"""Pictures of results: surfaces in space, from above, and curves. Matplotlib is imported here and in `sheet_plot`."""
+"""Pictures of results: surfaces in space, from above, and curves."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..frame import format_time
-from .vtkhdf import read_ball, read_bodies, read_frame, read_series
+from ..shapes.topology import boundary_edges
+from .colour_scale import ColourScale, scale_of
+from .labels import ENERGIES, column_label, field_label
+from .picture_files import MOST_VECTORS, current, new_figure, save
+from .projection import View, material_lines, places_of, sphere
+from .shown import Shown, frames_at
 
-COLOURS = "inferno_r"
+SEQUENTIAL = "viridis"
 STYLES = ("-", "--", "-.", ":")
-ENERGIES = ("kinetic", "strain", "external", "damping", "rupture", "viscous", "contact", "sheet_friction")
-
-
-@dataclass(frozen=True, eq=False)
-class Shown:
-    """A frame as the pictures need it.
-
-    Attributes:
-        when: Its time or share of the load, in words.
-        points: Deformed positions [m], shape (N, 3).
-        reference: Reference positions [m], shape (N, 3).
-        triangles: Intact triangles, shape (F, 3).
-        fields: Point fields by name; u1, u2, u3 are the components of the displacement, and NAME_1, NAME_2, NAME_3
-            those of another vector field NAME.
-        ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
-        bodies: Vertices [m] and triangles of the outlines of other rigid bodies.
-    """
-
-    when: str
-    points: np.ndarray
-    reference: np.ndarray
-    triangles: np.ndarray
-    fields: dict[str, np.ndarray]
-    ball: tuple[np.ndarray, float] | None = None
-    bodies: Sequence[tuple[np.ndarray, np.ndarray]] = ()
-
-
-def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:
-    """The frames of `folder`/frames.vtkhdf nearest to the given times [s], each at most once."""
-    path = folder / "frames.vtkhdf"
-    series = read_series(path)
-    indices = sorted({int(np.argmin(np.abs(np.asarray(series.times) - t))) for t in times})
-    load_duration = series.metadata.get("load_duration")
-    return [_shown(path, index, load_duration) for index in indices]
-
-
-def _shown(path: Path, index: int, load_duration: float | None) -> Shown:
-    time, points, triangles, fields = read_frame(path, index)
-    for c in range(3):
-        fields[f"u{c + 1}"] = fields["displacement"][:, c]
-    for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
-        for c in range(fields[name].shape[1]):
-            fields[f"{name}_{c + 1}"] = fields[name][:, c]
-    when = format_time(time, load_duration)
-    return Shown(
-        when,
-        points,
-        points - fields["displacement"],
-        triangles,
-        fields,
-        read_ball(path, index),
-        read_bodies(path, index),
-    )
+# Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
+LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
+# Width of a panel, what labels take of it beside and below the box, and a line of a title [inches].
+PANEL, BESIDE, BELOW, TITLE_LINE = 4.4, 0.9, 1.15, 0.18
+# Height over width of a box: a lower one leaves room above, a taller one makes the panel narrower.
+LOWEST, TALLEST = 0.3, 1.4
+# Distances of tick labels and names from the edges of the box, and of labels from each other and from corners [points].
+TICK_APART, NAME_APART, TICK_NEXT, CORNER = 9.0, 32.0, 38.0, 14.0
 
 
 def surfaces(
     path: Path,
     frames: Sequence[Shown],
     field: str,
-    label: str,
+    label: str | None = None,
     limits: tuple[float, float] | None = None,
     view: tuple[float, float] = (28.0, -60.0),
 ) -> None:
-    """The deformed sheet in space at some times, coloured by a field and shaded; the ball shows through it.
+    """The deformed sheet in space at some times, coloured by a field, with lines of the material.
+
+    The colours are those of the bar: there is no shading.
 
     Args:
         path: Of the picture.
-        frames: One panel each.
+        frames: One panel each, all with one scale of colours.
         field: Name of the field.
-        label: Its name and unit.
+        label: Its name and unit; by default from `labels`.
         limits: Of the colours; by default those of the field.
         view: Elevation and azimuth of the eye [degrees].
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.ticker import MaxNLocator
-
+    scale = scale_of(frames, field, label or field_label(field), limits)
+    everything = np.concatenate([places_of(frame) for frame in frames])
+    seen = View.of(everything.min(axis=0), everything.max(axis=0), *view)
+    places = np.concatenate([everything, *(np.array(edge[1:3]) for edge in seen.edges())])
+    across = seen.seen(places)[:, :2]
+    low, high = across.min(axis=0), across.max(axis=0)
+    shape = max(float((high - low)[1] / (high - low)[0]), LOWEST)
+    wide = (PANEL - BESIDE) * min(1.0, TALLEST / shape)
     columns = _columns(len(frames))
     rows = -(-len(frames) // columns)
-    colours, norm = _colours(frames, field, limits)
-    figure = new_figure(5.2 * columns, 4.2 * rows)
-    figure.get_layout_engine().set(wspace=0.1)
-    axes_list = []
-    bounds = np.array([_bounds(f) for f in frames])
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-    extent = np.maximum(high - low, 1e-12)
-    shown_extent = np.maximum(extent, 0.25 * extent.max())
-    for k, frame in enumerate(frames):
-        axes = figure.add_subplot(rows, columns, k + 1, projection="3d", computed_zorder=False)
-        values = frame.fields[field][frame.triangles].mean(axis=1)
-        face = colours(norm(values))
-        face[:, :3] *= _shade(frame)[:, None]
-        axes.add_collection3d(_polygons(frame, face))
-        if frame.ball is not None:
-            axes.plot_surface(*_sphere(*frame.ball), color="tab:blue", alpha=0.35, linewidth=0, zorder=3)
-        for vertices, triangles in frame.bodies:
-            axes.plot_trisurf(
-                *vertices.T, triangles=triangles, color="tab:blue", alpha=0.35, linewidth=0, zorder=3
-            )  # fmt: skip
-        grown = shown_extent / extent
-        grown /= grown.min()
-        stretched = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", grown, strict=True) if g > 1.05]
-        axes.set(title="\n".join([frame.when, *stretched]))
-        for c, name in enumerate("xyz"):
-            getattr(axes, f"set_{name}lim")(low[c], low[c] + extent[c])
-            getattr(axes, f"set_{name}label")(f"{name} (m)")
-            getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4 if grown[c] <= 1.05 else 3))
-        axes.zaxis.labelpad = 8
-        # The background of a panel would hide the labels of the one before it.
-        axes.set_facecolor("none")
-        axes.set_box_aspect(shown_extent)
-        axes.view_init(elev=view[0], azim=view[1])
-        axes_list.append(axes)
-    figure.colorbar(ScalarMappable(norm, colours), ax=axes_list, label=label, shrink=0.7, pad=0.12)
+    points = 72.0 * wide / float((high - low)[0])
+    grown = [f"{name} drawn {g:.2g} times as large" for name, g in zip("xyz", seen.grown, strict=True) if g > 1.05]
+    tall = wide * shape + BELOW + TITLE_LINE * len(grown)
+    figure = new_figure((wide + BESIDE) * columns + 1.4, tall * rows + 0.3)
+    panels = figure.subplots(rows, columns, squeeze=False)
+    for axes, frame in zip(panels.flat, frames, strict=False):
+        axes.set_axis_off()
+        axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_title("\n".join([frame.when, *grown]), fontsize=10)
+        _paint(axes, frame, field, scale, seen)
+        _scale_the_box(axes, seen, points)
+    for axes in panels.flat[len(frames) :]:
+        axes.set_visible(False)
+    scale.add_bar(figure, panels, shrink=0.7)
+    _name(figure, frames)
     save(figure, path)
 
 
 def from_above(
-    path: Path, frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None = None
+    path: Path,
+    frames: Sequence[Shown],
+    field: str,
+    label: str | None = None,
+    limits: tuple[float, float] | None = None,
 ) -> None:
-    """The deformed sheet at some times, seen from +z, lower triangles drawn first."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.collections import PolyCollection
+    """The deformed sheet at some times, seen from +z, lower triangles drawn first; arguments as of `surfaces`."""
     from matplotlib.ticker import MaxNLocator
 
     columns = _columns(len(frames))
     rows = -(-len(frames) // columns)
-    colours, norm = _colours(frames, field, limits)
-    corners = np.concatenate([f.points[_used(f), :2] for f in frames])
+    scale = scale_of(frames, field, label or field_label(field), limits)
+    corners = np.concatenate([f.points[f.used, :2] for f in frames])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.03 * (high - low).max()
     width = 6.0 if columns == 1 else 4.2
     height = min(max(width * (high - low)[1] / (high - low)[0], 1.0), 1.5 * width)
     figure = new_figure(width * columns + 1.4, (height + 0.5) * rows + 0.4)
-    axes_grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for axes, frame in zip(axes_grid.flat, frames, strict=False):
-        order = np.argsort(frame.points[frame.triangles, 2].mean(axis=1))
-        triangles = frame.triangles[order]
-        face = colours(norm(frame.fields[field][triangles].mean(axis=1)))
-        face[:, :3] *= _shade(frame)[order][:, None]
-        axes.add_collection(PolyCollection(list(frame.points[triangles][:, :, :2]), facecolors=face, edgecolors=face))
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    seen = View(np.zeros(3), np.append(high, 0.0), np.ones(3), np.eye(3))
+    for axes, frame in zip(panels.flat, frames, strict=False):
+        _paint(axes, replace(frame, ball=None, bodies=()), field, scale, seen)
         axes.set(aspect="equal", title=frame.when)
         axes.xaxis.set_major_locator(MaxNLocator(5))
         axes.set_xlim(low[0] - margin, high[0] + margin)
         axes.set_ylim(low[1] - margin, high[1] + margin)
-    for axes in axes_grid.flat[len(frames) :]:
+    for axes in panels.flat[len(frames) :]:
         axes.set_visible(False)
     figure.supxlabel("x (m)")
     figure.supylabel("y (m)")
-    figure.colorbar(ScalarMappable(norm, colours), ax=axes_grid, label=label)
+    scale.add_bar(figure, panels)
+    _name(figure, frames)
     save(figure, path)
 
 
+def thumbnail(
+    axes: Any, frame: Shown, field: str, limits: tuple[float, float] | None = None, above: bool = False
+) -> None:
+    """One frame on axes that exist, without coordinates and bar, in space or seen from above."""
+    scale = scale_of([frame], field, "", limits)
+    places = places_of(frame)
+    low, high = places.min(axis=0), places.max(axis=0)
+    seen = View(low, high, np.ones(3), np.eye(3)) if above else View.of(low, high, 28.0, -60.0)
+    across = seen.seen(places)[:, :2]
+    if len(frame.triangles):
+        _paint(axes, frame, field, scale, seen)
+    else:
+        axes.scatter(*across.T, c=scale.colours(frame.fields[field]), s=6.0)
+    margin = 0.02 * float(np.ptp(across, axis=0).max())
+    axes.set(aspect="equal", xlim=(across[:, 0].min() - margin, across[:, 0].max() + margin),
+             ylim=(across[:, 1].min() - margin, across[:, 1].max() + margin))  # fmt: skip
+
+
 def reference(
-    path: Path, frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None = None
+    path: Path,
+    frames: Sequence[Shown],
+    field: str,
+    label: str | None = None,
+    limits: tuple[float, float] | None = None,
 ) -> None:
     """A field on the reference sheet at some times: where cracks run, whatever the sheet does in space."""
     from_above(path, [replace(f, points=f.reference) for f in frames], field, label, limits)
@@ -180,7 +147,7 @@ def curves(
     names: Sequence[str],
     ylabel: str,
     against: str = "time",
-    xlabel: str = "time (s)",
+    xlabel: str | None = None,
     marks: Sequence[tuple[float, float]] = (),
     marks_label: str = "reference",
 ) -> None:
@@ -192,25 +159,38 @@ def curves(
         names: Columns to draw; one that is missing is left out. If all are zero throughout, the picture says so.
         ylabel: Their name and unit.
         against: The column on the horizontal axis.
-        xlabel: Its name and unit.
+        xlabel: Its name and unit; by default the time, or in static runs the load factor.
         marks: Reference values (x, y).
         marks_label: What they are.
     """
     figure = new_figure(6.4, 4.0)
     axes = figure.subplots()
-    across = [row[against] for row in history]
+    draw_curves(axes, history, names, against)
+    if marks:
+        axes.plot(*zip(*marks, strict=True), "k+", markersize=10, label=marks_label)
+    axes.set(xlabel=xlabel or across_label(against), ylabel=ylabel)
+    axes.legend()
+    save(figure, path)
+
+
+def draw_curves(axes: Any, history: Sequence[dict[str, float]], names: Sequence[str], against: str = "time") -> None:
+    """Columns of the history against another one, on axes."""
+    duration = current().load_duration if against == "time" else None
+    across = [row[against] / (duration or 1.0) for row in history]
     known = [name for name in names if all(name in row for row in history)]
     for k, name in enumerate(known):
         # One curve may lie on another one.
-        axes.plot(across, [row[name] for row in history], STYLES[k % len(STYLES)], label=name.replace("_", " "))
+        axes.plot(across, [row[name] for row in history], STYLES[k % len(STYLES)], label=column_label(name))
     if not any(row[name] for row in history for name in known):
         axes.text(0.5, 0.5, "zero throughout", transform=axes.transAxes, ha="center")
-    if marks:
-        axes.plot(*zip(*marks, strict=True), "k+", markersize=10, label=marks_label)
-    axes.set(xlabel=xlabel, ylabel=ylabel)
     axes.grid(alpha=0.3)
-    axes.legend()
-    save(figure, path)
+
+
+def across_label(against: str) -> str:
+    """Name and unit of a column on the horizontal axis."""
+    if against != "time":
+        return column_label(against)
+    return "time (s)" if current().load_duration is None else "load factor"
 
 
 def profiles(path: Path, lines: Sequence[tuple[str, np.ndarray, np.ndarray, str]], xlabel: str, ylabel: str) -> None:
@@ -248,79 +228,118 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     axes = figure.subplots()
     length = np.sqrt(np.maximum(largest, 0.0) / (largest.max() if largest.max() > 0.0 else 1.0))
     drawn = axes.quiver(
-        x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=COLOURS, pivot="mid", headwidth=0,
+        x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=SEQUENTIAL, pivot="mid", headwidth=0,
         headlength=0, headaxislength=0, scale=0.7 * across,
     )  # fmt: skip
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    axes.set_title(frame.when, fontsize=10)
     figure.colorbar(drawn, ax=axes, label=label)
+    _name(figure, [frame])
     save(figure, path)
 
 
 def _columns(panels: int) -> int:
-    """One panel alone, two side by side, up to four in a square, more in rows of three."""
-    return 1 if panels == 1 else 2 if panels <= 4 else 3
+    """Up to three panels side by side, four in a square, more in rows of three."""
+    return 2 if panels == 4 else min(panels, 3)
 
 
-def _colours(frames: Sequence[Shown], field: str, limits: tuple[float, float] | None) -> tuple[Any, Any]:
-    from matplotlib import colormaps
-    from matplotlib.colors import Normalize
-
-    return colormaps[COLOURS], Normalize(*(limits or _range(frames, field)))
-
-
-def new_figure(width: float, height: float) -> Any:
-    """A figure that is drawn into files alone: pyplot, and the backend that a user chose for it, have no part in it."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
+def _name(figure: Any, frames: Sequence[Shown]) -> None:
+    """The scene above a picture that is not drawn by its run, which has said it."""
+    if not current().title and frames and frames[0].scene:
+        figure.suptitle(frames[0].scene, fontsize=10)
 
 
-def _polygons(frame: Shown, face: np.ndarray) -> Any:
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) -> None:
+    """Sheet, lines and bodies, the farthest first."""
+    from matplotlib.collections import PolyCollection
 
-    return Poly3DCollection(frame.points[frame.triangles], facecolors=face, edgecolors=face, linewidths=0.2)
-
-
-def _bounds(frame: Shown) -> np.ndarray:
-    """Lowest and highest coordinates of sheet and ball [m], shape (2, 3)."""
-    points = frame.points[_used(frame)]
+    sheet = seen.seen(frame.points[frame.triangles])
+    faces = scale.colours(frame.fields[field][frame.triangles].mean(axis=1))
+    outline, lines = frame.points[boundary_edges(frame.triangles)], material_lines(frame)
+    strokes = seen.seen(np.concatenate([lines, outline]))[:, [0, 1, 1]]
+    inks = np.concatenate([np.tile(LINE, (len(lines), 1)), np.tile(EDGE, (len(outline), 1))])
+    bodies, greys = _bodies(frame, seen)
+    # Lines lie on triangles: they come after those about them.
+    side = np.sqrt(np.abs(_areas(sheet)).mean()) if len(sheet) else 0.0
+    depth = np.concatenate([sheet[..., 2].mean(axis=1), strokes[..., 2].mean(axis=1) + 2.5 * side,
+                            bodies[..., 2].mean(axis=1)])  # fmt: skip
+    edges = np.concatenate([faces, inks, greys])
+    widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(lines), 0.5), np.full(len(outline), 0.5),
+                             np.full(len(bodies), 0.2)])  # fmt: skip
+    order = np.argsort(depth, kind="stable")
+    corners: Any = np.concatenate([sheet, strokes, bodies])[order, :, :2]
+    painted = PolyCollection(
+        list(corners), facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
+    )  # fmt: skip
+    painted.set_rasterized(len(corners) > MOST_VECTORS)
+    axes.add_collection(painted)
     if frame.ball is not None:
-        centre, diameter = frame.ball
-        points = np.vstack([points, centre - 0.5 * diameter, centre + 0.5 * diameter])
-    return np.array([points.min(axis=0), points.max(axis=0)])
+        _dash_the_ball(axes, frame.ball, seen)
 
 
-def _sphere(centre: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinates of a net on a sphere [m], each of shape (13, 25)."""
-    polar, around = np.meshgrid(np.linspace(0.0, np.pi, 13), np.linspace(0.0, 2.0 * np.pi, 25), indexing="ij")
-    direction = (np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar))
-    x, y, z = (c + 0.5 * diameter * d for c, d in zip(centre, direction, strict=True))
-    return x, y, z
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """Of triangles in the picture, shape (F,)."""
+    a, b = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+    return np.asarray(0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
-def _used(frame: Shown) -> np.ndarray:
-    """Points of intact triangles: loose points that fly away do not set the scale."""
-    return np.unique(frame.triangles) if len(frame.triangles) else np.arange(len(frame.points))
-
-
-def _shade(frame: Shown) -> np.ndarray:
-    """Brightness of each triangle under a light from above left, shape (F,)."""
-    corners = frame.points[frame.triangles]
+def _bodies(frame: Shown, seen: View) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of bodies in the picture, shape (F, 3, 3), and their shades of grey, shape (F, 4)."""
+    found = [*frame.bodies, *([sphere(*frame.ball)] if frame.ball is not None else [])]
+    corners = np.concatenate([np.zeros((0, 3, 3)), *(vertices[triangles] for vertices, triangles in found)])
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = normal / np.where(length > 0.0, length, 1.0)
-    light = np.array([-0.4, -0.5, 0.77])
-    return np.asarray(0.45 + 0.55 * np.abs(normal @ light))
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    shades = np.tile(BODY, (len(corners), 1))
+    shades[:, :3] *= 0.6 + 0.4 * np.abs(normal @ np.array([-0.4, -0.5, 0.77]))[:, None]
+    return seen.seen(corners), shades
 
 
-def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:
-    values = np.concatenate([f.fields[field][_used(f)] for f in frames])
-    low, high = float(values.min()), float(values.max())
-    return low, high if high > low else low + 1.0
+def _dash_the_ball(axes: Any, ball: tuple[np.ndarray, float], seen: View) -> None:
+    """The outline of the ball, also where the sheet hides it."""
+    from scipy.spatial import ConvexHull
+
+    shell = seen.seen(sphere(*ball)[0])[:, :2]
+    ring = ConvexHull(shell).vertices
+    axes.plot(*shell[np.append(ring, ring[0])].T, "--", color=(0.2, 0.25, 0.35), linewidth=0.7)
 
 
-def save(figure: Any, path: Path, **options: Any) -> None:
-    """Write a picture, complete or not at all, in the format of its suffix."""
-    aside = path.with_name(f".{path.name}.unfinished")
-    figure.savefig(aside, dpi=130, format=path.suffix[1:].lower(), **options)
-    os.replace(aside, path)
+def _scale_the_box(axes: Any, seen: View, points: float) -> None:
+    """Coordinates along three edges of the box around everything.
+
+    Args:
+        axes: Of the panel.
+        seen: The view.
+        points: Points (1/72 inch) that a unit of length takes in the picture, about.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    for c, start, end, away in seen.edges():
+        rim = seen.seen(np.array([start, end]))[:, :2]
+        axes.plot(*rim.T, color="0.4", linewidth=0.7, zorder=0, clip_on=False)
+        length = points * float(np.linalg.norm(rim[1] - rim[0]))
+        place = {"ha": _side(away[0], "right", "left"), "va": _side(away[1], "top", "bottom")}
+        style = {"textcoords": "offset points", "annotation_clip": False}
+        most = int(min(length / TICK_NEXT, 4))
+        for tick in MaxNLocator(most).tick_values(start[c], end[c]) if most else ():
+            share = (tick - start[c]) / (end[c] - start[c])
+            # Two labels would collide at a corner.
+            if not CORNER < share * length < length - CORNER:
+                continue
+            at = rim[0] + share * (rim[1] - rim[0])
+            axes.plot(*np.array([at, at + 4.0 / points * away]).T, color="0.4", linewidth=0.7, clip_on=False)
+            axes.annotate(f"{round(tick, 12):g}", at, tuple(TICK_APART * away), fontsize=8, **place, **style)
+        name = f"{'xyz'[c]} (m)"
+        if c == 2:
+            axes.annotate(name, rim[1], (0.0, 6.0), fontsize=9, ha="center", va="bottom", **style)
+        else:
+            apart = NAME_APART if most else TICK_APART
+            axes.annotate(name, rim.mean(axis=0), tuple(apart * away), fontsize=9, **place, **style)
+
+
+def _side(component: float, negative: str, positive: str) -> str:
+    """Where a text lies beside its place, so that it leads away from it."""
+    return "center" if abs(component) < 0.35 else positive if component > 0.0 else negative
+
+
+__all__ = ["ENERGIES", "Shown", "curves", "directions", "frames_at", "from_above", "new_figure", "profiles",
+           "reference", "save", "surfaces", "thumbnail"]  # fmt: skip

@@ -2,26 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checks import InputError
 from ..frame import Frame
 
-OWN_FIELDS = ("displacement", "velocity", "damage")
+TAKEN = ("displacement", "velocity", "damage")
 
 
-def point_fields(frame: Frame) -> dict[str, NDArray[Any]]:
-    """All point data of a frame by name, in the types the file stores."""
+class HeldFields(dict[str, NDArray[Any]]):
+    """Fields by name; one that is missing is told in one line."""
+
+    def __missing__(self, name: str) -> NDArray[Any]:
+        """Refuse a field that the frames do not hold.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(f"field {name!r}: the frames hold {', '.join(self)}; expected one of them")
+
+
+def point_fields(frame: Frame, held: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
+    """Point data of a frame by name, in the types the file stores.
+
+    Args:
+        frame: The frame.
+        held: Names of those that the file holds besides the displacement; None: all.
+    """
     fields = {"displacement": frame.displacement, "velocity": frame.velocity}
     if frame.damage is not None:
         fields["damage"] = frame.damage
     for name, values in frame.point_data.items():
-        if name in OWN_FIELDS or not name or "/" in name or name == ".":
+        if name in TAKEN or not name or "/" in name or name == ".":
             raise ValueError(f"point_data has a field '{name}'; expected any other name, without '/'")
         fields[name] = values
-    return {name: stored(np.asarray(values)) for name, values in fields.items()}
+    kept = fields if held is None else {name: fields[name] for name in fields if name in {"displacement", *held}}
+    return {name: stored(np.asarray(values)) for name, values in kept.items()}
 
 
 def stored(values: NDArray[Any]) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""Progress on the terminal: a bar where there is a terminal, a line now and then elsewhere."""
+"""Progress: a bar in a notebook or on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import math
 import sys
 from typing import Any
 
-from tqdm import tqdm
-
 from ..interfaces import FrameReport
+from .notebook import has_widgets, in_notebook
 
 
 class Progress:
@@ -33,18 +32,20 @@ class Progress:
         self._say(f"kernels ready after {seconds:.1f} s")
         if self.quiet:
             return
-        self._bar = tqdm(
+        bar, width = _bar_class()
+        self._bar = bar(
             total=100.0,
             file=sys.stderr,
-            disable=None if sys.stderr.isatty() else True,
-            bar_format="{l_bar}{bar}| {postfix} [{elapsed}<{remaining}]",
+            disable=not (sys.stderr.isatty() or in_notebook()),
+            # What matters least comes last: a narrow terminal cuts it off.
+            bar_format="{percentage:3.0f}%|" + width + "| {elapsed}<{remaining}  {desc}",
         )
 
     def frame(self, report: FrameReport) -> None:
         """A frame."""
         row, text = report.row, f"{report.when}, {report.steps_per_second:.0f} steps/s"
         if "balance_error" in row:
-            text += f", energy balance {100.0 * row['balance_error']:+.2f} %"
+            text += f", balance {100.0 * row['balance_error']:+.2f} %"
         if "largest_damage" in row:
             text += f", damage {row['largest_damage']:.2f}"
         self._show(100.0 * report.share, text, every=max(1, report.frames // 10))
@@ -70,8 +71,19 @@ class Progress:
             self._rounds += 1
             return
         self._bar.n = round(share, 1)
-        self._bar.set_postfix_str(text)
+        self._bar.set_description_str(text)
 
     def _say(self, line: str) -> None:
         if not self.quiet:
             print(line, file=sys.stderr, flush=True)
+
+
+def _bar_class() -> tuple[Any, str]:
+    """The bar of a notebook where it has widgets, otherwise that of a terminal; and the format of its width."""
+    if in_notebook() and has_widgets():
+        from tqdm.notebook import tqdm as of_notebook
+
+        return of_notebook, "{bar}"
+    from tqdm import tqdm
+
+    return tqdm, "{bar:6}"

@@ -11,7 +11,7 @@ import numpy as np
 from ..checks import InputError, said
 from ..shapes.topology import boundary_edges, boundary_rings, pieces
 from ..sheet import Sheet
-from .plots import new_figure, save
+from .picture_files import new_figure, save
 
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
 MAX_TRIANGLES, MAX_MARKERS, MAX_PARTS, SIDE = 20_000, 8_000, 18, 8.0
@@ -49,17 +49,22 @@ def draw_sheet(
     """
     if not isinstance(sheet, Sheet):
         raise InputError(f"sheet = {said(sheet)}: expected a Sheet")
-    target = None if path is None else _target(path)
+    written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
     figure, axes = _curved(sheet, view) if curved else _flat(sheet)
     axes.set_title("\n".join([*([title] if title else []), _described(sheet)]), fontsize=10, pad=20 if curved else 6)
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=8, frameon=False)
-    if target is not None:
-        save(figure, target, bbox_inches="tight", pad_inches=0.15)
+    if written is not None:
+        save(figure, written, bbox_inches="tight", pad_inches=0.15)
     return figure
 
 
-def _target(path: Any) -> Path:
+def target(path: Any) -> Path:
+    """The path of a picture.
+
+    Raises:
+        InputError: for one that cannot be written.
+    """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {said(path)}: expected the path of a picture or None")
     found = Path(path)
@@ -146,7 +151,10 @@ def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
     for c, name in enumerate("xyz"):
         getattr(axes, f"set_{name}lim")(low[c], high[c])
         getattr(axes, f"set_{name}label")(f"{name} (m)")
-        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(4))
+        # Labels of two axes would collide at a corner of the box.
+        margin = 0.1 * (high[c] - low[c])
+        ticks = [t for t in MaxNLocator(4).tick_values(low[c], high[c]) if low[c] + margin < t < high[c] - margin]
+        getattr(axes, f"{name}axis").set_ticks(ticks)
     axes.zaxis.labelpad = 14
     axes.set_box_aspect(np.maximum(high - low, 1e-3 * (high - low).max()))
     axes.view_init(elev=view[0], azim=view[1])

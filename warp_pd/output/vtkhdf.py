@@ -13,7 +13,7 @@ steps, without which no reader looks at the new rows, is written last. VTK's rea
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import InputError
-from ..frame import Frame, Surface
+from ..frame import Body, Frame, Surface
 from .hdf_columns import add_rows, columns, create_column, shorten
 from .point_fields import plain_value, point_fields, same_arrays
 from .shapes import require_writable
-from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies
+from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies, outlines_in
 
 _VERSION = (2, 2)
 
@@ -68,7 +68,10 @@ class VtkHdfSeries:
             series.write(frame)
     """
 
-    def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None,
+        fields: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
         """Begin a series, or go on with one.
 
         Args:
@@ -76,9 +79,11 @@ class VtkHdfSeries:
             surface: The reference sheet.
             append_from: Keep the frames before this one of the file that is there, drop the others, and go on
                 from here. None and 0 begin anew.
+            fields: Names of the point fields that it holds besides the displacement; None: all of a frame.
         """
         self.path = require_writable(path, (".vtkhdf", ".hdf"))
         self.surface = surface
+        self._chosen = fields
         self._frames = 0
         self._fields: tuple[str, ...] = ()
         self._held_faces: NDArray[np.integer] | None = None
@@ -101,7 +106,7 @@ class VtkHdfSeries:
             frame: The sheet's state. It must have the same fields (damage, point_data) on every frame.
         """
         self._require_next(frame)
-        fields = point_fields(frame)
+        fields = point_fields(frame, self._chosen)
         if frame.index == 0:
             self._create(frame, fields)
         else:
@@ -259,6 +264,12 @@ def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[
     """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
     with h5py.File(path, "r", locking=False) as file:
         return bodies_in(file, index)
+
+
+def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
+    """The ball and other rigid bodies of a VTKHDF file, each with its poses, shape (frames, 7)."""
+    with h5py.File(path, "r", locking=False) as file:
+        return outlines_in(file)
 
 
 class _NotASeries(Exception):

@@ -46,3 +46,19 @@ def bodies_in(file: Any, index: int) -> list[tuple[NDArray[np.float64], NDArray[
         body = Body(name, str(stored.attrs["kind"]), (), stored["vertices"][:], stored["triangles"][:])
         found.append((body.placed(file["VTKHDF/FieldData"][f"{POSE}{name}"][index]), body.triangles))
     return found
+
+
+def outlines_in(file: Any) -> list[tuple[Body, NDArray[np.float64]]]:
+    """The ball, a sphere without vertices, and each body, with its position [m] and quaternion, shape (frames, 7)."""
+    found = []
+    own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
+    if "ball_diameter" in own.attrs:
+        centres = columns["ball_center"][:]
+        poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
+        radius = 0.5 * float(own.attrs["ball_diameter"])
+        found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
+    for name, stored in own.items():
+        kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
+        body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
+        found.append((body, columns[f"{POSE}{name}"][:]))
+    return found

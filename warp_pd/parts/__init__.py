@@ -7,6 +7,7 @@ from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
 from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
 from .loads import BodyForce, PointForce, Pressure
+from .reaction import Reaction
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .self_contact import SelfContact
 from .supports import Fixed, Motion, stretching_edges
@@ -31,6 +32,7 @@ __all__ = [
     "Plane",
     "PointForce",
     "Pressure",
+    "Reaction",
     "RigidBall",
     "RigidBody",
     "RigidContact",

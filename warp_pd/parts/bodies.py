@@ -206,6 +206,25 @@ class BuiltBody(BuiltContact):
             row[f"{name}_rubbed"] = totals[f"{name}_rubbed"]
         return row
 
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean force [N] and torque [N m] since the row before, where the device sums them."""
+        name = self.part.name
+        sums = {
+            f"{name}_{what}_{c}": f"{name}_{given}_{c}"
+            for what, given in (("force", "impulse"), ("torque", "turn"))
+            for c in "xyz"
+        }
+        return {
+            column: (before.get(given, 0.0) - totals[given]) / elapsed if elapsed > 0.0 else 0.0
+            for column, given in sums.items()
+            if given in totals
+        }
+
+    def column_units(self) -> Mapping[str, str]:
+        """Newton, and newton meter."""
+        name = self.part.name
+        return {f"{name}_{what}_{c}": unit for what, unit in (("force", "N"), ("torque", "N m")) for c in "xyz"}
+
     def end_frame(self) -> None:
         """Begin to sum up anew."""
         for array in (self.impulse, self.turn):

@@ -139,6 +139,15 @@ class RigidContact(BuiltContact):
         """Force on the body since the last frame [N]."""
         return {f"{self.column}_{c}": -totals[f"impulse_{c}"] / elapsed if elapsed > 0.0 else 0.0 for c in "xyz"}
 
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Mean force since the row before [N], from the impulse since the last frame."""
+        given = {name: totals[name] - before.get(name, 0.0) for name in (f"impulse_{c}" for c in "xyz")}
+        return self.columns(given, elapsed)
+
+    def column_units(self) -> Mapping[str, str]:
+        """Newton."""
+        return dict.fromkeys(self.column_names(), "N")
+
     def end_frame(self) -> None:
         """Begin to sum up anew."""
         self.impulse.zero_()

@@ -9,6 +9,7 @@ import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
+from ..device.graph import run_once
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart
 from ..kernels.checks import BLOCK, frame_checks
@@ -127,6 +128,14 @@ class EnergyBalance(BuiltPart):
                 row["viscous"] = totals["viscous"]
         return row
 
+    def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """The same columns: all are sums."""
+        return self.columns(totals, elapsed)
+
+    def column_units(self) -> Mapping[str, str]:
+        """Joule, but for the error."""
+        return {**dict.fromkeys(self.column_names(), "J"), "balance_error": "1"}
+
 
 class Sums:
     """Sums of arrays over all points at frames: blocks on the device, in order, the rest on the host."""
@@ -148,7 +157,8 @@ class Sums:
         for name, array in self.arrays.items():
             self._rows += [name] if array.dtype is wp.float64 else [f"{name}_{c}" for c in "xyz"]
         shape = (len(self._rows), context.own_blocks)
-        self._sums = context.array("sums_of_blocks", OWNER, wp.float64, shape=shape, per="block")
+        self._gathering: Stage | None = None
+        self._sums = self._all = context.array("sums_of_blocks", OWNER, wp.float64, shape=shape, per="block")
 
     def add(self, stage: Stage) -> None:
         """Add the launches, after those that fill the arrays."""
@@ -160,6 +170,18 @@ class Sums:
             stage.launch(OWNER, kernel, blocks, values=self.context.own(values), row=row, sums=self._sums)
             row += 1 if scalar else 3
 
-    def totals(self) -> dict[str, float]:
-        """Sums as of the last frame, by name."""
-        return dict(zip(self._rows, self.context.whole_array(self._sums).sum(axis=1).tolist(), strict=True))
+    def totals(self, kept: Array | None = None) -> dict[str, float]:
+        """Sums as of the last frame, by name; or those that `keep` gave."""
+        sums = self.context.whole_array(self._sums) if kept is None else kept.numpy()
+        return dict(zip(self._rows, sums.sum(axis=1).tolist(), strict=True))
+
+    def keep(self) -> Array:
+        """A copy of the sums on the device, of the whole sheet; the host waits for nothing."""
+        stage = self._gathering
+        if stage is None:
+            context = self.context
+            stage = self._gathering = Stage("sums", "", context.device, context.module, context.block_dim, [])
+            self._all = context.all_blocks(stage, self._sums, "sums_of_all_blocks", OWNER)
+        run_once(self.context.device, stage)
+        kept: Array = wp.clone(self._all)
+        return kept

@@ -22,7 +22,9 @@ except ImportError:  # Windows has no such lock: there two runs at once are not 
     fcntl = None  # type: ignore[assignment]
 
 
-RESULTS = ("summary.json", "history.csv", restart.NAME, "frames.vtkhdf", "animation.usd")
+PAGE = "view.html"
+FINE = "fine_history.csv"
+RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "animation.usd", PAGE)
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
@@ -153,7 +155,7 @@ def clear(folder: Path) -> None:
 def clear_unfinished(folder: Path) -> None:
     """Remove what a killed run was about to write; no resumed one reads it."""
     for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
-                    f"{restart.NAME}.part", ".*.png.unfinished"):  # fmt: skip
+                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()
 
@@ -177,7 +179,7 @@ def read_history(path: Path) -> History:
 def write_atomically(path: Path, text: str) -> None:
     """Write a file under another name and move it into place when it is complete."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text)
+    part.write_text(text, encoding="utf-8")
     os.replace(part, path)
 
 

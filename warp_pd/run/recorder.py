@@ -17,6 +17,7 @@ from ..interfaces import FrameReport, History, Reporter, Writer
 from ..scene import Measure, Outcome
 from .divergence import Soundness
 from .energy_balance import balance_error
+from .fine_history import FineHistory
 
 # Restart files of a run, about: each makes the writers bring their files to the disk.
 RESTARTS = 40
@@ -38,6 +39,7 @@ class Recorder:
         history: One row per frame.
         last: The last frame, or None.
         step_seconds: Seconds spent in steps.
+        fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
     """
 
@@ -56,11 +58,14 @@ class Recorder:
     history: History = field(default_factory=list)
     last: Frame | None = None
     step_seconds: float = 0.0
+    fine: FineHistory | None = None
     stop_asked: bool = False
 
     def __post_init__(self) -> None:
         """Begin to look at the state."""
         self.soundness = Soundness(self.built)
+        if getattr(self.built.simulation.solver, "history_every", None) is not None:
+            self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
 
     def start_clock(self) -> None:
@@ -77,6 +82,11 @@ class Recorder:
     def ask_to_stop(self) -> None:
         """Let the run end at the next frame, or in the middle of a long one."""
         self.stop_asked, self._asked_at = True, perf_counter()
+
+    def row(self, now: float, dt: float) -> None:
+        """Keep a row of the finer history."""
+        if self.fine is not None:
+            self.fine.keep(now, dt)
 
     def keep_going(self) -> None:
         """End a frame that takes long after the user asked to stop; what it computed is repeated when resumed."""
@@ -97,6 +107,8 @@ class Recorder:
         for part in self.built.parts:
             part.end_frame()
         crew.lead(lambda: None if found is None else self._record(*found, index, steps, dt))
+        if self.fine is not None and not crew.leads:
+            self.fine.forget()
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
         if self.stop_asked:
@@ -109,6 +121,8 @@ class Recorder:
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
         frame = snapshot(built, index, now)
+        if self.fine is not None:
+            self.fine.end_frame(now, dt, totals, self.time)
         return frame, self._row(frame, totals, now - self.time, dt)
 
     def _record(self, frame: Frame, row: dict[str, float], index: int, steps: int, dt: float) -> None:

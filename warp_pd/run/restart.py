@@ -49,7 +49,12 @@ class Identity:
 def identity(scene: Scene, built: Built) -> Identity:
     """What a restart file of this run belongs to."""
     named = {f.name: getattr(scene, f.name) for f in fields(Scene) if f.name not in REPORTED}
+    if named["chosen_fields"] is None:
+        # Files of earlier versions have no such entry.
+        del named["chosen_fields"]
     texts = {key: text for name, part in named.items() for key, text in _texts(name, part)}
+    # Rows between frames change nothing of the state.
+    texts.pop("solver.history_every", None)
     # Columns of the history: what a measure computes may change, its name may not.
     measures = ", ".join(measure.name for measure in scene.measures)
     also = {"measures": measures, "functions": built.law.fingerprint()}

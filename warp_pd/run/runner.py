@@ -8,62 +8,55 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from ..built import Built, compose
-from ..checks import InputError, kind_and_text, user_code
-from ..frame import Frame, Surface
+from ..checks import InputError, kind_and_text, one_of, user_code
+from ..frame import Surface
 from ..interfaces import History, Reporter, Writer
 from ..output.background import Background
 from ..output.formats import file_writers
+from ..output.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..scene import Scene, check_writers
 from ..scene_context import share_of
 from . import restart
+from .chosen import Files, held_fields
 from .divergence import DivergedError
-from .folder import clear, clear_unfinished, require_room, sole_use, writable_folder, write_atomically, write_history
+from .fine_history import with_fine_history
+from .folder import (
+    FINE,
+    PAGE,
+    clear,
+    clear_unfinished,
+    read_history,
+    require_room,
+    sole_use,
+    writable_folder,
+    write_atomically,
+    write_history,
+)
 from .processes import crew_here
 from .recorder import Recorder, snapshot
+from .result import Result
 from .summary import Seconds, summary_of
+from .view import LARGE, write_page
 
 # Bytes that a frame takes per point, in both formats, and those of history, summary and what is about them.
 BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
 
+# A search that got a part of the way, and no farther.
+LIMIT_POINT = (
+    "if the load has its maximum there (a limit point), no equilibrium exists beyond it: prescribe the displacement "
+    "(Motion) or the volume (EnclosedVolume) instead of the load, or follow the jump with Explicit and damping; "
+    "otherwise try more load_steps"
+)
+
 FINISHED, DIVERGED, NOT_CONVERGED, STOPPED = "finished", "diverged", "not converged", "interrupted"
-
-
-@dataclass(repr=False)
-class Result:
-    """What a run leaves.
-
-    Attributes:
-        summary: Content of summary.json.
-        history: One row per frame: time (load time of a static solver), energies, ball reaction, largest damage,
-            measures.
-        built: The simulation as it ended.
-        frame: The last frame.
-        folder: Where the files are, or None.
-    """
-
-    summary: dict[str, Any]
-    history: History
-    built: Built
-    frame: Frame
-    folder: Path | None = None
-
-    def __repr__(self) -> str:
-        """One line: all arrays of a simulation would fill a notebook."""
-        numbers = ", ".join(f"{name} = {found['value']}" for name, found in self.summary["measures"].items())
-        return f"Result({self.summary['scene']}: {self.status}, {len(self.history)} frames; {numbers or 'no measures'})"
-
-    @property
-    def status(self) -> str:
-        """How the run ended: "finished", "diverged", "not converged" or "interrupted"."""
-        return str(self.summary["status"])
 
 
 def run(
@@ -77,13 +70,17 @@ def run(
     usd: bool = True,
     reporter: Reporter | None = None,
     writers: list[Writer] | None = None,
-    pictures: bool = True,
+    pictures: bool | str = True,
+    vtkhdf: bool = True,
+    fields: Sequence[str] | None = None,
+    view: bool = True,
+    history_every: float | None = None,
 ) -> Result:
     """Run a scene to its end.
 
     Args:
         scene: What to run.
-        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json and pictures;
+        out: Folder for frames.vtkhdf, animation.usd, history.csv, restart.npz, summary.json, pictures and view.html;
             None writes nothing.
         device: "cpu", "cuda:0", ...; CUDA by default where there is one.
         precision: 32 or 64; by default the solver's.
@@ -92,7 +89,13 @@ def run(
         usd: Whether to write animation.usd.
         reporter: Shows progress; see `output.progress`.
         writers: More writers of frames.
-        pictures: Whether to draw the scene's pictures.
+        pictures: Whether to draw pictures, or their format: "png" (the default), "pdf", "svg", or several such as
+            "png,pdf".
+        vtkhdf: Whether to write frames.vtkhdf. Without it there are no pictures and no page.
+        fields: Names of the point fields that frames.vtkhdf holds besides the displacement and the scene's own
+            `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
+        view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
+        history_every: Time between rows of the finer history [s], in place of that of the solver; see `Explicit`.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -103,6 +106,12 @@ def run(
     """
     check_writers(writers or [])
     crew, device = crew_here(device)
+    if fields is not None:
+        scene = replace(scene, chosen_fields=fields)
+    if history_every is not None:
+        scene = with_fine_history(scene, history_every)
+    formats = picture_formats(pictures)
+    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
     # Files and progress are those of the first process.
     folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)
     given, shown = (list(writers or []), reporter) if crew.leads else ([], None)
@@ -112,17 +121,18 @@ def run(
         if crew.size > 1:
             crew.divide(crew.together(lambda: share_of(scene, crew)))
         built = crew.together(lambda: compose(scene, device, precision, crew))
-        return _run(built, folder, begin, resume, usd, shown, given, pictures)
+        return _run(built, folder, begin, resume, files, shown, given)
 
 
 def _run(
-    built: Built, folder: Path | None, begin: float, resume: bool, usd: bool, reporter: Reporter | None,
-    writers: list[Writer], pictures: bool,
+    built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
+    writers: list[Writer],
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene, crew = built.simulation, built.context.crew
+    held = held_fields(built)
     known = None if folder is None else restart.identity(scene, built)
-    saved = crew.spread(crew.together(lambda: _saved(folder, known, resume, usd)))
+    saved = crew.spread(crew.together(lambda: _saved(folder, known, resume, files)))
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = crew.in_turn(built.context.compile)
@@ -131,7 +141,7 @@ def _run(
     recorder = Recorder(built, writers, reporter)
     crew.together(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
-    crew.lead(lambda: _add_files(recorder, folder, known, usd, append_from))
+    crew.lead(lambda: _add_files(recorder, folder, known, files, held, append_from))
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
@@ -142,41 +152,33 @@ def _run(
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
 
-    def finish() -> tuple[dict[str, Any], History, Path | None]:
+    def finish() -> tuple[dict[str, Any], History, History, Path | None]:
         result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
+        result.fine_history = [] if recorder.fine is None else recorder.fine.rows
         if folder is not None:
-            _finish(result, folder, pictures)
-        return result.summary, result.history, folder
+            _finish(result, folder, files)
+        return result.summary, result.history, result.fine_history, folder
 
-    summary, history, folder = crew.spread(crew.lead(finish)) or ({}, [], None)
-    return Result(summary, history, built, last.in_double(), folder)
+    summary, history, fine, folder = crew.spread(crew.lead(finish)) or ({}, [], [], None)
+    result = Result(summary, history, built, last.in_double(), folder)
+    result.fine_history = fine
+    return result
 
 
-def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, usd: bool) -> dict[str, Any] | None:
+def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, files: Files) -> dict[str, Any] | None:
     """What the restart file of a run that goes on holds, or None; clears what must not be mistaken for this run's."""
     if folder is None or known is None:
         return None
     saved = restart.load(folder / restart.NAME, known) if resume else None
     if saved is not None:
-        _require_same_files(folder, usd)
-        # It tells of a run that is over, which this one is not.
-        (folder / "summary.json").unlink(missing_ok=True)
+        files.require_same(folder)
+        # They tell of a run that is over, which this one is not.
+        for name in ("summary.json", PAGE):
+            (folder / name).unlink(missing_ok=True)
     else:
         clear(folder)
     clear_unfinished(folder)
     return saved
-
-
-def _require_same_files(folder: Path, usd: bool) -> None:
-    """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.
-
-    Raises:
-        InputError: for an animation that is there and should not be, or the other way.
-    """
-    begun = (folder / "animation.usd").is_file()
-    if usd != begun:
-        there, wanted = ("holds", "usd = True, without --no-usd") if begun else ("lacks", "usd = False, --no-usd")
-        raise InputError(f"resume in {str(folder)!r}: it {there} animation.usd; expected {wanted}, as it began")
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
@@ -192,8 +194,9 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
 
 
 def _add_files(
-    recorder: Recorder, folder: Path | None, known: restart.Identity | None, usd: bool, append_from: int | None
-) -> None:
+    recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
+    held: frozenset[str] | None, append_from: int | None,
+) -> None:  # fmt: skip
     """Let the recorder write frames, history and restart files, in a thread beside the computation."""
     if folder is None or known is None:
         return
@@ -202,10 +205,23 @@ def _add_files(
     surface = surface_of(recorder.built)
     room = partial(_require_room, folder, _room_of_a_frame(recorder.built))
     room()
-    files = Background(file_writers(folder, surface, usd=usd, seconds_per_frame=equal, append_from=append_from), room)
+    writers = file_writers(
+        folder, surface, usd=chosen.usd, seconds_per_frame=equal, append_from=append_from, vtkhdf=chosen.vtkhdf,
+        fields=held,
+    )  # fmt: skip
+    files = Background(writers, room)
     others = list(recorder.writers)
     recorder.writers.append(files)
-    recorder.kept = partial(write_history, folder / "history.csv")
+    fine = recorder.fine
+    if fine is not None and append_from is not None and (folder / FINE).is_file():
+        fine.resume(read_history(folder / FINE), recorder.time)
+
+    def keep(history: History) -> None:
+        write_history(folder / "history.csv", history)
+        if fine is not None:
+            write_history(folder / FINE, fine.rows)
+
+    recorder.kept = keep
 
     def save() -> None:
         for writer in others:
@@ -261,17 +277,27 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     return status, message
 
 
-def _finish(result: Result, folder: Path, pictures: bool) -> None:
-    """Write the summary and draw the pictures."""
-    before = {p.name: p.stat().st_mtime_ns for p in folder.glob("*.png")}
+def _finish(result: Result, folder: Path, files: Files) -> None:
+    """Write the summary, draw the pictures, write the page."""
+    before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
     summary = result.summary
+    large = result.built.context.whole.size > LARGE
+    if files.view and large:
+        summary["notes"].append(f"view.html: not written for so many points; `warp-pd view {folder}` writes it")
     # First, so that a picture that cannot be drawn does not take the numbers with it.
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     scene = result.built.simulation
-    if pictures and scene.pictures is not None:
-        draw(scene, result.history, folder)
-    summary["pictures"] = sorted(p.name for p in folder.glob("*.png") if p.stat().st_mtime_ns != before.get(p.name))
+    if files.pictures:
+        try:
+            draw(scene, result.history, folder, files.pictures)
+        except InputError as error:
+            if scene.chosen_fields is None:
+                raise
+            summary["notes"].append(f"pictures: not all were drawn, as `fields` leaves out what they show: {error}")
+    summary["pictures"] = sorted(p.name for p in pictures_in(folder) if p.stat().st_mtime_ns != before.get(p.name))
     write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    if files.view and not large:
+        write_page(folder)
 
 
 def headline(built: Built) -> str:
@@ -298,23 +324,44 @@ def surface_of(built: Built) -> Surface:
     )
 
 
-def draw(scene: Scene, history: History, folder: Path) -> None:
-    """Draw the scene's pictures.
+def picture_formats(pictures: bool | str) -> tuple[str, ...]:
+    """The formats of the pictures; empty for none.
+
+    Raises:
+        InputError: for another format.
+    """
+    if isinstance(pictures, bool):
+        return ("png",) if pictures else ()
+    names = [name.strip().lower().removeprefix(".") for name in str(pictures).split(",")]
+    return tuple(dict.fromkeys(one_of("pictures", name, FORMATS) for name in names))
+
+
+def draw(scene: Scene, history: History, folder: Path, formats: tuple[str, ...] = ("png",)) -> None:
+    """Draw the scene's pictures; those of `output.default_pictures` if it has no function for them.
 
     Raises:
         InputError: if its function raises, as on frames that are damaged.
     """
-    assert scene.pictures is not None
-    with user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"):
-        scene.pictures(history, folder)
+    with (
+        user_code(lambda error: f"pictures: {kind_and_text(error)}; the results are in {folder}"),
+        drawing(Drawing(scene.scene, formats, scene.load_duration)),
+    ):
+        if scene.pictures is not None:
+            scene.pictures(history, folder)
+            return
+        from ..output import default_pictures
+
+        default_pictures.draw(history, folder, {measure.name: measure.unit for measure in scene.measures})
 
 
 def _not_converged(recorder: Recorder) -> str:
     assert recorder.solve is not None
-    return (
+    reached = recorder.solve["reached"]
+    text = (
         f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
-        f"the last good load step is at {100.0 * recorder.solve['reached']:.4g} % of the path"
+        f"the last good load step is at load factor {reached:.4g}"
     )
+    return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
 
 
 def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -14,9 +15,22 @@ from .edges import edge_points
 from .shape import Shape
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SelectableShape(Shape):
     """A shape whose points can be picked by where they are."""
+
+    def __repr__(self) -> str:
+        """One line."""
+        extent = " x ".join(f"{length:.4g}" for length in np.ptp(self.points, axis=0))
+        return f"{type(self).__name__}({extent} m, {len(self.points)} points, spacing {self.spacing:.4g} m)"
+
+    def as_cloud(self) -> Self:
+        """The same shape, its lattice or grid forgotten: bonds are then stored in a table."""
+        return replace(self, lattice=None, grid=None)
+
+    def _require_flat(self, what: str) -> None:
+        if self.frames is not None:
+            raise InputError(f"{what}: expected a flat sheet, got a curved one")
 
     def edges(self, *names: str) -> np.ndarray:
         """Indices of the points on named edges; "all" is the outline and all holes.

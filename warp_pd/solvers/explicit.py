@@ -46,6 +46,9 @@ class Explicit:
             ball makes it shorter: no step lets a ball move further than a quarter of a spacing, or of its radius; an
             eighth if bonds can break.
         step: A fixed dt [s] instead; refused if it is above either.
+        history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None: it has none. The
+            rows change nothing of the run. They hold what the device sums: energies, losses, contact forces and
+            those of `Reaction`; measures are taken at frames.
     """
 
     duration: float
@@ -53,6 +56,7 @@ class Explicit:
     damping: float = 0.0
     safety: float | None = None
     step: float | None = None
+    history_every: float | None = None
     precision: int = 32
 
     dynamic: ClassVar[bool] = True
@@ -75,6 +79,8 @@ class Explicit:
             raise InputError(f"safety = {self.safety!r}: expected a number above 0, up to 1.2")
         if self.step is not None:
             positive("step", self.step)
+        if self.history_every is not None:
+            positive("history_every", self.history_every)
 
     @property
     def frame_count(self) -> int:
@@ -116,7 +122,7 @@ class BuiltExplicit(BuiltSolver):
 
     def __init__(self, solver: Explicit, context: Context) -> None:
         self.solver, self.context = solver, context
-        self._since_estimate = 0
+        self._since_estimate = self._since_row = 0
         default = RUPTURE_SAFETY if context.features.breakable else SAFETY
         self.safety = default if solver.safety is None else solver.safety
 
@@ -140,7 +146,7 @@ class BuiltExplicit(BuiltSolver):
 
     def run(self, sink: FrameSink) -> str:
         """Run to the end, handing every frame to the sink; returns the final status."""
-        one, ten = self.context.sequence("step"), self.context.sequence("step", repeat=10)
+        self._one, self._ten = self.context.sequence("step"), self.context.sequence("step", repeat=10)
         since = self._since_estimate
         if sink.stable_dt is None:
             sink.stable_dt = self.estimate(FIRST_ITERATIONS)
@@ -159,16 +165,30 @@ class BuiltExplicit(BuiltSolver):
                 steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
                 dt = (end - now) / left
                 self._set_step(dt, now)
-                for _ in range(steps // 10):
-                    ten.run()
-                for _ in range(steps % 10):
-                    one.run()
+                self._take(steps, dt, now, sink)
                 since += steps
                 taken += steps
                 now = end if steps == left else now + steps * dt
-            self._since_estimate = since
+            self._since_estimate, self._since_row = since, 0
             sink.frame(index, end, taken, dt)
         return "finished"
+
+    def _take(self, steps: int, dt: float, begin: float, sink: FrameSink) -> None:
+        """Take steps, with rows of the history between them if the user wants any."""
+        every = self.solver.history_every
+        taken = 0
+        while taken < steps:
+            chunk = steps if every is None else min(steps - taken, max(1, round(every / dt) - self._since_row))
+            for _ in range(chunk // 10):
+                self._ten.run()
+            for _ in range(chunk % 10):
+                self._one.run()
+            taken += chunk
+            if every is not None:
+                self._since_row += chunk
+                if self._since_row >= max(1, round(every / dt)):
+                    self._since_row = 0
+                    sink.row(begin + taken * dt, dt)
 
     def estimate(self, iterations: int) -> float:
         """Stable step [s], a bound of it from below; infinite if nothing resists."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warp_pd.device import graph
 from warp_pd.device.context import find_device
 from warp_pd.device.graph import LaunchSequence, side_stream_waits
 from warp_pd.device.launches import Stage, Touched
@@ -220,3 +221,29 @@ def test_a_kernel_without_first_is_named():
         @kernel(MODULE)
         def add_one(a: wp.array(dtype=float)):
             a[wp.tid()] = 1.0
+
+
+@pytest.mark.parametrize("split_from", [0.0, np.inf], ids=["slices", "whole"])
+def test_a_launch_that_takes_long_is_split_over_the_cores(monkeypatch, split_from):
+    monkeypatch.setattr(graph, "SPLIT_FROM", split_from)
+    monkeypatch.setattr(graph, "available_cores", lambda: 3)
+    a, b = (wp.array(np.arange(1000.0, dtype=np.float32), device="cpu") for _ in range(2))
+    made = stage()
+    made.pointwise("one", twice(), 1000, source=a, out=b)
+    made.launch("two", add_kernel(), 1000, a=a, b=b)
+    launches = [graph.CpuLaunch(item, made.device) for item in made]
+    for _ in range(graph.TIMED_RUNS + 2):
+        for launch in launches:
+            launch.run()
+    assert [len(launch.slices) for launch in launches] == ([3, 3] if split_from == 0.0 else [1, 1])
+    np.testing.assert_array_equal(b.numpy(), 3.0 * np.arange(1000.0))
+
+
+def test_a_launch_with_one_thread_is_not_split(monkeypatch):
+    monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
+    made = stage()
+    made.launch("two", add_kernel(), 1, a=array(1.0), b=array(1.0))
+    launch = graph.CpuLaunch(next(iter(made)), made.device)
+    for _ in range(graph.TIMED_RUNS + 1):
+        launch.run()
+    assert len(launch.slices) == 1

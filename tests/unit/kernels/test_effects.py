@@ -30,8 +30,11 @@ from warp_pd import (
     Free,
     Motion,
     Newton,
+    Nodal,
     PointForce,
     Pressure,
+    Prony,
+    Reaction,
     Relaxation,
     RigidBall,
     RigidBody,
@@ -39,6 +42,8 @@ from warp_pd import (
     Simulation,
     Sphere,
     TearingEnergy,
+    Visco,
+    Yeoh,
     together,
 )
 from warp_pd.device import launches
@@ -77,7 +82,14 @@ def further():
     volume = EnclosedVolume([(0.0, 1e-5)], stiffness=1e6)
     both = together(square(9), square(7))
     moves = [Motion(drawn.edges("right"), [0.0, 1.0], x=[0.0, 1e-3])]
+    shown = ("stretch", "direction", "first_piola", "cauchy", "wrinkle_state", "bonds")
+    visco = Visco(Yeoh(1e5, 1e3), horizon=2.015, prony=(Prony(c10=1e5, time=1.0),))
     return {
+        "fields of bonds torn": Simulation(
+            plane, law, Explicit(1.0), fields=shown, damage=CriticalStretch(2.0), loads=[clamp, Reaction([3, 4, 5])]
+        ),
+        "fields of families": Simulation(plane, Nodal(NEO, 2.015), Explicit(1.0), fields=shown),
+        "fields of viscous bonds": Simulation(small_tube(), visco, Explicit(1.0), fields=shown),
         "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
         "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
         "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),

@@ -51,7 +51,7 @@ WRONG = [
         lambda: Simulation(square(9), BondAssociated(NeoHookean(1.0, 1.0)), Explicit(1.0), fields=("stress",)).build(
             "cpu"
         ),
-        "fields = ['stress']",
+        "fields = 'stress': expected one of",
     ),
     (lambda: Newton(stiffness="secant"), "stiffness = 'secant'"),
     (

@@ -163,6 +163,18 @@ def test_a_large_curved_sheet_has_fewer_triangles_of_the_same_surface(monkeypatc
     assert "triangles, joined to larger ones" in labels(drawn(sheet))
 
 
+@pytest.mark.parametrize(("radius", "length"), [(0.02, 0.06), (0.02, 0.02), (0.1, 0.03)])
+def test_coordinates_of_a_curved_sheet_do_not_collide(radius, length):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    axes = drawn(tube(32, 12, radius, length))
+    FigureCanvasAgg(axes.figure).draw()
+    every = [axis.get_majorticklabels() for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+    assert min(len(labels) for labels in every) >= 1
+    boxes = [label.get_window_extent() for labels in every for label in labels if label.get_text()]
+    assert not [1 for k, a in enumerate(boxes) for b in boxes[:k] if a.overlaps(b)]
+
+
 def test_points_behind_a_closed_surface_are_hidden():
     corners = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]], float)
     faces = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)]

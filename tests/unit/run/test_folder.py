@@ -33,7 +33,7 @@ def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_pa
 @pytest.mark.parametrize("usd", [True, False])
 def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
     left = [".animation.unfinished.usdc", ".animation.copy.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
-            "history.csv.part", "summary.json.part", ".damage.png.unfinished"]  # fmt: skip
+            "history.csv.part", "summary.json.part", "view.html.part", ".damage.png.unfinished"]  # fmt: skip
     sheet = square(7)
     simulation = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=2), [Fixed(sheet.edges())])
     (tmp_path / ".mine.usdc").write_bytes(b"mine")
@@ -41,7 +41,7 @@ def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
         for name in left:
             (tmp_path / name).write_bytes(b"half")
         assert simulation.run(out=tmp_path, device="cpu", usd=usd, resume=resume).status == "finished"
-        results = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"} | (
+        results = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json", "view.html"} | (
             {"animation.usd"} if usd else set()
         )
         assert {p.name for p in tmp_path.iterdir()} == {".mine.usdc"} | results

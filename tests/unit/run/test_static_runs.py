@@ -69,9 +69,9 @@ def test_static_runs_say_their_share_of_the_load_and_no_time(tmp_path, capfd):
     summary = simulation.run(out=tmp_path, device="cpu", reporter=Progress()).summary
     assert summary["time"] is None and summary["load_share"] == 1.0
     said = capfd.readouterr().err
-    assert "50 % of the load" in said and "t = " not in said
-    assert "0 % of the load to 100 % of the load" in info.describe(tmp_path / "frames.vtkhdf")
-    assert [frame.when for frame in plots.frames_at(tmp_path, [1.5, 3.0])] == ["50 % of the load", "100 % of the load"]
+    assert "load factor 0.5" in said and "t = " not in said
+    assert "load factor 0 to load factor 1" in info.describe(tmp_path / "frames.vtkhdf")
+    assert [frame.when for frame in plots.frames_at(tmp_path, [1.5, 3.0])] == ["load factor 0.5", "load factor 1"]
 
 
 def test_too_few_steps_end_as_not_converged():

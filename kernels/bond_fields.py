@@ -1,0 +1,163 @@
+"""Fields of laws with a gradient for every bond, and counts of bonds; see kernels/principal_fields.py."""
+
+import functools
+
+import warp as wp
+
+from .bits import without_lowest_bit
+from .bond_associated import bond_associated
+from .bond_state import bond_state
+from .effects import Kernel, kernel
+from .factories import FunctionFactory, PairFactory
+from .families import family_functions
+from .incompressible import incompressible, yeoh
+from .numeric import numeric
+from .principal_fields import Wanted, image_of, showing, tensors
+
+
+@functools.cache
+def bond_fields(
+    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, volume: FunctionFactory | None,
+    width: FunctionFactory | None, viscous: bool, stiffened: bool, wanted: Wanted, module: str, shown_module: str,
+) -> Kernel:  # fmt: skip
+    """Kernel of the fields of a law with a gradient for every bond; see `bond_associated` for the first arguments.
+
+    Args:
+        layout: Layout of the families.
+        bits: 32 or 64.
+        material: Factory of (stress, energy).
+        breakable: None, or how the weights of a damaged family are treated.
+        form: "variational" or "published".
+        volume: Factory of (G, constants) -> J^2 - 1, needed for the Cauchy stress.
+        width: Factory of the width in uniaxial tension of a material of tension field theory, or None.
+        viscous: Whether the stress has Prony terms, see kernels/visco.py.
+        stiffened: Whether the moduli have a factor at each point.
+        wanted: What to fill.
+        module: Name of the Warp module of the law.
+        shown_module: Name of the Warp module of the kernel.
+    """
+    types = numeric(bits)
+    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
+    Family = family_functions(layout, bits, module).struct
+    from_frame = family_functions(layout, bits, module).from_frame
+    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
+    stress, _ = material(bits)
+    prony_stress = incompressible(yeoh).functions(bits)[0]
+    stretch_of, _ = tensors(bits)
+    show, image = showing(bits, wanted, width), image_of(bits)
+    with_stress = wanted.piola or wanted.cauchy or (wanted.state and width is None)
+    volume_change = volume(bits) if wanted.cauchy and volume is not None else None
+
+    @wp.func(module=shown_module)
+    def tensor(v: vec3):
+        return mat22(v[0], v[2], v[2], v[1])
+
+    @kernel(shown_module, gathers=("displacement",))
+    def bond_fields(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        factors: wp.array(dtype=real),
+        prony: wp.array(dtype=parameters),
+        strain: wp.array2d(dtype=vec3),
+        overstress: wp.array2d(dtype=vec3),
+        first: int,
+        stretch_1: wp.array(dtype=real),
+        stretch_2: wp.array(dtype=real),
+        first_piola_1: wp.array(dtype=real),
+        first_piola_2: wp.array(dtype=real),
+        cauchy_1: wp.array(dtype=real),
+        cauchy_2: wp.array(dtype=real),
+        wrinkle: wp.array(dtype=wp.int32),
+        direction: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        undamaged = law.is_undamaged(family, intact, i)
+        total = real(0.0)
+        mean = mat22()
+        biot = mat22()
+        cauchy = mat22()
+        F1 = vec3()
+        F2 = vec3()
+        for j in range(family.members):
+            if law.is_intact(family, intact, i, j):
+                G1, G2, inverse, size, tilt = law.intersection(
+                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
+                )
+                weight = law.area_weight(family, i, j, undamaged, size)
+                if inverse[0] > real(0.0) and weight > real(0.0):
+                    H1 = inverse_horizon * G1
+                    H2 = inverse_horizon * G2
+                    G = law.green(H1, H2, tilt)
+                    total += weight
+                    mean += weight * G
+                    if wp.static(wanted.direction):
+                        A1, A2 = law.gradient(H1, H2, tilt)
+                        F1 += weight * A1
+                        F2 += weight * A2
+                    if wp.static(with_stress):
+                        S = stress(G, constants)
+                        if wp.static(viscous):
+                            old = tensor(strain[j, i])
+                            for p in range(prony.shape[0]):
+                                term = prony[p]
+                                own = parameters(term[0], term[1], real(0.0), real(0.0))
+                                S += tensor(overstress[p * family.members + j, i])
+                                S += prony_stress(G, own) - prony_stress(old, own)
+                        U = stretch_of(G)
+                        biot += weight * (U * S)
+                        if wp.static(wanted.cauchy):
+                            J = wp.sqrt(real(1.0) + volume_change(G, constants))
+                            cauchy += (weight / J) * (U * S * U)
+        scale = real(0.0)
+        if total > real(0.0):
+            scale = real(1.0) / total
+        stiffness = scale
+        if wp.static(stiffened):
+            stiffness = scale * factors[i]
+        angle = show(
+            i, total > real(0.0), scale * mean, stiffness * biot, stiffness * cauchy, constants, stretch_1, stretch_2,
+            first_piola_1, first_piola_2, cauchy_1, cauchy_2, wrinkle,
+        )  # fmt: skip
+        if wp.static(wanted.direction):
+            direction[i] = from_frame(family, i, image(F1, F2, angle))
+
+    return bond_fields
+
+
+@functools.cache
+def bond_counts(layout: str, bits: int, breakable: bool, module: str, shown_module: str) -> Kernel:
+    """Kernel that counts the intact and the broken bonds of each point."""
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    bonds = bond_state(layout, bits, breakable, module)
+
+    @wp.func(module=shown_module)
+    def count(bits_set: wp.uint32):
+        members = bits_set
+        found = wp.int32(0)
+        while members != wp.uint32(0):
+            members = without_lowest_bit(members)
+            found += 1
+        return found
+
+    @kernel(shown_module)
+    def bond_counts(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        first: int,
+        intact_count: wp.array(dtype=wp.int32),
+        broken_count: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        left = wp.int32(0)
+        begun = wp.int32(0)
+        for word in range(family.words):
+            left += count(bonds.intact_members(family, intact, i, word))
+            begun += count(f.initial(family, i, word))
+        intact_count[i] = left
+        broken_count[i] = begun - left
+
+    return bond_counts

@@ -1,0 +1,110 @@
+"""Fields of the one gradient of a family; see kernels/principal_fields.py."""
+
+import functools
+
+import warp as wp
+
+from .bits import lowest_bit, without_lowest_bit
+from .bond_state import bond_state
+from .effects import Kernel, kernel
+from .factories import FunctionFactory, PairFactory
+from .families import WORD, family_functions, is_curved
+from .kinematics import kinematics
+from .numeric import numeric
+from .principal_fields import Wanted, image_of, showing, tensors
+
+
+@functools.cache
+def point_fields(
+    layout: str, bits: int, material: PairFactory | None, breakable: bool, volume: FunctionFactory | None,
+    width: FunctionFactory | None, wanted: Wanted, module: str, shown_module: str,
+) -> Kernel:  # fmt: skip
+    """Kernel of the fields of the gradient of a family; arguments as for `bond_fields`.
+
+    Without a `material` there are stretches alone; with one its stress is that of the law `Nodal`.
+    """
+    types = numeric(bits)
+    real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    bonds, motion = bond_state(layout, bits, breakable, module), kinematics(bits)
+    stress = material(bits)[0] if material is not None else None
+    stretch_of, _ = tensors(bits)
+    show, image = showing(bits, wanted, width), image_of(bits)
+    curved, word_size, with_stress = is_curved(layout), WORD, material is not None
+    with_cauchy = wanted.cauchy and material is not None
+    volume_change = volume(bits) if with_cauchy and volume is not None else None
+
+    @kernel(shown_module, gathers=("displacement",))
+    def point_fields(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        first: int,
+        stretch_1: wp.array(dtype=real),
+        stretch_2: wp.array(dtype=real),
+        first_piola_1: wp.array(dtype=real),
+        first_piola_2: wp.array(dtype=real),
+        cauchy_1: wp.array(dtype=real),
+        cauchy_2: wp.array(dtype=real),
+        wrinkle: wp.array(dtype=wp.int32),
+        direction: wp.array(dtype=vec3),
+    ):
+        i = wp.tid() + first
+        shape = vec3()
+        moment = vec2()
+        H1 = vec3()
+        H2 = vec3()
+        size = real(0.0)
+        for word in range(family.words):
+            members = bonds.intact_members(family, intact, i, word)
+            while members != wp.uint32(0):
+                k = word * word_size + lowest_bit(members)
+                members = without_lowest_bit(members)
+                m = f.neighbour(family, i, k)
+                xi = f.bond(family, i, k)
+                size += f.area(family, m)
+                cxi = f.influence(family, i, k) * f.area(family, m) * xi
+                shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
+                moment += f.rise(family, i, k) * cxi
+                U = f.to_frame(family, i, inverse_horizon * (displacement[m] - displacement[i]))
+                H1 += cxi[0] * U
+                H2 += cxi[1] * U
+        inverse = motion.inverse_shape(shape)
+        known = inverse[0] > real(0.0)
+        A1 = H1 * inverse[0] + H2 * inverse[1]
+        A2 = H1 * inverse[1] + H2 * inverse[2]
+        G = mat22()
+        F1 = A1 + vec3(real(1.0), real(0.0), real(0.0))
+        F2 = A2 + vec3(real(0.0), real(1.0), real(0.0))
+        if wp.static(curved):
+            tilt = motion.tilt_of(
+                vec2(inverse[0] * moment[0] + inverse[1] * moment[1], inverse[1] * moment[0] + inverse[2] * moment[1])
+            )
+            A1, A2 = motion.level(A1, A2, tilt)
+            G = motion.curved_green(A1, A2, tilt)
+            F1, F2 = motion.curved_gradient(A1, A2, tilt)
+        else:
+            G = motion.green(A1, A2)
+        biot = mat22()
+        cauchy = mat22()
+        if wp.static(with_stress):
+            if known:
+                S = (size / f.family_area(family, i)) * stress(G, constants)
+                stretch = stretch_of(G)
+                biot = stretch * S
+                if wp.static(with_cauchy):
+                    J = wp.sqrt(real(1.0) + volume_change(G, constants))
+                    cauchy = (stretch * S * stretch) / J
+        angle = show(
+            i, known, G, biot, cauchy, constants, stretch_1, stretch_2, first_piola_1, first_piola_2, cauchy_1,
+            cauchy_2, wrinkle,
+        )  # fmt: skip
+        if wp.static(wanted.direction):
+            direction[i] = f.from_frame(
+                family, i, wp.where(known, image(F1, F2, angle), vec3(real(wp.nan), real(wp.nan), real(wp.nan)))
+            )
+
+    return point_fields

@@ -1,0 +1,245 @@
+"""The variational bond-associated force of any family on a CPU: sums over the rows of a small table.
+
+The sums are those of kernels/reference_force.py, taken in three passes over a family. A row is what a member adds to
+any intersection that contains it. A CPU adds a row at once, and a family's rows stay in its first-level cache:
+
+    row k of the first table     (c_k X_k1 U_k, c_k X_k2 U_k)      summed over D_ij to the gradient of bond j
+    row j of the second table    A_ij = W_ij P_ij K_ij^-1          summed over D_ik to the force on member k
+
+The energy needs the first pass alone. k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one
+intersection. If it holds more than half of the family, the sum runs over the others and is subtracted from the sum over
+all.
+"""
+
+import functools
+
+import warp as wp
+
+from .bits import lowest_bit, number_of_bits, without_lowest_bit
+from .bond_associated import bond_associated
+from .effects import Kernel, kernel
+from .factories import FunctionFactory, PairFactory
+from .families import WORD, family_functions, is_curved
+from .kinematics import kinematics
+from .numeric import numeric
+
+# Numbers in a row: the two columns of a gradient, filled up to what a CPU adds at once.
+ROW = 8
+
+
+@functools.cache
+def family_rows(
+    layout: str,
+    bits: int,
+    material: PairFactory,
+    near: FunctionFactory | None,
+    breakable: str | None,
+    words: int,
+    energetic: bool,
+    module: str,
+) -> Kernel:
+    """Kernel that fills bond_force [members, points] with the forces of each family [N]; variational form.
+
+    With `energetic` it fills energies [points] with the energy of each family [J] instead. `unit` is the thickness
+    times the reference area, for forces divided by the horizon.
+
+    Args:
+        layout: "lattice", "grid" or "cloud".
+        bits: 32 or 64.
+        material: Factory of (stress, energy), called with `bits`.
+        near: Factory of stress_near, called with `bits`, or None.
+        breakable: None, "redistribute" or "drop".
+        words: Number of words of a family's masks.
+        energetic: Whether the energy is asked for.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    is_undamaged, intact_members = law.is_undamaged, law.intact_members
+    green, damaged_inverse = law.green, law.damaged_inverse
+    area_weight, family_scale, stress_on_members = law.area_weight, law.family_scale, law.stress_on_members
+    tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
+    (stress, energy), quick = material(bits), near is not None
+    stress_near = near(bits) if near is not None else stress
+    damaged, curved, word_size = breakable is not None, is_curved(layout), WORD
+    # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
+    shape_row = ROW if curved else 4
+    Row = wp.types.vector(length=ROW, dtype=real)
+    Rows = wp.types.matrix(shape=(WORD * words, ROW), dtype=real)
+    Shape = wp.types.vector(length=shape_row, dtype=real)
+    Shapes = wp.types.matrix(shape=(WORD * words, shape_row), dtype=real)
+    Words = wp.types.vector(length=words, dtype=wp.uint32)
+
+    @wp.func(module=module)
+    def summed(family: Family, here: Words, members: int, i: int, j: int):
+        """The members of D_ij, or, if they are more than half of the family, the others; whether it is the others."""
+        chosen = Words()
+        count = wp.int32(0)
+        for word in range(wp.static(words)):
+            chosen[word] = f.common(family, i, j, word) & here[word]
+            count += number_of_bits(chosen[word])
+        most = 2 * count > members
+        if most:
+            for word in range(wp.static(words)):
+                chosen[word] = here[word] & ~chosen[word]
+        return chosen, most
+
+    @wp.func(module=module)
+    def moment(family: Family, i: int, k: int):
+        """C_k X_k, without c_k, and the area of the member."""
+        area = f.area(family, f.neighbour(family, i, k))
+        return f.influence(family, i, k) * area * f.bond(family, i, k), area
+
+    name = "family_rows_energy" if energetic else "family_rows_force"
+
+    @kernel(module, gathers=("displacement",), name=name)
+    def family_rows(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        unit: real,
+        first: int,
+        bond_force: wp.array2d(dtype=vec3),
+        energies: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid() + first
+        undamaged = is_undamaged(family, intact, i)
+        here = Words()
+        members = wp.int32(0)
+        for word in range(wp.static(words)):
+            here[word] = intact_members(family, intact, i, word)
+            members += number_of_bits(here[word])
+        if wp.static(not energetic):
+            for k in range(family.members):
+                bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
+
+        rows = Rows()
+        all_rows = Row()
+        if wp.static(damaged):
+            shapes = Shapes()
+            all_shapes = Shape()
+        for word in range(wp.static(words)):
+            left = here[word]
+            while left != wp.uint32(0):
+                k = word * word_size + lowest_bit(left)
+                left = without_lowest_bit(left)
+                arm, area = moment(family, i, k)
+                u = displacement[f.neighbour(family, i, k)] - displacement[i]
+                if wp.static(curved):
+                    u = f.to_frame(family, i, u)
+                row = Row()
+                for c in range(3):
+                    row[c] = arm[0] * u[c]
+                    row[3 + c] = arm[1] * u[c]
+                rows[k] = row
+                all_rows += row
+                if wp.static(damaged):
+                    if not undamaged:
+                        bond = f.bond(family, i, k)
+                        shape = Shape()
+                        shape[0] = arm[0] * bond[0]
+                        shape[1] = arm[0] * bond[1]
+                        shape[2] = arm[1] * bond[1]
+                        shape[3] = area
+                        if wp.static(curved):
+                            rise = f.rise(family, i, k)
+                            shape[4] = rise * arm[0]
+                            shape[5] = rise * arm[1]
+                        shapes[k] = shape
+                        all_shapes += shape
+
+        if wp.static(not energetic):
+            answers = Rows()
+            all_answers = Row()
+        stored = real(0.0)
+        total = real(0.0)
+        guess = real(0.0)
+        for word in range(wp.static(words)):
+            bonds = here[word]
+            while bonds != wp.uint32(0):
+                j = word * word_size + lowest_bit(bonds)
+                bonds = without_lowest_bit(bonds)
+                chosen, most = summed(family, here, members, i, j)
+                G = Row()
+                for other in range(wp.static(words)):
+                    left = chosen[other]
+                    while left != wp.uint32(0):
+                        G += rows[other * word_size + lowest_bit(left)]
+                        left = without_lowest_bit(left)
+                if most:
+                    G = all_rows - G
+                inverse = f.shape(family, i, j)
+                tilt = f.tilt(family, i, j)
+                size = real(0.0)
+                if wp.static(damaged):
+                    if not undamaged:
+                        shape = Shape()
+                        for other in range(wp.static(words)):
+                            left = chosen[other]
+                            while left != wp.uint32(0):
+                                shape += shapes[other * word_size + lowest_bit(left)]
+                                left = without_lowest_bit(left)
+                        if most:
+                            shape = all_shapes - shape
+                        inverse, size = damaged_inverse(vec3(shape[0], shape[1], shape[2]), inverse, shape[3])
+                        if wp.static(curved):
+                            slope = vec2(shape[4], shape[5])
+                            tilt = tilt_of(
+                                vec2(
+                                    inverse[0] * slope[0] + inverse[1] * slope[1],
+                                    inverse[1] * slope[0] + inverse[2] * slope[1],
+                                )
+                            )
+                if inverse[0] > real(0.0):
+                    G1 = inverse_horizon * vec3(G[0], G[1], G[2])
+                    G2 = inverse_horizon * vec3(G[3], G[4], G[5])
+                    H1 = G1 * inverse[0] + G2 * inverse[1]
+                    H2 = G1 * inverse[1] + G2 * inverse[2]
+                    if wp.static(curved):
+                        H1, H2 = level(H1, H2, tilt)
+                    strain = green(H1, H2, tilt)
+                    weight = area_weight(family, i, j, undamaged, size)
+                    total += weight
+                    if wp.static(energetic):
+                        stored += weight * energy(strain, constants)
+                    else:
+                        if wp.static(quick):
+                            S, guess = stress_near(strain, constants, guess)
+                        else:
+                            S = stress(strain, constants)
+                        A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
+                        answer = Row()
+                        for c in range(3):
+                            answer[c] = A1[c]
+                            answer[3 + c] = A2[c]
+                        answers[j] = answer
+                        all_answers += answer
+
+        scale = unit * family_scale(family, i, undamaged, total)
+        if wp.static(energetic):
+            energies[i] = wp.float64(scale * stored)
+        else:
+            for word in range(wp.static(words)):
+                bonds = here[word]
+                while bonds != wp.uint32(0):
+                    k = word * word_size + lowest_bit(bonds)
+                    bonds = without_lowest_bit(bonds)
+                    chosen, most = summed(family, here, members, i, k)
+                    A = Row()
+                    for other in range(wp.static(words)):
+                        left = chosen[other]
+                        while left != wp.uint32(0):
+                            A += answers[other * word_size + lowest_bit(left)]
+                            left = without_lowest_bit(left)
+                    if most:
+                        A = all_answers - A
+                    arm, area = moment(family, i, k)
+                    pull = arm[0] * vec3(A[0], A[1], A[2]) + arm[1] * vec3(A[3], A[4], A[5])
+                    bond_force[k, i] = f.from_frame(family, i, scale * pull)
+
+    return family_rows

@@ -1,0 +1,33 @@
+"""The gallery has every scene, with picture, command and page, and stays small."""
+
+import filecmp
+import re
+from pathlib import Path
+
+import gallery
+import pytest
+
+from warp_pd.cli import build_scene, scene_names
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "docs" / "gallery.md").read_text()
+
+
+def test_the_gallery_page_is_what_the_tool_makes_of_the_scenes():
+    assert gallery.gallery_page() == TEXT
+
+
+@pytest.mark.parametrize("scene", scene_names())
+def test_every_scene_has_a_picture_a_page_and_a_command(scene):
+    picture, page = gallery.GALLERY / f"{scene}.png", gallery.GALLERY / f"{scene}.html"
+    assert picture.read_bytes()[:4] == b"\x89PNG" and picture.stat().st_size < 60_000
+    assert page.stat().st_size < 600_000
+    assert f'id="content">{{"title": "{scene}"' in page.read_text(encoding="utf-8")
+    assert f"](gallery/{scene}.html)" in TEXT and f"(gallery/{scene}.png)" in TEXT
+    settings = dict(re.findall(r"--set (\w+)=(\S+)", gallery.command(scene)))
+    assert f"`{gallery.command(scene)}`" in TEXT
+    build_scene(scene, settings)
+
+
+def test_pages_of_the_gallery_share_the_library_of_the_package():
+    assert filecmp.cmp(ROOT / "warp_pd" / "output" / "page" / "vendor.js", gallery.GALLERY / "vendor.js", shallow=False)

@@ -1,0 +1,90 @@
+"""Pictures of scenes that bring no function for them, and what the progress bar says."""
+
+import io
+
+import pytest
+from matplotlib.image import imread
+from small_runs import cli
+
+from warp_pd.interfaces import FrameReport
+from warp_pd.output.default_pictures import _counts
+from warp_pd.output.progress import Progress
+from warp_pd.run.folder import run_summary
+
+SCENE = """
+from warp_pd import *
+
+def build(load=0.02, torn=False):
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=9)
+    right = sheet.edges("right")
+    move = [{MOVE}]
+    return Simulation(
+        sheet, BondAssociated(NeoHookean(1e3, 1e5), weights="plain"), {SOLVER},
+        [Fixed(sheet.edges("left")), *move], damage=CriticalStretch(1.05) if torn else None,
+        measures=[Measure("end", "m", lambda built, frame: frame.displacement.max())],
+    )
+"""
+PULL = "Motion(right, times=[0.0, 0.01], x=[0.0, load], y=0.0)"
+
+
+def run(folder, solver, move, *arguments):
+    (folder / "mine.py").write_text(SCENE.replace("{SOLVER}", solver).replace("{MOVE}", move))
+    done = cli("run", folder / "mine.py", "--device", "cpu", "--no-usd", "--quiet", "--out", folder / "out", *arguments)
+    assert done.exit_code == 0, done.output
+    return sorted(path.name for path in (folder / "out").glob("*.p*") if path.suffix in (".png", ".pdf"))
+
+
+def test_a_scene_without_a_function_is_drawn(tmp_path, default_pictures):
+    drawn = run(tmp_path, "Explicit(0.01, frames=4)", PULL, "--set", "torn=true")
+    assert drawn == ["damage.png", "energy.png", "measures.png", "sheet.png"]
+    assert run_summary(tmp_path / "out")["pictures"] == drawn
+    assert min(imread(tmp_path / "out" / name).shape[0] for name in drawn) > 300
+
+
+def test_a_static_scene_is_drawn_over_the_load_factor(tmp_path, default_pictures, monkeypatch):
+    from matplotlib.axes import Axes
+
+    labels, set_of = [], Axes.set
+    monkeypatch.setattr(Axes, "set", lambda axes, **options: (labels.append(options), set_of(axes, **options))[1])
+    solver = "Newton(load_steps=2)"
+    still = "Fixed(sheet.edges(), 'z'), Fixed(right, 'xy'), Pressure(5.0)"
+    drawn = run(tmp_path, solver, still, "--pictures", "pdf")
+    assert drawn == ["energy.pdf", "measures.pdf", "sheet.pdf"]
+    across = [options["xlabel"] for options in labels if "xlabel" in options]
+    assert across == ["load factor"] * 2
+
+
+def test_no_pictures(tmp_path, default_pictures):
+    assert run(tmp_path, "Explicit(0.01, frames=1)", PULL, "--no-pictures") == []
+    drawn = cli("draw", tmp_path / "out", "--pictures", "svg")
+    assert drawn.exit_code == 0 and "sheet.svg" in drawn.output
+    refused = cli("draw", tmp_path / "out", "--pictures", "jpg")
+    assert refused.exit_code == 2 and "pictures = 'jpg': expected one of 'png', 'pdf', 'svg'" in refused.output
+
+
+def test_components_that_are_noise_are_left_out():
+    history = [{"time": t, "ball_force_x": 1e-7 * t, "ball_force_z": t, "height": 1e-9 * t} for t in (0.0, 1.0, 2.0)]
+    assert [name for name in history[0] if _counts(history, name)] == ["time", "ball_force_z", "height"]
+
+
+@pytest.mark.parametrize("columns", [50, 80, 140])
+def test_the_progress_bar_says_the_time_first(columns, monkeypatch):
+    """A narrow terminal cuts off what comes last."""
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    progress = Progress()
+    progress.begin("mine")
+    progress.compiled(0.1)
+    progress._bar.ncols = columns
+    row = {"balance_error": 0.001, "largest_damage": 0.3}
+    progress.frame(FrameReport("t = 0.25 s", 0.5, 1234.0, 10, row))
+    progress.close()
+    last = screen.getvalue().split("\r")[-1]
+    assert "50%" in last and "t = 0.25 s" in last and ", t =" not in last and len(last.strip()) <= columns
+    assert ("damage 0.30" in last) == (columns >= 80)

@@ -1,0 +1,177 @@
+"""Pictures as a paper takes them: colours of the bar, zero in the middle, labels that do not collide, formats."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.image import imread
+from matplotlib.text import Text
+
+from warp_pd import InputError, Sheet
+from warp_pd.output import picture_files, plots
+from warp_pd.output.colour_scale import scale_of
+from warp_pd.output.labels import column_label, column_unit, field_label
+from warp_pd.output.projection import View, material_lines
+from warp_pd.output.shown import Shown
+from warp_pd.run.runner import picture_formats
+
+
+def sheet_shown(points=21, lift=0.0, width=1.0, height=1.0, **fields):
+    """A frame of a sheet that is lifted in its middle, or of a tilted one."""
+    sheet = Sheet.rectangle(width, height, thickness=1e-3, density=1e3, points=points)
+    x, y = (sheet.points / (width, height)).T
+    bump = lift * np.sin(np.pi * x) * np.sin(np.pi * y)
+    moved = sheet.positions + np.column_stack([0 * bump, 0 * bump, bump])
+    made = {"u3": bump, "damage": np.zeros(sheet.size), **fields}
+    return Shown("t = 1 s", moved, sheet.positions, sheet.triangles, made, scene="lifted")
+
+
+def figure_of(monkeypatch, draw, *arguments, **options):
+    """The figure that a function of `plots` makes, drawn but in no file."""
+    kept = []
+    monkeypatch.setattr(plots, "save", lambda figure, path, **more: kept.append(figure))
+    draw(None, *arguments, **options)
+    FigureCanvasAgg(kept[0]).draw()
+    return kept[0]
+
+
+@pytest.mark.parametrize("picture", [plots.surfaces, plots.from_above])
+@pytest.mark.parametrize("damage", [0.0, 0.5, 1.0])
+def test_a_sheet_has_the_colour_of_the_bar(picture, damage, tmp_path):
+    """Whatever its slope: most pixels that are neither white nor a line have exactly that colour."""
+    frame = sheet_shown(lift=0.3)
+    frame.fields["damage"] += damage
+    picture(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
+    pixels = np.round(255 * imread(tmp_path / "a.png")[:, :800, :3]).astype(int).reshape(-1, 3)
+    coloured = pixels[pixels.min(axis=1) < 255]
+    found, times = np.unique(coloured, axis=0, return_counts=True)
+    expected = np.round(255 * np.array(colormaps["inferno_r"](damage)[:3]))
+    assert np.abs(found[times.argmax()] - expected).max() <= 1
+    assert times.max() > 0.5 * len(coloured)
+
+
+def test_signed_fields_have_zero_in_the_middle():
+    frame = sheet_shown()
+    frame.fields["u3"] = np.linspace(-1.0, 3.0, len(frame.points))
+    scale = scale_of([frame], "u3", "", None)
+    assert (scale.name, scale.low, scale.high, scale.shown) == ("coolwarm", -3.0, 3.0, (-1.0, 3.0))
+    red, green, blue, _ = scale.colours(np.array(0.0))
+    assert max(red, green, blue) - min(red, green, blue) < 0.02, "zero is grey"
+    for sign, name in ((1.0, "viridis"), (-1.0, "viridis_r")):
+        frame.fields["u3"] = sign * np.linspace(0.0, 1.0, len(frame.points))
+        one = scale_of([frame], "u3", "", None)
+        assert one.name == name
+        assert np.allclose(one.colours(np.array(0.0)), colormaps["viridis"](0.0), atol=0.02)
+    assert scale_of([frame], "damage", "", None).shown == (0.0, 1.0)
+
+
+def test_panels_share_one_scale_and_the_bar_ends_with_the_values(monkeypatch):
+    frames = [sheet_shown(lift=0.1), sheet_shown(lift=0.3)]
+    figure = figure_of(monkeypatch, plots.surfaces, frames, "u3")
+    bar = figure.axes[-1]
+    assert bar.get_ylim() == pytest.approx((0.0, 0.3))
+    assert bar.get_ylabel() == "displacement along z (m)"
+    assert figure.get_suptitle() == "lifted"
+    first, second = (axes.collections[0].get_facecolors() for axes in figure.axes[:2])
+    assert not np.allclose(first.max(axis=0), second.max(axis=0))
+
+
+@pytest.mark.parametrize("view", [(28.0, -60.0), (25.0, -115.0), (35.0, -70.0), (10.0, 30.0)])
+@pytest.mark.parametrize(("width", "height", "lift"), [(1.0, 1.0, 0.01), (1.0, 0.2, 0.5), (0.2, 1.0, 0.1), (1, 1, 2)])
+@pytest.mark.parametrize("panels", [1, 4])
+def test_no_two_labels_overlap(view, width, height, lift, panels, monkeypatch):
+    frames = [sheet_shown(9, lift, width, height)] * panels
+    figure = figure_of(monkeypatch, plots.surfaces, frames, "u3", view=view)
+    texts = [t for axes in figure.axes[:panels] for t in [*axes.texts, axes.title]]
+    texts += [
+        figure._suptitle,
+        *(t for t in figure.axes[-1].findobj(Text) if t.get_text() == "displacement along z (m)"),
+    ]
+    boxes = [t.get_window_extent() for t in texts]
+    assert len(boxes) > 6 * panels
+    clashes = [
+        (a.get_text(), b.get_text())
+        for (a, p), (b, q) in itertools.combinations(zip(texts, boxes, strict=True), 2)
+        if p.overlaps(q)
+    ]
+    assert not clashes
+    whole = figure.bbox
+    assert all(b.x0 >= 0 and b.y0 >= 0 and b.x1 <= whole.x1 and b.y1 <= whole.y1 for b in boxes), "cut off"
+
+
+@pytest.mark.parametrize(("width", "height", "lift"), [(1.0, 1.0, 0.2), (0.2, 0.2, 1.0), (2.0, 0.5, 0.1)])
+def test_the_sheet_fills_the_picture(width, height, lift, monkeypatch):
+    """One panel: what is drawn reaches over the panel, and the panel over most of the picture."""
+    frame = sheet_shown(21, lift, width, height)
+    figure = figure_of(monkeypatch, plots.surfaces, [frame], "u3")
+    axes = figure.axes[0]
+    painted = axes.collections[0].get_datalim(axes.transData)
+    assert painted.width > 0.95 * np.diff(axes.get_xlim())[0]
+    box = axes.get_window_extent()
+    assert box.width * box.height > 0.3 * figure.bbox.width * figure.bbox.height
+
+
+def test_a_sheet_that_hides_another_is_drawn_last(tmp_path):
+    """Two sheets above each other, the upper one damaged: its colour covers the lower one's, seen from above."""
+    low, high = sheet_shown(5), sheet_shown(5)
+    n = len(low.points)
+    both = replace(
+        low,
+        points=np.vstack([high.points + (0, 0, 0.1), low.points]),
+        reference=np.vstack([low.reference, low.reference]),
+        triangles=np.vstack([high.triangles, low.triangles + n]),
+        fields={"damage": np.repeat([1.0, 0.0], n)},
+    )
+    for picture in (plots.from_above, lambda *a, **k: plots.surfaces(*a, **k, view=(90.0, -90.0))):
+        picture(tmp_path / "a.png", [both], "damage", limits=(0.0, 1.0))
+        pixels = np.round(255 * imread(tmp_path / "a.png")[:, :500, :3]).astype(int).reshape(-1, 3)
+        hidden = np.round(255 * np.array(colormaps["inferno_r"](0.0)[:3]))
+        assert (np.abs(pixels - hidden).max(axis=1) <= 1).mean() < 0.01
+
+
+def test_lines_of_the_material_lie_on_the_deformed_sheet():
+    frame = sheet_shown(13, lift=0.2)
+    lines = material_lines(frame)
+    # On each of the eleven levels along x and along y the segments have the length of the sheet, on the bump more.
+    length = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum()
+    assert 22.0 < length < 26.0
+    flat = material_lines(replace(frame, points=frame.reference))
+    assert np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1).sum() == pytest.approx(22.0, rel=1e-6)
+
+
+def test_a_projection_keeps_lengths_and_right_angles():
+    view = View.of(np.zeros(3), np.array([1.0, 2.0, 1.0]), 28.0, -60.0)
+    assert np.allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-14)
+    assert np.linalg.det(view.axes) == pytest.approx(1.0)
+    assert view.seen(np.array([0.0, 0.0, 1.0]))[1] > 0.0, "z is up"
+    flat = View.of(np.zeros(3), np.array([1.0, 1.0, 0.0]), 28.0, -60.0)
+    assert flat.grown.tolist() == [1.0, 1.0, 1.0] and [edge[0] for edge in flat.edges()] == [0, 1]
+
+
+@pytest.mark.parametrize("suffixes", ["png", "pdf", "svg", "svg,pdf"])
+def test_formats_of_pictures(suffixes, tmp_path):
+    with picture_files.drawing(picture_files.Drawing("mine", picture_formats(suffixes))):
+        plots.surfaces(tmp_path / "a.png", [sheet_shown(9)], "damage")
+    names = {f"a.{suffix}" for suffix in suffixes.split(",")}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert picture_files.pictures_in(tmp_path) == sorted(tmp_path / name for name in names)
+    starts = {".pdf": b"%PDF", ".svg": b"<?xml", ".png": b"\x89PNG"}
+    assert all(path.read_bytes().startswith(starts[path.suffix]) for path in tmp_path.iterdir())
+
+
+def test_other_formats_are_refused():
+    with pytest.raises(InputError, match="pictures = 'jpg': expected one of 'png', 'pdf', 'svg'"):
+        picture_formats("png,jpg")
+    assert (picture_formats(True), picture_formats(False)) == (("png",), ())
+
+
+def test_names_say_what_they_are():
+    assert field_label("u3") == "displacement along z (m)"
+    assert field_label("velocity_1") == "velocity along x (m/s)"
+    assert field_label("wrinkle_level") == "wrinkle level"
+    assert field_label("my_field") == "my field"
+    assert column_label("external") == "work of loads and supports"
+    assert (column_unit("ball_force_z"), column_unit("pressure"), column_unit("mine")) == ("N", "Pa", "")

@@ -1,0 +1,101 @@
+"""Text of the command line as arguments of a scene."""
+
+import inspect
+import json
+import re
+
+import pytest
+from small_runs import cli
+
+from warp_pd import InputError
+from warp_pd.run.arguments import converted, is_plain, plain, split_values
+
+
+def build(
+    free, whole=3, real=1.5, text="a", truth=True, unset=None, unset_real: float | None = None, pair=(0.1, 0.2),
+    path=((0.0, 1.0), (1.0, 2.0)), names=("left", "right"),
+):  # fmt: skip
+    pass
+
+
+PARAMETERS = inspect.signature(build).parameters
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "expected"),
+    [
+        ("free", "11", 11),
+        ("free", "1e-3", 1e-3),
+        ("free", "uniaxial", "uniaxial"),
+        ("free", "true", True),
+        ("free", "none", None),
+        ("free", "(0.1, 2)", (0.1, 2)),
+        ("whole", "11", 11),
+        ("real", "11", 11.0),
+        ("text", "11", "11"),
+        ("truth", "no", False),
+        ("unset", "11", 11),
+        ("unset", "none", None),
+        ("unset_real", "11", 11.0),
+        ("pair", "0.3,0.4", (0.3, 0.4)),
+        ("pair", "(0.3, 0.4)", (0.3, 0.4)),
+        ("pair", "0.3", (0.3,)),
+        ("pair", [0.3, 0.4], (0.3, 0.4)),
+        ("path", "(0,1),(1,3)", ((0, 1), (1, 3))),
+        ("path", "((0,1),(1,3))", ((0, 1), (1, 3))),
+        ("names", "top,bottom", ("top", "bottom")),
+    ],
+)
+def test_text_becomes_what_the_argument_takes(key, text, expected):
+    found = converted(key, text, PARAMETERS)
+    assert found == expected and type(found) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "said"),
+    [
+        ("whole", "11.0", "--set whole = '11.0': expected a whole number"),
+        ("real", "0.1,0.2", "--set real = '0.1,0.2': expected a number"),
+        ("unset", "a", "--set unset = 'a': expected a number"),
+        ("pair", "a,b", "--set pair = 'a,b': expected values separated by commas, such as 0.1,0.2"),
+        ("pair", "__import__('os')", "expected values separated by commas, such as 0.1,0.2"),
+        ("path", "0,1", "--set path = '0,1': expected values separated by commas, such as (0.0, 1.0),(1.0, 2.0)"),
+        ("parir", "1", "did you mean 'pair'?"),
+    ],
+)
+def test_what_does_not_fit_is_refused(key, text, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        converted(key, text, PARAMETERS)
+
+
+def test_values_of_a_sweep_keep_their_brackets():
+    assert split_values("1.5, 2.015,3.15") == ["1.5", "2.015", "3.15"]
+    assert split_values("(0.1,0.2),(0.3,0.4)") == ["(0.1,0.2)", "(0.3,0.4)"]
+
+
+def test_settings_survive_json():
+    assert json.loads(json.dumps(plain((1, (2.0, "a"))))) == plain((1, (2.0, "a"))) == [1, [2.0, "a"]]
+    assert not is_plain((1, build)) and is_plain(((0.0, 1.0),))
+
+
+SCENE = """
+from warp_pd import *
+
+def build(points, centre=(0.5, 0.5)):
+    assert type(points) is int and isinstance(centre, tuple) and len(centre) == 2
+    sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points)
+    measures = [Measure("x", "m", lambda built, frame: centre[0])]
+    return Simulation(sheet, BondAssociated(NeoHookean(1e3, 1e5)), Explicit(1e-4, frames=1), measures=measures)
+"""
+
+
+def test_a_scene_with_tuples_and_without_defaults(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(SCENE)
+    done = cli("run", "mine.py", "--set", "points=7", "--set", "centre=0.25,0.5", "--no-usd", "--device", "cpu")
+    assert done.exit_code == 0 and "x = 0.25 m" in done.output, done.output
+    settings = json.loads((tmp_path / "runs" / "mine" / "summary.json").read_text())["settings"]
+    assert settings == {"points": 7, "centre": [0.25, 0.5]}
+    refused = cli("run", "mine.py")
+    assert refused.exit_code == 2 and "points has no default: expected --set points=VALUE" in refused.output
+    assert cli("draw", "runs/mine").exit_code == 0, "from the settings of the summary"

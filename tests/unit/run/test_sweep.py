@@ -1,0 +1,125 @@
+"""Sweeps: every combination once, what is done is skipped, what fails is told and does not stop the rest."""
+
+import csv
+import json
+
+import pytest
+from small_runs import cli
+
+SCENE = """
+from warp_pd import *
+
+def build(points=7, horizon=2.015, load=1.0):
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
+    pull = Motion(sheet.edges("right"), times=[0.0, 1.0], x=[0.0, 0.01 * load], y=0.0)
+    return Simulation(
+        sheet, BondAssociated(NeoHookean(1e3, 1e5), horizon=horizon),
+        Newton(load_steps=1, most_iterations=8, most_cuts=0),
+        [Fixed(sheet.edges("left"), "xy"), Fixed(range(sheet.size), "z"), pull],
+        measures=[Measure("stretched", "m", lambda built, frame: frame.displacement[:, 0].max(), reference=0.01)],
+    )
+"""
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(SCENE)
+    return tmp_path
+
+
+def sweep(*arguments):
+    return cli("sweep", "mine.py", "--device", "cpu", *arguments)
+
+
+def rows(folder):
+    with (folder / "sweep.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_all_combinations_once(scene):
+    done = sweep("--points", "7,9", "--set", "load=1,2")
+    assert done.exit_code == 0, done.output
+    folder = scene / "runs" / "mine-sweep"
+    found = rows(folder)
+    assert [(row["points"], row["load"]) for row in found] == [("7", "1"), ("7", "2"), ("9", "1"), ("9", "2")]
+    assert [row["status"] for row in found] == ["finished"] * 4
+    assert [float(row["stretched"]) for row in found] == pytest.approx([0.01, 0.02, 0.01, 0.02])
+    assert [float(row["stretched error"]) for row in found] == pytest.approx([0.0, 1.0, 0.0, 1.0], abs=1e-9)
+    assert (folder / "sweep.png").stat().st_size > 5000
+    assert json.loads((folder / "points=9,load=2" / "summary.json").read_text())["settings"]["load"] == 2.0
+    assert "[4/4] points=9, load=2: finished in" in done.output and "+100.000 %" in done.output
+    # A longer sweep runs what is new.
+    stamps = {path: path.stat().st_mtime_ns for path in folder.glob("*/summary.json")}
+    again = sweep("--points", "7,9", "--set", "load=1,2,3")
+    assert again.exit_code == 0 and again.output.count("finished, done before") == 4
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
+    assert len(rows(folder)) == 6
+
+
+def test_a_run_that_fails_does_not_stop_the_others(scene):
+    done = sweep("--points", "2,7", "--quiet")
+    assert done.exit_code == 2
+    refused, finished = rows(scene / "runs" / "mine-sweep")
+    assert (refused["status"], refused["stretched"], finished["status"]) == ("refused", "", "finished")
+    assert done.output.count("points = 2: expected a whole number") == 1 and "Traceback" not in done.output
+    lost = sweep("--points", "2,7", "--set", "load=1,400", "--out", "far")
+    assert lost.exit_code == 3, "a run that did not converge outweighs a refused one"
+    assert [row["status"] for row in rows(scene / "far")] == ["refused", "refused", "finished", "not converged"]
+    assert sweep("--set", "load=400", "--out", "far2").exit_code == 3
+    assert "done before" in sweep("--set", "load=400", "--out", "far2").output, "it would not converge again"
+
+
+def test_a_run_that_was_interrupted_goes_on(scene):
+    """What a killed run leaves: a restart file and no summary."""
+    assert sweep("--points", "7").exit_code == 0
+    folder = scene / "runs" / "mine-sweep" / "points=7"
+    (folder / "summary.json").unlink()
+    done = sweep("--points", "7")
+    assert done.exit_code == 0, done.output
+    summary = json.loads((folder / "summary.json").read_text())
+    assert "nothing was left to do" in summary["message"], "it was resumed, not run again"
+
+
+def test_other_settings_in_the_folder_are_refused(scene):
+    (scene / "mine.py").write_text(SCENE)
+    assert sweep("--points", "7").exit_code == 0
+    (scene / "mine.py").write_text(SCENE.replace("load=1.0", "load=3.0"))
+    changed = sweep("--points", "7")
+    assert changed.exit_code == 2 and "holds a run with another load" in changed.output
+    assert sweep("--points", "7", "--overwrite").exit_code == 0
+    assert float(rows(scene / "runs" / "mine-sweep")[0]["stretched"]) == pytest.approx(0.03)
+
+
+def test_an_interrupted_sweep_stops_and_says_how_to_continue(scene, monkeypatch):
+    from warp_pd import Simulation
+
+    run = Simulation.run
+
+    def stopped(simulation, **options):
+        if simulation.sheet.size > 49:
+            raise KeyboardInterrupt
+        return run(simulation, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Simulation, "run", stopped)
+        done = sweep("--points", "7,9,11")
+    assert done.exit_code == 130 and "the same command continues" in done.output
+    assert [row["status"] for row in rows(scene / "runs" / "mine-sweep")] == ["finished", "interrupted"]
+    assert sweep("--points", "7,9,11").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "sweep: expected values, such as --points 51,101"),
+        (["--points", "7,9", "--set", "points=5"], "is given already"),
+        (["--set", "points"], "expected name=value"),
+    ],
+)
+def test_wrong_commands_end_with_one_line(scene, arguments, said):
+    done = sweep(*arguments)
+    assert done.exit_code == 2 and said in done.output
+    assert len(done.output.strip().splitlines()) == 1
+    unknown = cli("sweep", "presure", "--points", "7")
+    assert unknown.exit_code == 2 and "did you mean 'pressure'" in unknown.output

@@ -1,0 +1,210 @@
+"""Run every scene small, and make the gallery: docs/gallery.md, a picture and a page of each scene in docs/gallery/.
+
+    python tools/gallery.py                        all scenes, some twenty minutes on two CPU cores
+    python tools/gallery.py --scenes needle drum   these alone; the others keep their pictures and pages
+    python tools/gallery.py --only-page            from the runs in runs/gallery, without running anything
+
+Pictures are those of the pages, taken by Chromium. All pages of the gallery share the library vendor.js beside them;
+a page that `warp-pd view` writes has it inside.
+"""
+
+from __future__ import annotations
+
+import inspect
+import io
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from study import DOCS, ROOT, RUNS, run_tool, study_parser, write_page
+
+from warp_pd import InputError
+from warp_pd.cli import load_scene, scene_names
+from warp_pd.output.vtkhdf import read_series
+from warp_pd.run.view import page
+
+GALLERY = DOCS / "gallery"
+# A picture in pixels; and what a page of the gallery holds.
+WIDTH, HEIGHT, COLOURS = 720, 450, 256
+POINTS, FRAMES = 1700, 20
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a scene is run and shown.
+
+    Attributes:
+        settings: Arguments of the scene that differ from their defaults.
+        field: What the picture is coloured by; damage if there is any, else the displacement.
+        share: Time of the picture as a share of the run.
+        view: "3D", "top", "front", "side", or "" for the page's own.
+    """
+
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    field: str = ""
+    share: float = 1.0
+    view: str = ""
+
+
+SCENES: dict[str, Shown] = {
+    "ball_penetration": Shown({"points": 61}, share=0.85),
+    "balloon": Shown({"points": 12}, "displacement"),
+    "balloon_burst": Shown({"frames": 30}, share=0.8),
+    "bimodular_bar": Shown({"points": 100}),
+    "cantilever": Shown({"points": 100}),
+    "double_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, share=0.8),
+    "dropped_ball": Shown({"points": 31, "frames": 40}, "displacement along z", 0.32),
+    "drum": Shown({"points": 41, "amplitude": 0.05, "frames": 40}, "displacement along z", 0.25, "3D"),
+    "edge_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, "damage", 0.63, "top"),
+    "folded_sheet": Shown({"points": 61, "frames": 40}, "displacement", 0.7),
+    "glove": Shown({"spacing": 4e-3}, "displacement"),
+    "kapton_shear": Shown({"points": 76, "tolerance": 1e-6}, "wrinkle level"),
+    "metamaterial": Shown({"points": 30, "horizon": 2.015, "crack": True}),
+    "needle": Shown({"points": 41, "frames": 40}, share=0.5),
+    "notched_strip": Shown(
+        {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4}, "wrinkle level"
+    ),
+    "off_plane_load": Shown(
+        {"points": 41, "horizon": 2.015, "speed": 5e-3, "duration": 12.0, "frames": 30},
+        "displacement along z",
+        view="top",
+    ),
+    "off_plane_tear": Shown({"points": 40, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40}),
+    "out_of_plane": Shown({"points": 51, "horizon": 2.015, "frames": 30}, "displacement along z"),
+    "precut_tear": Shown({"points": 60, "horizon": 2.015, "frames": 60}, share=0.95),
+    "pressure": Shown({}, "displacement along z"),
+    "pressure_dynamic": Shown({"points": 51, "horizon": 2.015, "frames": 40}, "displacement along z", 0.8),
+    "pressure_static": Shown({"points": 51, "horizon": 2.015}, "displacement along z"),
+    "puncture": Shown({"points": 41, "horizon": 2.015, "slit": 0.008, "frames": 40}, share=0.65),
+    "pure_shear_tear": Shown({"points": 20, "frames": 60, "advance": 6.0}, share=0.7),
+    "running_crack": Shown({"points": 20, "horizon": 2.015, "frames": 60}, share=0.25, view="top"),
+    "square_wrinkles": Shown({"points": 48}, "wrinkle level"),
+    "stretch": Shown({"defect": "hole", "stretch": 2.0}),
+    "tension": Shown({}, "displacement along y"),
+    "trousers": Shown({"points": 16, "horizon": 2.015, "frames": 50}, share=0.6, view="side"),
+    "tube": Shown({"points": 48, "frames": 5}, "displacement"),
+    "two_sheets": Shown({"points": 21, "frames": 30}, "displacement along x"),
+    "visco_crack": Shown(
+        {"points": 24, "horizon": 2.015, "law": "published", "failure": True, "energy": 3e6}, share=0.5
+    ),
+    "visco_hole": Shown({"points": 25, "horizon": 2.015, "stretch": 2.5, "load_steps": 5}),
+    "visco_sheet": Shown({"points": 21, "horizon": 2.015}),
+}
+
+
+def command(scene: str) -> str:
+    """What a user types to get the run of the gallery."""
+    settings = " ".join(f"--set {name}={value}" for name, value in SCENES[scene].settings.items())
+    return f"warp-pd run {scene} {settings}".replace("True", "true").strip()
+
+
+def run_scene(scene: str) -> None:
+    """Run a scene, small, into its folder."""
+    folder = RUNS / "gallery" / scene
+    arguments = [*command(scene).split()[1:], "--out", str(folder), "--overwrite"]
+    arguments += ["--no-usd", "--no-pictures", "--no-view", "--quiet", "--device", "cpu"]
+    done = subprocess.run(
+        [sys.executable, "-m", "warp_pd.cli", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    # A run that did not converge has frames and a summary too; the page says how it ended.
+    if done.returncode and not (folder / "summary.json").is_file():
+        raise InputError(f"{command(scene)}: {done.stderr.strip().splitlines()[-1:]}")
+    print(f"ran {command(scene)}", flush=True)
+
+
+def write_pages(scenes: Sequence[str]) -> None:
+    """The page of each scene, and its picture as the page shows it."""
+    from playwright.sync_api import sync_playwright
+
+    GALLERY.mkdir(exist_ok=True)
+    shutil.copyfile(ROOT / "warp_pd" / "output" / "page" / "vendor.js", GALLERY / "vendor.js")
+    with sync_playwright() as playwright:
+        options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=options)
+        for scene in scenes:
+            path = GALLERY / f"{scene}.html"
+            text = _page_of(scene)
+            path.write_text(text, encoding="utf-8")
+            picture = _pictured(browser, path, SCENES[scene])
+            (GALLERY / f"{scene}.png").write_bytes(picture)
+            print(f"wrote {path} ({len(text) / 1e3:.0f} kB) and its picture ({len(picture) / 1e3:.0f} kB)", flush=True)
+        browser.close()
+
+
+def _page_of(scene: str) -> str:
+    """The page of a run, small: without the velocity, which packs badly."""
+    folder = RUNS / "gallery" / scene
+    fields = [name for name in read_series(folder / "frames.vtkhdf").fields if name != "velocity"]
+    return page(folder, POINTS, FRAMES, fields, library="vendor.js")
+
+
+def _pictured(browser: Any, path: Path, shown: Shown) -> bytes:
+    """The picture of a page, with few colours."""
+    from PIL import Image
+
+    opened = browser.new_page(viewport={"width": WIDTH, "height": 900})
+    opened.goto(path.as_uri())
+    opened.add_style_tag(content=f"#stage {{ height: {HEIGHT}px !important; background: #fff; border: none; }}")
+    opened.add_style_tag(content="main { padding: 0 !important; } header { border: none !important; }")
+    opened.wait_for_selector("body[data-ready]", state="attached")
+    if shown.field:
+        labels = opened.locator("#field option").all_inner_texts()
+        opened.locator("#field").select_option(label=next(x for x in labels if x.split(" (")[0] == shown.field))
+        opened.wait_for_selector(f"body[data-field='{shown.field}']", state="attached")
+    last = int(opened.locator("#frame").get_attribute("max"))
+    opened.locator("#frame").fill(str(round(shown.share * last)))
+    if shown.view:
+        opened.locator("#views button", has_text=shown.view).click()
+    opened.wait_for_timeout(300)
+    taken = Image.open(io.BytesIO(opened.locator("#stage").screenshot())).convert("RGB")
+    opened.close()
+    room = io.BytesIO()
+    taken.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(room, "png", optimize=True)
+    return room.getvalue()
+
+
+def gallery_page() -> str:
+    """docs/gallery.md."""
+    lines = [
+        "# Gallery",
+        "",
+        "Every scene that comes with the package, at sizes that a laptop runs in seconds to a few minutes. Follow a "
+        "picture to its page: turn the sheet, play it, and choose what colours show. Every run of your own writes "
+        "such a page; see [A run in the browser](viewing.md). Numbers at full size are in [Every scene](scenes.md).",
+        "",
+        "Made by `tools/gallery.py`.",
+    ]
+    for scene in scene_names():
+        title, _, text = (inspect.getdoc(load_scene(scene)) or "").partition("\n")
+        first = " ".join(text.strip().split("\n\n")[0].split())
+        lines += [
+            "", f"## {scene.replace('_', ' ')}", "",
+            f"[![{scene.replace('_', ' ')}](gallery/{scene}.png)](gallery/{scene}.html)", "",
+            f"{title} {first}".strip(), "", f"`{command(scene)}` \u00b7 [page](gallery/{scene}.html)",
+        ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run what is asked for, then write pictures, pages and the gallery."""
+    parser = study_parser(__doc__, only_page=False, jobs=1)
+    parser.add_argument("--scenes", nargs="*", default=[], help="Names of scenes; all by default.")
+    options = parser.parse_args()
+    missing = sorted(set(scene_names()) ^ set(SCENES))
+    if missing:
+        raise InputError(f"SCENES: expected every scene once; look at {', '.join(missing)}")
+    scenes = options.scenes or scene_names()
+    if not options.only_page:
+        with ThreadPoolExecutor(options.jobs) as pool:
+            list(pool.map(run_scene, scenes))
+    write_pages(scenes)
+    write_page(DOCS / "gallery.md", gallery_page())
+
+
+if __name__ == "__main__":
+    run_tool(main)

@@ -1,0 +1,114 @@
+"""A sheet drawn with fewer points: its triangulation contracted onto clusters of points.
+
+Points of a cell of a cubic grid that hang together form a cluster, and the point nearest to the cell's node stands for
+it. What hangs together is taken from the last frame, so the two sides of a crack are never one cluster. A triangle
+whose corners are in three clusters becomes a triangle of their points; it is intact as long as one such triangle is.
+A crack between clusters is drawn as wide as a drawn triangle, one through a cluster as wide as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Triangles = NDArray[np.integer]
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What is drawn of a sheet.
+
+    Attributes:
+        points: Numbers of the points, in order, shape (P,).
+        triangles: Numbers in `points`, shape (T, 3).
+        intact: Whether each triangle is intact at each frame, shape (frames, T).
+    """
+
+    points: NDArray[np.int64]
+    triangles: NDArray[np.int64]
+    intact: NDArray[np.bool_]
+
+
+def clusters(reference: NDArray[np.floating], first: Triangles, last: Triangles, most: int) -> NDArray[np.int64]:
+    """For each point the one that stands for it, shape (N,); itself in a sheet of at most so many points.
+
+    Args:
+        reference: Positions of the points [m], shape (N, 3).
+        first: Intact triangles of the first frame, shape (number of them, 3).
+        last: Those of the last frame.
+        most: Number of points to aim at.
+    """
+    used = np.zeros(len(reference), bool)
+    used[first] = True
+    used[last] = True
+    cluster = np.arange(len(reference))
+    if np.count_nonzero(used) <= most:
+        return cluster
+    # What tore to shreds has no clusters: such a sheet is coarsened as it was at first.
+    for held in (last, first):
+        cluster = _joined(reference, held, used, most)
+        if len(np.unique(cluster[used])) <= 1.5 * most:
+            break
+    return cluster
+
+
+def contracted(triangles: Triangles, cluster: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles between three clusters, as their points, the smallest number first; some may be there twice."""
+    corners = cluster[triangles]
+    a, b, c = corners.T
+    corners = corners[(a != b) & (b != c) & (c != a)]
+    order = (corners.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    return np.asarray(np.take_along_axis(corners, order, axis=1))
+
+
+def drawn(frames: Sequence[NDArray[np.int64]], size: int) -> Drawn:
+    """All triangles of the frames, and which of them are intact when; a row of points has none, and is drawn as points.
+
+    Args:
+        frames: Contracted triangles of each frame.
+        size: Number of points of the sheet.
+    """
+    keys = [_keys(corners, size) for corners in frames]
+    every, first = np.unique(np.concatenate(keys), return_index=True)
+    points, triangles = np.unique(np.concatenate(frames)[first], return_inverse=True)
+    intact = np.stack([np.isin(every, key) for key in keys])
+    if not len(every):
+        points = np.arange(size)
+    return Drawn(points, triangles.reshape(-1, 3), intact)
+
+
+def _keys(corners: NDArray[np.int64], points: int) -> NDArray[np.generic]:
+    """A value for each triangle, equal for equal ones."""
+    if points < 2**21:
+        return np.asarray((corners[:, 0] * points + corners[:, 1]) * points + corners[:, 2])
+    return np.ascontiguousarray(corners).view([("", corners.dtype)] * 3).ravel()
+
+
+def _joined(reference: NDArray[np.floating], held: Triangles, used: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
+    """Clusters of points that some triangles hold together.
+
+    Nodes of the grid are at the ends of the sheet, so that points on its edges stand for what is there.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    low, high = reference[used].min(axis=0), reference[used].max(axis=0)
+    corners = reference[held]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    across = np.maximum(np.round((high - low) / np.sqrt(area / most)), 1)
+    step = np.where(high > low, (high - low) / across, 1.0)
+    node = np.round((reference - low) / step).astype(np.int64)
+    cell = (node[:, 0] * (across[1] + 1) + node[:, 1]) * (across[2] + 1) + node[:, 2]
+    ends = np.concatenate([held[:, [0, 1]], held[:, [1, 2]], held[:, [2, 0]]])
+    ends = ends[cell[ends[:, 0]] == cell[ends[:, 1]]]
+    size = len(reference)
+    graph = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(size, size))
+    _, label = connected_components(graph, directed=False)
+    far = np.linalg.norm((reference - low) / step - node, axis=1)
+    order = np.lexsort((far, label))
+    begins = np.concatenate([[True], label[order][1:] != label[order][:-1]])
+    nearest = order[begins]
+    return np.asarray(nearest[label])

@@ -1,0 +1,78 @@
+"""The colours of a field: one scale for all panels of a picture, the same on the sheet and on its bar."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .shown import Shown
+
+# Perceptually uniform maps: of fields with one sign, of damage, and of fields with both signs (Moreland 2009).
+ONE_SIGN, DAMAGE, BOTH_SIGNS = "viridis", "inferno_r", "coolwarm"
+# A field has both signs if its smaller side is more than this share of its larger one.
+SMALLER_SIDE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class ColourScale:
+    """Colours of the values of a field.
+
+    Attributes:
+        name: Name of the map in Matplotlib.
+        low: Value of its first colour.
+        high: Value of its last colour. A map for both signs has low = -high: zero is in the middle.
+        shown: Lowest and highest value of the bar.
+        label: Of the bar.
+    """
+
+    name: str
+    low: float
+    high: float
+    shown: tuple[float, float]
+    label: str
+
+    def colours(self, values: np.ndarray) -> np.ndarray:
+        """Red, green, blue and opacity of values, shape (..., 4)."""
+        colours, norm = self._mapping()
+        return np.asarray(colours(norm(values)))
+
+    def add_bar(self, figure: Any, axes: Any, **options: Any) -> None:
+        """Draw the colour bar beside some axes; it ends where the values do."""
+        from matplotlib.cm import ScalarMappable
+
+        colours, norm = self._mapping()
+        bar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, label=self.label, **options)
+        bar.ax.set_ylim(*self.shown)
+
+    def _mapping(self) -> tuple[Any, Any]:
+        from matplotlib import colormaps
+        from matplotlib.colors import Normalize
+
+        return colormaps[self.name], Normalize(self.low, self.high)
+
+
+def scale_of(frames: Sequence[Shown], field: str, label: str, limits: tuple[float, float] | None) -> ColourScale:
+    """The scale of a field over all frames.
+
+    Args:
+        frames: Panels of the picture.
+        field: Name of the field.
+        label: Its name and unit.
+        limits: Lowest and highest value; by default those of the field.
+    """
+    low, high = limits or _range(frames, field)
+    if min(high, -low) > SMALLER_SIDE * max(high, -low):
+        reach = max(high, -low)
+        return ColourScale(BOTH_SIGNS, -reach, reach, (low, high), label)
+    name = DAMAGE if field == "damage" else ONE_SIGN
+    # Zero has one colour, whichever sign the field has.
+    return ColourScale(f"{name}_r" if high <= 0.0 else name, low, high, (low, high), label)
+
+
+def _range(frames: Sequence[Shown], field: str) -> tuple[float, float]:
+    values = np.concatenate([f.fields[field][f.used] for f in frames])
+    low, high = float(values.min()), float(values.max())
+    return low, high if high > low else low + 1.0

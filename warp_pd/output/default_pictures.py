@@ -1,0 +1,90 @@
+"""Pictures of a scene that brings no function for them: the sheet, its damage, energies, measures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from . import plots
+from .labels import ENERGIES, column_label, column_unit
+from .picture_files import new_figure, save
+from .shown import Shown, frames_at
+from .vtkhdf import read_series
+
+# Panels of the sheet, and of the numbers.
+PANELS, MOST_NUMBERS = 4, 9
+# A displacement out of the plane above this share of the size of the sheet is drawn in space.
+OUT_OF_PLANE = 1e-3
+# A component below this share of the largest one of its vector is noise.
+NOISE = 1e-3
+NOT_DRAWN = {"time", "step", "half_step_kinetic", "balance_error", "largest_damage", "mean_damage", *ENERGIES}
+
+
+def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, str]) -> None:
+    """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run has something to show.
+
+    Args:
+        history: One row a frame.
+        folder: Of the run, with frames.vtkhdf.
+        units: Units of the scene's measures by name.
+    """
+    times = np.asarray(read_series(folder / "frames.vtkhdf").times)
+    chosen = np.unique(np.linspace(0, len(times) - 1, PANELS + 1).round().astype(int))[1:]
+    frames = frames_at(folder, (times[chosen] if len(chosen) else times).tolist())
+    if len(frames[0].triangles):
+        _draw_sheet(folder, frames)
+    if any(row.get(name) for row in history for name in ENERGIES):
+        names = [name for name in ENERGIES if any(row.get(name) for row in history)]
+        plots.curves(folder / "energy.png", history, names, ylabel="energy (J)")
+    numbers = [name for name in history[-1] if name not in NOT_DRAWN and _moves(history, name)]
+    numbers = [name for name in numbers if name in units or _counts(history, name)]
+    numbers.sort(key=lambda name: name not in units)
+    if numbers and len(history) > 1:
+        _draw_numbers(folder, history, numbers[:MOST_NUMBERS], units)
+
+
+def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
+    """The largest component of the displacement, and the damage if there is some."""
+    last = frames[-1]
+    size = float(np.ptp(last.reference, axis=0).max())
+    moved = [float(np.abs(last.fields[name][last.used]).max()) for name in ("u1", "u2", "u3")]
+    in_space = moved[2] > OUT_OF_PLANE * size or float(np.ptp(last.reference[:, 2])) > OUT_OF_PLANE * size
+    picture = plots.surfaces if in_space else plots.from_above
+    field = "u3" if moved[2] > OUT_OF_PLANE * size else f"u{int(np.argmax(moved)) + 1}"
+    picture(folder / "sheet.png", frames, field)
+    if any(frame.fields["damage"].any() for frame in frames if "damage" in frame.fields):
+        picture(folder / "damage.png", frames, "damage", limits=(0.0, 1.0))
+
+
+def _moves(history: Sequence[dict[str, float]], name: str) -> bool:
+    values = np.array([row.get(name, np.nan) for row in history], float)
+    values = values[np.isfinite(values)]
+    return bool(len(values) and np.ptp(values) > 0.0)
+
+
+def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
+    """Whether a component of a vector, such as ball_force_x, is more than the noise of the largest one."""
+    if name[-2:] not in ("_x", "_y", "_z"):
+        return True
+    reach = {c: max(abs(row.get(name[:-1] + c, 0.0)) for row in history) for c in "xyz"}
+    return reach[name[-1]] > NOISE * max(reach.values())
+
+
+def _draw_numbers(
+    folder: Path, history: Sequence[dict[str, float]], names: Sequence[str], units: Mapping[str, str]
+) -> None:
+    """A panel for each number."""
+    columns = min(len(names), 3)
+    rows = -(-len(names) // columns)
+    figure = new_figure(4.2 * columns, 2.9 * rows + 0.3)
+    panels = figure.subplots(rows, columns, squeeze=False)
+    for axes, name in zip(panels.flat, names, strict=False):
+        plots.draw_curves(axes, history, [name])
+        unit = units.get(name, column_unit(name))
+        ylabel = column_label(name) + (f" ({unit})" if unit not in ("", "1") else "")
+        axes.set(xlabel=plots.across_label("time"), ylabel=ylabel)
+    for axes in panels.flat[len(names) :]:
+        axes.set_visible(False)
+    save(figure, folder / "measures.png")

@@ -1,0 +1,132 @@
+"""How a picture looks at a sheet in space: parallel projection, the box around it, lines of the material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .shown import Shown
+
+# A side of the box that is shorter than this share of the longest is drawn as long as that; one that is shorter than
+# the second share is flat, and is left as it is.
+SHORTEST, FLAT = 0.25, 1e-6
+# Squares of the grid of material lines along the longest side of a flat sheet, and of a curved one.
+SQUARES, SQUARES_OF_CURVED = 12, 8
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A parallel projection.
+
+    Attributes:
+        low: Lowest coordinates of what is shown [m], shape (3,).
+        high: Highest ones.
+        grown: Factors by which x, y and z are drawn larger, shape (3,).
+        axes: Directions to the right, up, and towards the eye, shape (3, 3).
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    grown: np.ndarray
+    axes: np.ndarray
+
+    @staticmethod
+    def of(low: np.ndarray, high: np.ndarray, elevation: float, azimuth: float) -> View:
+        """The view of a box from a direction [degrees]."""
+        extent = high - low
+        longest = max(float(extent.max()), 1e-300)
+        grown = np.maximum(1.0, SHORTEST * longest / np.maximum(extent, 1e-300))
+        grown[extent < FLAT * longest] = 1.0
+        up, around = np.deg2rad((elevation, azimuth))
+        towards = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+        right = np.array([-np.sin(around), np.cos(around), 0.0])
+        return View(low, high, grown, np.array([right, np.cross(towards, right), towards]))
+
+    def seen(self, points: np.ndarray) -> np.ndarray:
+        """Right, up and depth towards the eye of points, shape (..., 3)."""
+        return np.asarray(((points - self.low) * self.grown) @ self.axes.T)
+
+    @property
+    def size(self) -> float:
+        """Length of the diagonal of the box as it is drawn."""
+        return float(np.linalg.norm((self.high - self.low) * self.grown))
+
+    def corners(self) -> np.ndarray:
+        """Of the box [m], shape (8, 3)."""
+        ends = np.array([self.low, self.high])
+        return np.stack([ends[np.arange(8) >> c & 1, c] for c in range(3)], axis=1)
+
+    def edges(self) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+        """The edges of the box that carry the coordinates.
+
+        Returns:
+            Component, both ends [m], shape (3,), and the direction in the picture that leads away from the box.
+        """
+        near = np.where(self.axes[2] >= 0.0, self.high, self.low)
+        base = np.array([near[0], near[1], self.low[2]])
+        floor = self.corners()[:4]
+        left = floor[self.seen(floor)[:, 0].argmin()]
+        middle = self.seen(0.5 * (self.low + self.high))[:2]
+        found = []
+        for c in range(3):
+            if (self.high - self.low)[c] <= FLAT * (self.high - self.low).max():
+                continue
+            start, end = (left if c == 2 else base).copy(), (left if c == 2 else base).copy()
+            start[c], end[c] = self.low[c], self.high[c]
+            along = (self.seen(end) - self.seen(start))[:2]
+            away = np.array([-along[1], along[0]])
+            away /= max(float(np.linalg.norm(away)), 1e-300)
+            if away @ (self.seen(0.5 * (start + end))[:2] - middle) < 0.0:
+                away = -away
+            found.append((c, start, end, away))
+        return found
+
+
+def places_of(frame: Shown) -> np.ndarray:
+    """Points of the sheet and of bodies [m], shape (P, 3)."""
+    ball = [] if frame.ball is None else [sphere(*frame.ball)[0]]
+    return np.vstack([frame.points[frame.used], *ball, *(vertices for vertices, _ in frame.bodies)])
+
+
+def sphere(centre: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [m] and triangles of a ball."""
+    rings, around = 16, 32
+    polar, turn = np.meshgrid(np.linspace(0.0, np.pi, rings + 1), np.arange(around) * 2 * np.pi / around, indexing="ij")
+    shell = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=-1)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(rings), np.arange(around), indexing="ij"))
+    a, b = around * i + j, around * i + (j + 1) % around
+    triangles = np.concatenate([np.column_stack([a, a + around, b]), np.column_stack([b, a + around, b + around])])
+    return centre + 0.5 * diameter * shell.reshape(-1, 3), triangles
+
+
+def material_lines(frame: Shown) -> np.ndarray:
+    """Lines of constant reference coordinates on the deformed sheet: ends of segments [m], shape (S, 2, 3)."""
+    corners = frame.reference[frame.triangles]
+    if len(corners) == 0:
+        return np.zeros((0, 2, 3))
+    low, high = frame.reference.min(axis=0), frame.reference.max(axis=0)
+    squares = SQUARES_OF_CURVED if high[2] > low[2] else SQUARES
+    step = float((high - low).max()) / squares
+    segments = []
+    for c in range(3):
+        # Slightly off the rows of points, which may lie on the levels.
+        for level in np.arange(low[c] + step * (1.0 + 1e-4), high[c] - 0.01 * step, step):
+            above = corners[:, :, c] > level
+            cut = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
+            # The corner that is alone on its side of the level.
+            few = above[cut].sum(axis=1) == 1
+            alone = np.where(few, above[cut].argmax(axis=1), (~above[cut]).argmax(axis=1))
+            ends = [_crossing(frame, cut, alone, (alone + k) % 3, c, level) for k in (1, 2)]
+            segments.append(np.stack(ends, axis=1))
+    return np.concatenate(segments) if segments else np.zeros((0, 2, 3))
+
+
+def _crossing(
+    frame: Shown, cut: np.ndarray, first: np.ndarray, second: np.ndarray, component: int, level: float
+) -> np.ndarray:
+    """Deformed places [m] where the sides between two corners of triangles cross a level, shape (S, 3)."""
+    a, b = frame.triangles[cut, first], frame.triangles[cut, second]
+    start, end = frame.reference[a, component], frame.reference[b, component]
+    share = ((level - start) / (end - start))[:, None]
+    return np.asarray(frame.points[a] + share * (frame.points[b] - frame.points[a]))

@@ -1,0 +1,64 @@
+"""The picture of a sweep: its measures against the first argument that has several values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .labels import column_label
+from .picture_files import new_figure, save
+from .plots import STYLES
+
+# Panels of the picture, and columns of them.
+MOST_PANELS, COLUMNS = 9, 3
+
+
+def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, Any]]]) -> bool:
+    """Draw a panel for each measure, a curve for each combination of the other arguments.
+
+    Args:
+        path: Of the picture.
+        runs: Values of the arguments, and the measures of the summary, of each run that has some.
+
+    Returns:
+        Whether there was anything to draw.
+    """
+    names = list(dict.fromkeys(n for _, found in runs for n, m in found.items() if m["value"] is not None))
+    if not names:
+        return False
+    columns = min(len(names), COLUMNS)
+    rows = -(-min(len(names), MOST_PANELS) // columns)
+    figure = new_figure(4.6 * columns, 3.3 * rows + 0.4)
+    panels = figure.subplots(rows, columns, squeeze=False)
+    keys = list(runs[0][0])
+    first = next((key for key in keys if len({values[key] for values, _ in runs}) > 1), keys[0])
+    others = [key for key in keys if key != first]
+    for axes, name in zip(panels.flat, names, strict=False):
+        curves: dict[str, list[tuple[Any, float]]] = {}
+        for values, found in runs:
+            if found.get(name, {}).get("value") is not None:
+                label = ", ".join(f"{key}={values[key]}" for key in others)
+                curves.setdefault(label, []).append((_across(values[first]), found[name]["value"]))
+        for k, (label, points) in enumerate(curves.items()):
+            axes.plot(*zip(*points, strict=True), STYLES[k % len(STYLES)] + "o", markersize=4, label=label or None)
+        known = {found[name]["reference"] for _, found in runs if found.get(name, {}).get("reference") is not None}
+        if len(known) == 1:
+            axes.axhline(known.pop(), color="0.4", linewidth=1.0, label="reference")
+        unit = next(found[name]["unit"] for _, found in runs if name in found)
+        axes.set(xlabel=column_label(first), ylabel=column_label(name) + ("" if unit == "1" else f" ({unit})"))
+        axes.grid(alpha=0.3)
+        if axes.get_legend_handles_labels()[1]:
+            axes.legend(fontsize=7)
+    for axes in panels.flat[len(names) :]:
+        axes.set_visible(False)
+    save(figure, path)
+    return True
+
+
+def _across(text: str) -> Any:
+    """A number where the text is one; Matplotlib draws other values at places of their own."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

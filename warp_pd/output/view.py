@@ -1,0 +1,207 @@
+"""A run as one page for a browser: the sheet in space and time, its curves, measures and settings."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import InputError, one_of
+from ..frame import format_time
+from .coarsen import Drawn, clusters, contracted, drawn
+from .packed import Arrays
+from .quantities import choices, column_unit, curves
+from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
+
+LIBRARY = "vendor.js"
+SCRIPTS = ("data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
+# What a page holds unless told otherwise: points; and numbers, in all frames, but some frames in any case.
+POINTS, NUMBERS, FEWEST_FRAMES = 40_000, 12_000_000, 16
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How much of a run a page holds.
+
+    Attributes:
+        points: Points of the sheet, about; None for all.
+        frames: Frames; None for as many as fit.
+        fields: Names of the fields besides the displacement; None for all.
+    """
+
+    points: int | None = POINTS
+    frames: int | None = None
+    fields: Collection[str] | None = None
+
+    def chosen_fields(self, held: Sequence[str]) -> list[str]:
+        """Names of the fields that a page shows.
+
+        Raises:
+            InputError: for one that the frames do not hold.
+        """
+        for name in self.fields or ():
+            one_of("fields", name, held)
+        return [name for name in held if self.fields is None or name in ("displacement", *self.fields)]
+
+    def chosen_frames(self, frames: int, numbers: int) -> NDArray[np.int64]:
+        """Indices of the frames that a page shows, the first and last among them, if each has so many numbers."""
+        fits = max(FEWEST_FRAMES, NUMBERS // numbers) if self.frames is None else self.frames
+        return np.unique(np.round(np.linspace(0, frames - 1, min(frames, fits))).astype(np.int64))
+
+
+def page(
+    path: Path,
+    summary: Mapping[str, Any],
+    history: Sequence[Mapping[str, float]],
+    limits: Limits | None = None,
+    library: str | None = None,
+) -> str:
+    """The page of a run: HTML that needs neither a server nor a network.
+
+    Args:
+        path: frames.vtkhdf of the run.
+        summary: Content of its summary.json; empty for a run that has none.
+        history: Its history, one row per frame; empty for a run that has none.
+        limits: How much of the run the page holds.
+        library: Address of vendor.js, for pages that share it; by default it is inside the page.
+
+    Raises:
+        InputError: for frames that are missing or damaged.
+    """
+    if not path.is_file():
+        raise InputError(f"file = {str(path)!r}: expected the frames of a run")
+    limits = limits or Limits()
+    info = read_series(path)
+    arrays = Arrays()
+    content = {
+        "title": str(summary.get("scene") or info.metadata.get("scene") or path.parent.name),
+        "summary": _finite(dict(summary)),
+        "history": _history(history, summary.get("measures", {})),
+        **_sheet(path, info, limits, arrays),
+    }
+    return _html(content, arrays, library)
+
+
+def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict[str, Any]:
+    """Points, triangles, fields and bodies at the frames that the page shows."""
+    most = info.points if limits.points is None else limits.points
+    _, points, first, fields = read_frame(path, 0)
+    reference = points - fields["displacement"]
+    cluster = clusters(reference, first, read_frame(path, info.frames - 1)[2], most)
+    kept = np.unique(cluster)
+    names = limits.chosen_fields(info.fields)
+    components = sum(fields[name][0].size for name in names)
+    shown = limits.chosen_frames(info.frames, components * len(kept))
+    triangles: list[NDArray[np.int64]] = []
+    values: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+    for k in shown:
+        _, _, intact, fields = read_frame(path, int(k))
+        triangles.append(contracted(intact, cluster))
+        for name, series in values.items():
+            series.append(fields[name][kept])
+    sheet = drawn(triangles, info.points)
+    place = np.searchsorted(kept, sheet.points)
+    static = info.metadata.get("load_duration")
+    return {
+        "frames": [{"time": float(info.times[k]), "when": format_time(float(info.times[k]), static)} for k in shown],
+        "loadDuration": static,
+        "leftOut": _left_out(info, sheet, shown),
+        "reference": arrays.add(reference[sheet.points]),
+        "triangles": arrays.add(sheet.triangles),
+        "intact": arrays.add(sheet.intact),
+        **_fields({name: np.stack(series)[:, place] for name, series in values.items()}, sheet, arrays),
+        "bodies": _bodies(path, shown, arrays),
+    }
+
+
+def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) -> dict[str, Any]:
+    """The fields at the points that are drawn, a series for each component."""
+    loose = ~_held(sheet)
+    stored, offered = {}, []
+    for name, series in values.items():
+        columns = series.reshape(*series.shape[:2], -1).astype(np.float32)
+        # A point that hangs on no triangle is not drawn: where it flies to must not set the scale.
+        columns[loose] = np.nan
+        stored[name] = [arrays.add_series(columns[:, :, c]) for c in range(columns.shape[2])]
+        offered += [vars(choice) for choice in choices(name, columns.shape[2])]
+    return {"fields": stored, "choices": offered}
+
+
+def _held(sheet: Drawn) -> NDArray[np.bool_]:
+    """Whether a point has an intact triangle, or there is none at all, shape (frames, points)."""
+    held = np.full((len(sheet.intact), len(sheet.points)), not len(sheet.triangles))
+    for row, intact in zip(held, sheet.intact, strict=True):
+        row[sheet.triangles[intact]] = True
+    return held
+
+
+def _bodies(path: Path, shown: NDArray[np.int64], arrays: Arrays) -> list[dict[str, Any]]:
+    """The ball and other bodies: their outlines once, and their poses."""
+    found = []
+    for body, poses in read_outlines(path):
+        outline = {"radius": body.sizes[0]} if body.kind == "sphere" else {
+            "vertices": arrays.add(np.asarray(body.vertices, np.float32)), "triangles": arrays.add(body.triangles)
+        }  # fmt: skip
+        found.append({"name": body.name, "kind": body.kind, "poses": poses[shown].tolist(), **outline})
+    return found
+
+
+def _history(history: Sequence[Mapping[str, float]], measures: Mapping[str, Any]) -> dict[str, Any]:
+    """Columns of the history, and which of them share a graph."""
+    if not history:
+        return {"columns": {}, "graphs": []}
+    columns = {name: [_finite(float(row[name])) for row in history] for name in history[0]}
+    return {"columns": columns, "graphs": curves(list(columns), measures), "timeUnit": column_unit("time", {})}
+
+
+def _left_out(info: SeriesInfo, sheet: Drawn, shown: NDArray[np.int64]) -> list[str]:
+    """What of the run is not on the page, one line each."""
+    lines = []
+    if len(sheet.points) < 0.9 * info.points:
+        lines.append(
+            f"{len(sheet.points)} of {info.points} points are drawn; colours are those of these points, and a crack "
+            "looks up to one drawn triangle wide"
+        )
+    if len(shown) < info.frames:
+        lines.append(f"{len(shown)} of {info.frames} frames are shown")
+    return lines
+
+
+def _finite(value: Any) -> Any:
+    """A value that JSON knows: NaN and infinity become None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _html(content: Mapping[str, Any], arrays: Arrays, library: str | None) -> str:
+    """The page, with styles, scripts and data in their places."""
+    folder = files("warp_pd.output") / "page"
+
+    def part(name: str) -> str:
+        return (folder / name).read_text(encoding="utf-8")
+
+    # Neither a name of a scene nor a note may end the element that holds it.
+    data = json.dumps(content, allow_nan=False).replace("<", "\\u003c")
+    texts = "\n".join(f'<script type="text/plain" id="array{k}">{text}</script>' for k, text in enumerate(arrays.texts))
+    shared = (
+        f"<script>{part(LIBRARY)}</script>" if library is None else f'<script src="{html.escape(library)}"></script>'
+    )
+    filled = {
+        "TITLE": html.escape(str(content["title"])),
+        "STYLE": "\n".join(part(name) for name in ("vendor.css", "page.css")),
+        "DATA": f'<script type="application/json" id="content">{data}</script>\n{texts}',
+        "SCRIPTS": "\n".join([shared, *(f"<script>{part(name)}</script>" for name in SCRIPTS)]),
+    }
+    pieces = part("page.html").split("%%")
+    return "".join(filled[piece] if k % 2 else piece for k, piece in enumerate(pieces))

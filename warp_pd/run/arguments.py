@@ -1,0 +1,141 @@
+"""Arguments of a scene's `build` as the command line gives them: text becomes what the argument takes."""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import inspect
+from collections.abc import Mapping
+from typing import Any
+
+from ..checks import InputError, one_of
+
+TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter]) -> Any:
+    """`value` as the argument `key` takes it: in the type of its default; without one, what the text is in Python.
+
+    Raises:
+        InputError: for a name that the scene does not know, or text that does not fit.
+    """
+    if key not in parameters:
+        nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
+        hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
+        if key == "duration" and {"speed", "travel"} <= set(parameters):
+            hint = " (the duration is travel / speed)"
+        raise InputError(f"{key} is not an argument of this scene: expected one of {', '.join(parameters)}{hint}")
+    default = parameters[key].default
+    if isinstance(default, tuple | list) and isinstance(value, str | list):
+        return type(default)(_sequence(key, value, default))
+    if not isinstance(value, str) or isinstance(default, str):
+        return value
+    if default is inspect.Parameter.empty:
+        return _python_value(value)
+    if isinstance(default, bool):
+        return TRUTH[one_of(f"--set {key}", value.lower(), TRUTH)]
+    return _as_number(key, value, default, str(parameters[key].annotation))
+
+
+def plain(value: Any) -> Any:
+    """A setting as JSON keeps it: text, a number, or lists of them; None for what it cannot keep."""
+    if isinstance(value, tuple | list):
+        return [plain(item) for item in value]
+    return value if isinstance(value, str | int | float | bool | None) else None
+
+
+def is_plain(value: Any) -> bool:
+    """Whether JSON keeps a setting as it is."""
+    if isinstance(value, tuple | list):
+        return all(is_plain(item) for item in value)
+    return isinstance(value, str | int | float | bool | None)
+
+
+def split_values(text: str) -> list[str]:
+    """Values separated by commas; a comma inside brackets belongs to its value."""
+    found, depth = [""], 0
+    for letter in text:
+        depth += (letter in "([") - (letter in ")]")
+        if letter == "," and depth == 0:
+            found.append("")
+        else:
+            found[-1] += letter
+    return [value.strip() for value in found]
+
+
+def _as_number(key: str, text: str, default: Any, annotation: str) -> int | float | None:
+    """A whole number for a whole default; for None a whole number stays whole, unless the argument is a float."""
+    number = _number(text)
+    if isinstance(default, int):
+        if not isinstance(number, int):
+            raise InputError(f"--set {key} = {text!r}: expected a whole number")
+        return number
+    if default is None and text.lower() == "none":
+        return None
+    if number is None:
+        raise InputError(f"--set {key} = {text!r}: expected a number")
+    return number if default is None and "float" not in annotation else float(number)
+
+
+def _number(text: str) -> int | float | None:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return None
+
+
+def _python_value(text: str) -> Any:
+    """The number, truth value, None or tuple that a text is; else the text."""
+    number = _number(text)
+    if number is not None:
+        return number
+    known = {"true": True, "false": False, "none": None}
+    if text.lower() in known:
+        return known[text.lower()]
+    if text[:1] in "([":
+        return _tuples(ast.literal_eval(text)) if _is_literal(text) else text
+    return text
+
+
+def _sequence(key: str, value: Any, default: Any) -> Any:
+    """Numbers, tuples of them, or texts, as the default has them."""
+    example = ",".join(str(item) for item in default) or "0.1,0.2"
+    error = InputError(f"--set {key} = {value!r}: expected values separated by commas, such as {example}")
+    if isinstance(value, str):
+        text = value.strip()
+        texts = all(isinstance(item, str) for item in default) and bool(default)
+        if texts:
+            return split_values(text.strip("()[]"))
+        if text[:1] not in ("(", "[") or len(split_values(text)) > 1:
+            text = f"({text},)"
+        if not _is_literal(text):
+            raise error
+        value = ast.literal_eval(text)
+    if not isinstance(value, tuple | list) or not _fits(value, default):
+        raise error
+    return _tuples(value)
+
+
+def _is_literal(text: str) -> bool:
+    try:
+        ast.literal_eval(text)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        return False
+    return True
+
+
+def _fits(value: Any, default: Any) -> bool:
+    """Whether the items are of the kind that the default has: numbers, texts, or sequences."""
+    if not default:
+        return True
+    nested = isinstance(default[0], tuple | list)
+    if nested:
+        return all(isinstance(item, tuple | list) and _fits(item, default[0]) for item in value)
+    kinds = str if isinstance(default[0], str) else int | float
+    return all(isinstance(item, kinds) for item in value)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, tuple | list) else value

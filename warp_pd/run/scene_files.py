@@ -1,0 +1,91 @@
+"""Scenes by name, or from a Python file with a function `build`."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+from ..checks import InputError, kind_and_text, one_of, user_code
+from ..scene import Scene
+from .arguments import converted, is_plain, plain
+
+
+def scene_names() -> list[str]:
+    """Names of the scenes that come with the package."""
+    package = importlib.import_module("warp_pd.scenes")
+    return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_"))
+
+
+def load_scene(name: str) -> Any:
+    """The module of a scene, by name, or by the path of a Python file with a function `build`.
+
+    Raises:
+        InputError: if there is none; the message names the nearest one.
+    """
+    if name.endswith(".py"):
+        return _load_file(Path(name))
+    return importlib.import_module(f"warp_pd.scenes.{one_of('scene', name, scene_names())}")
+
+
+def _load_file(path: Path) -> Any:
+    if not path.is_file():
+        raise InputError(f"scene = {str(path)!r}: the file does not exist")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # As Python does for a script, so that the file can import modules in its folder.
+    folder = str(path.resolve().parent)
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    with user_code(functools.partial(_said_in, path)):
+        try:
+            spec.loader.exec_module(module)
+        except SyntaxError as error:
+            raise InputError(f"scene = {str(path)!r}: line {error.lineno}: {error.msg}") from None
+    if not callable(getattr(module, "build", None)):
+        raise InputError(f"scene = {str(path)!r}: the file has no function build(...) that returns a Simulation")
+    return module
+
+
+def _said_in(path: Path, error: Exception) -> str:
+    """One line on an error in a scene's file, with the last line number of that file in the traceback."""
+    steps = traceback.extract_tb(error.__traceback__)
+    lines = [step.lineno for step in steps if Path(step.filename).resolve() == path.resolve()]
+    where = f"line {lines[-1]}: " if lines else ""
+    return f"scene = {str(path)!r}: {where}{kind_and_text(error)}"
+
+
+def build_scene(name: str, settings: dict[str, Any]) -> Any:
+    """The simulation of a scene; `settings` contains text or numbers for the arguments of its `build`.
+
+    Raises:
+        InputError: for a name that the scene does not know, or a value that does not fit.
+    """
+    scene = load_scene(name)
+    parameters = inspect.signature(scene.build).parameters
+    values = {key: converted(key, value, parameters) for key, value in settings.items()}
+    own = name.endswith(".py")
+    missing = [
+        key
+        for key, p in parameters.items()
+        if p.default is p.empty and p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and key not in values
+    ]
+    if missing:
+        raise InputError(f"scene = {name!r}: {missing[0]} has no default: expected --set {missing[0]}=VALUE")
+    with user_code(functools.partial(_said_in, Path(name))) if own else contextlib.nullcontext():
+        simulation = scene.build(**values)
+    if not isinstance(simulation, Scene):
+        raise InputError(f"scene = {name!r}: build returned {type(simulation).__name__}; expected a Simulation")
+    simulation.scene = Path(name).stem
+    simulation.file = str(Path(name).resolve()) if own else None
+    used = {key: values.get(key, p.default) for key, p in parameters.items()}
+    simulation.settings = {key: plain(value) for key, value in used.items() if is_plain(value)}
+    return simulation

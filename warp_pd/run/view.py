@@ -1,0 +1,87 @@
+"""The page of a run for a browser, from the folder of its results."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..checks import InputError, count
+from .folder import PAGE, read_history, run_summary, write_atomically
+
+# A run writes its page itself for sheets of at most so many points.
+LARGE = 200_000
+
+
+def page(
+    folder: str | Path,
+    points: int | None = None,
+    frames: int | None = None,
+    fields: Collection[str] | None = None,
+    library: str | None = None,
+) -> str:
+    """The page of a run as text: HTML with everything in it.
+
+    A run that was killed has neither summary nor history; its frames are shown all the same.
+
+    Args:
+        folder: The folder of the run.
+        points: Largest number of points to draw; by default 40 000.
+        frames: Largest number of frames; by default as many as keep the page small.
+        fields: Names of the point fields to choose from, besides the displacement; None for all.
+        library: Address of vendor.js, for pages that share it; by default it is inside the page.
+
+    Raises:
+        InputError: for a folder without frames, damaged frames, or a field that they do not hold.
+    """
+    from ..output.view import Limits
+    from ..output.view import page as page_of
+
+    folder = Path(folder)
+    if not folder.exists():
+        raise InputError(f"folder = {str(folder)!r}: it does not exist; expected the folder of a run")
+    if not folder.is_dir():
+        raise InputError(f"folder = {str(folder)!r}: it is a file; expected the folder of a run")
+    path = folder / "frames.vtkhdf"
+    if not path.is_file():
+        raise InputError(f"folder = {str(folder)!r}: it has no {path.name}; expected the folder of a run with frames")
+    limits = Limits(fields=fields)
+    if points is not None:
+        limits = replace(limits, points=count("points", points, 4))
+    if frames is not None:
+        limits = replace(limits, frames=count("frames", frames, 2))
+    history = read_history(folder / "history.csv") if (folder / "history.csv").is_file() else []
+    summary: dict[str, Any] = run_summary(folder) or {}
+    return page_of(path, summary, history, limits, library)
+
+
+def write_page(
+    folder: str | Path, out: str | Path | None = None, points: int | None = None, frames: int | None = None
+) -> Path:
+    """Write the page of a run, whole or not at all.
+
+    Args:
+        folder: The folder of the run.
+        out: The file; by default view.html in the folder.
+        points: As for `page`.
+        frames: As for `page`.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: as `page`, or for a file that cannot be written.
+    """
+    path = Path(folder) / PAGE if out is None else Path(out)
+    text = page(folder, points, frames)
+    if path.is_dir():
+        raise InputError(f"out = {str(path)!r}: it is a folder; expected a file")
+    try:
+        write_atomically(path, text)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            path.with_name(path.name + ".part").unlink(missing_ok=True)
+        raise InputError(f"out = {str(path)!r}: expected a file that can be written ({error.strerror})") from None
+    return path
