@@ -104,7 +104,7 @@ def scene(name, points=33, frames=2, duration=DURATION):
     if name == "body":
         way = BodyPath([0.0, duration], [(0.5, 0.5, 0.16), (0.52, 0.5, 0.0)])
         contact = RigidBody(Sphere(0.15), way, friction=0.3)
-    solver = Explicit(duration, frames=frames, damping=2.0)
+    solver = Explicit(duration, frames=frames, damping=2.0, history_every=duration / 9 if name == "cloud" else None)
     if name == "relaxed":
         loads = [Fixed(low), Motion(high, [0.0, 1.0], x=[0.0, 0.1], y=0.0, z=0.0)]
         solver = Relaxation(load_steps=1)
@@ -153,10 +153,11 @@ def run_all(folder, names):
 
 
 def arrays_of(folder):
-    """What a run left in its folder: arrays of the restart file, the history as text."""
+    """What a run left in its folder: arrays of the restart file, the histories as text, bytes of frames."""
     with np.load(folder / "restart.npz") as stored:
         arrays = {name: stored[name] for name in stored.files if name != "numbers"}
-    return arrays, (folder / "history.csv").read_text(), (folder / "frames.vtkhdf").stat().st_size
+    rows = [(folder / name).read_text() for name in ("history.csv", "fine_history.csv") if (folder / name).exists()]
+    return arrays, "".join(rows), (folder / "frames.vtkhdf").stat().st_size
 
 
 if __name__ == "__main__":
