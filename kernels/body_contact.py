@@ -10,7 +10,9 @@ normal: a point that would have to lose less sticks.
 
 Work. A step has the impulses P before the drift and Q at its end. With velocities at full steps and forces F, kinetic
 energy and strain energy together change by P (v + P / 2m) + Q (v' - Q / 2m), where v is the velocity before the half
-kick and v' the last one; the rest are the terms that central differences have without contact.
+kick and v' the last one; the rest are the terms that central differences have without contact. Mass damping takes
+its part of the impulses: `half_step` in kernels/integrate.py has the exact statement. It holds only if the way of a
+point and its velocity at the half step agree, so that the shift of `project` is dt times the change of the velocity.
 
 The geometry is float64; what points get is the change of their velocity in their own precision.
 """
@@ -21,7 +23,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from .body_motion import vec6d
-from .distances import BodyShape, ways_out
+from .body_search import body_search
 from .integrate import half_step
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
@@ -36,12 +38,16 @@ class BodyContactKernels:
         separate: Removes the velocity into the body, after the second half kick.
         find_inside: What points need, before a free body yields and `project`.
         find_touching: The same before `separate`.
+        mark: Marks points that may touch in the step, for the stages of large sheets.
+        mark_now: The same for points that may touch at its end.
     """
 
     project: Pointwise
     separate: Pointwise
     find_inside: Pointwise
     find_touching: Pointwise
+    mark: Pointwise
+    mark_now: Pointwise
 
 
 @functools.cache
@@ -55,6 +61,9 @@ def body_contact(
     loaded: bool,
     damped: bool,
     tracked: bool,
+    half_steps: bool,
+    searched: bool,
+    marked: bool,
     module: str,
 ) -> BodyContactKernels:
     """Stages of contact with a body.
@@ -69,129 +78,51 @@ def body_contact(
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         tracked: Whether work and losses are summed up.
+        half_steps: Whether energies take the velocities at half steps.
+        searched: Whether the distance is a search, which points remember.
+        marked: Whether the stages do nothing but at marked points.
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec3 = types.real, types.vec3
-    way_out = ways_out(distance, module)
+    real = types.real
+    search = body_search(bits, distance, curved, held, searched, marked, module)
+    BodyContact, wide, narrow, position = search.struct, search.wide, search.narrow, search.position
+    surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
+    may_touch_in_step, may_touch_now = search.may_touch_in_step, search.may_touch_now
     half_kick, half_loss = half_step(bits, loaded, damped, module)
 
-    @functools.partial(wp.struct, module=module)
-    class BodyContact:
-        reference: wp.array(dtype=vec3 if curved else types.vec2)
-        mass: wp.array(dtype=real)
-        held_mask: wp.array(dtype=wp.uint8)
-        body: BodyShape
-        radius: wp.float64
-        skin: wp.float64
-        friction: wp.float64
-        place: wp.array(dtype=wp.vec3d)
-        rotation: wp.array(dtype=wp.quatd)
-        motion: wp.array(dtype=wp.vec3d)
-        step: wp.array(dtype=real)
-        damping: wp.array(dtype=real)
-        force: wp.array(dtype=vec3)
-        external: wp.array(dtype=vec3)
-        displacement: wp.array(dtype=vec3)
-        velocity: wp.array(dtype=vec3)
-        work: wp.array(dtype=wp.float64)
-        impulse: wp.array(dtype=vec3)
-        turn: wp.array(dtype=vec3)
-        loss: wp.array(dtype=wp.float64)
-        rubbed: wp.array(dtype=wp.float64)
-        need: wp.array(dtype=wp.float64)
-        rows: wp.array(dtype=vec6d)
-        push: wp.array(dtype=wp.vec3d)
-        arms: wp.array(dtype=wp.vec3d)
-        push_work: wp.array(dtype=wp.float64)
+    given = ("velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work")
 
     @wp.func(module=module)
-    def wide(v: vec3):
-        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
-    @wp.func(module=module)
-    def narrow(v: wp.vec3d):
-        return vec3(real(v[0]), real(v[1]), real(v[2]))
-
-    @wp.func(module=module)
-    def position(i: int, a: BodyContact):
-        X = a.reference[i]
-        x = wide(a.displacement[i])
-        if wp.static(curved):
-            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(X[2]))
-        else:
-            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
-
-    @wp.func(module=module)
-    def feels(i: int, a: BodyContact):
-        if wp.static(held):
-            return a.held_mask[i] == wp.uint8(0)
-        else:
-            return bool(True)
-
-    @wp.func(module=module)
-    def surface_velocity(arm: wp.vec3d, a: BodyContact):
-        return a.motion[0] + wp.cross(a.motion[1], arm)
-
-    @wp.func(module=module)
-    def touch_in_step(i: int, x: wp.vec3d, a: BodyContact):
-        """`way_out` of a point at `x` after the drift, in the coordinates of the sheet."""
-        dt = wp.float64(a.step[0])
-        moved = dt * wide(a.velocity[i])
-        c = a.place[0]
-        c0 = a.place[1]
-        touches = bool(False)
-        n = wp.vec3d()
-        shift = wp.vec3d()
-        gap = a.skin
-        near = wp.length(moved) + wp.length(c - c0) + a.skin
-        near += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
-        if wp.length(x - c) < near:
-            q = a.rotation[0]
-            a1 = wp.quat_rotate_inv(q, x - c)
-            a0 = wp.quat_rotate_inv(a.rotation[1], x - moved - c0)
-            touches, n, shift, gap = way_out(a0, a1, a.body, a.skin)
-            n = wp.quat_rotate(q, n)
-            shift = wp.quat_rotate(q, shift)
-        return touches, n, shift, gap
-
-    @wp.func(module=module)
-    def touch_now(x: wp.vec3d, a: BodyContact):
-        """Whether a point touches, and the normal there."""
-        touches = bool(False)
-        n = wp.vec3d()
-        arm = x - a.place[0]
-        if wp.length(arm) < a.radius + a.skin:
-            q = a.rotation[0]
-            found = distance(wp.quat_rotate_inv(q, arm), wp.float64(2.0) * a.skin, a.body)
-            touches = found[3] < a.skin
-            n = wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2]))
-        return touches, n
-
-    @wp.func(module=module)
-    def arrest(relative: wp.vec3d, change: wp.vec3d, n: wp.vec3d, friction: wp.float64):
-        """Change of velocity by friction, after a change along the normal."""
-        slip = relative + change
-        slip -= wp.dot(slip, n) * n
+    def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
+        """Change of velocity by friction, after a change `pressed` along the normal."""
+        slip = relative - wp.dot(relative, n) * n
         speed = wp.length(slip)
-        least = wp.min(friction * wp.length(change), speed)
+        least = wp.min(friction * pressed, speed)
         lost = wp.vec3d()
         if speed > wp.float64(0.0):
             lost = (-least / speed) * slip
         return lost
 
     @wp.func(module=module)
-    def strike(i: int, change: wp.vec3d, start: vec3, arm: wp.vec3d, a: BodyContact):
-        """`start` is the velocity at the full step, to which the impulse counts."""
+    def strike(
+        i: int, change: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d, a: BodyContact
+    ):
+        """The impulse is `weight` m times the change; it works along `start` and half the change, and damping takes
+        c dt / 2 of m change . `slowed`.
+        """
         before = a.velocity[i]
         after = before + narrow(change)
         a.velocity[i] = after
-        momentum = wp.float64(a.mass[i]) * (wide(after) - wide(before))
+        got = wide(after) - wide(before)
+        momentum = wp.float64(weight * a.mass[i]) * got
         gained = wp.float64(0.0)
         if wp.static(tracked):
-            got = wide(after) - wide(before)
-            gained = wp.dot(momentum, wide(start) + wp.float64(0.5) * got)
+            gained = wp.dot(momentum, start + wp.float64(0.5) * got)
             a.work[i] = a.work[i] + gained
+            if wp.static(damped and half_steps):
+                lost = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * wp.dot(got, slowed)
+                a.dissipated[i] = a.dissipated[i] + lost
         if wp.static(moves_freely):
             a.push[i] = momentum
             a.arms[i] = arm
@@ -211,33 +142,37 @@ def body_contact(
                 a.push_work[i] = wp.float64(0.0)
 
     @wp.func(module=module)
-    def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, a: BodyContact):
+    def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, weight: real, a: BodyContact):
         """Sum up what friction takes [J], `relative` being the velocity before it."""
         if wp.static(tracked):
-            heat = wp.float64(a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
+            heat = wp.float64(weight * a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
             a.rubbed[i] = a.rubbed[i] - heat
 
-    @pointwise(module, BodyContact, writes=("need", "rows"))
+    @pointwise(module, BodyContact, writes=("need", "rows", "seen"))
     def find_inside(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            needed = wp.float64(-1.0)
-            if feels(i, a):
+            near = may_touch_in_step(i, a)
+            if wp.static(not marked):
+                a.need[i] = wp.float64(-1.0)
+            if near:
+                needed = wp.float64(-1.0)
                 x = position(i, a)
-                touches, n, shift, gap = touch_in_step(i, x, a)
+                touches, n, shift, _gap = touch_in_step(i, a)
                 if touches:
                     arm = x + shift - a.place[0]
                     needed = wp.length(shift) / wp.float64(a.step[0])
-                    if gap < a.skin:
-                        needed = wp.max(wp.dot(surface_velocity(arm, a) - wide(a.velocity[i]), n), wp.float64(0.0))
                     t = wp.cross(arm, n)
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
-            a.need[i] = needed
+                a.need[i] = needed
 
     @pointwise(module, BodyContact, writes=("need", "rows"))
     def find_touching(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            needed = wp.float64(-1.0)
-            if feels(i, a):
+            near = may_touch_now(i, a)
+            if wp.static(not marked):
+                a.need[i] = wp.float64(-1.0)
+            if near:
+                needed = wp.float64(-1.0)
                 x = position(i, a)
                 touches, n = touch_now(x, a)
                 if touches:
@@ -247,29 +182,31 @@ def body_contact(
                         needed = approach
                     t = wp.cross(arm, n)
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
-            a.need[i] = needed
+                a.need[i] = needed
 
-    @pointwise(
-        module, BodyContact,
-        writes=("displacement", "velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
-    )  # fmt: skip
+    @pointwise(module, BodyContact, writes=("displacement", "seen", *given))
     def project_out(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            forget(i, a)
-            if feels(i, a):
+            near = may_touch_in_step(i, a)
+            if wp.static(not marked):
+                forget(i, a)
+            if near:
+                if wp.static(marked):
+                    forget(i, a)
                 x = position(i, a)
-                touches, n, shift, gap = touch_in_step(i, x, a)
+                touches, n, shift, gap = touch_in_step(i, a)
                 if touches:
                     dt = wp.float64(a.step[0])
                     arm = x + shift - a.place[0]
                     relative = wide(a.velocity[i]) - surface_velocity(arm, a)
                     change = shift / dt
-                    if gap < a.skin:
-                        change = wp.max(-wp.dot(relative, n), wp.float64(0.0)) * n
                     if wp.static(rubs):
-                        lost = arrest(relative, change, n, a.friction)
-                        warm(i, relative + change, lost, a)
-                        change += lost
+                        # Of a point at rest the shift has the digits that its place has lost.
+                        pressed = wp.length(change)
+                        if gap < a.skin:
+                            pressed = wp.max(-wp.dot(relative, n), wp.float64(0.0))
+                        lost = arrest(relative + change, pressed, n, a.friction)
+                        warm(i, relative + change, lost, real(1.0), a)
                         shift += dt * lost
                         q = a.rotation[0]
                         reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
@@ -278,22 +215,24 @@ def body_contact(
                             if left[3] < wp.float64(0.0):
                                 shift -= left[3] * wp.quat_rotate(q, wp.vec3d(left[0], left[1], left[2]))
                         arm = x + shift - a.place[0]
+                        change = shift / dt
                     a.displacement[i] = a.displacement[i] + narrow(shift)
                     kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                    start = (a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping))
-                    strike(i, change, start, arm, a)
+                    start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
+                    strike(i, change, start, start, real(1.0), arm, a)
                     if wp.static(tracked and loaded):
                         # The drift took the load along the way that the point did not go.
                         a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
 
-    @pointwise(
-        module, BodyContact,
-        writes=("velocity", "work", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work"),
-    )  # fmt: skip
+    @pointwise(module, BodyContact, writes=given)
     def separate_from(begin: int, end: int, a: BodyContact):
         for i in range(begin, end):
-            forget(i, a)
-            if feels(i, a):
+            near = may_touch_now(i, a)
+            if wp.static(not marked):
+                forget(i, a)
+            if near:
+                if wp.static(marked):
+                    forget(i, a)
                 x = position(i, a)
                 touches, n = touch_now(x, a)
                 if touches:
@@ -302,15 +241,19 @@ def body_contact(
                     approach = -wp.dot(relative, n)
                     if approach > wp.float64(0.0):
                         change = approach * n
-                        if wp.static(rubs):
-                            lost = arrest(relative, change, n, a.friction)
-                            warm(i, relative + change, lost, a)
-                            change += lost
-                        strike(i, change, a.velocity[i], arm, a)
-                        if wp.static(damped and not moves_freely):
+                        start = wide(a.velocity[i])
+                        slowed = start
+                        weight = real(1.0)
+                        if wp.static(damped):
                             # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
-                            rest = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * change
-                            a.impulse[i] = a.impulse[i] + narrow(rest)
-                            a.turn[i] = a.turn[i] + narrow(wp.cross(arm, rest))
+                            weight += half_loss(a.step, a.damping)
+                            slowed = wide(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
+                        if wp.static(rubs):
+                            lost = arrest(relative + change, approach, n, a.friction)
+                            warm(i, relative + change, lost, weight, a)
+                            change += lost
+                        if wp.static(damped):
+                            start -= wp.float64(real(0.5) * half_loss(a.step, a.damping)) * change
+                        strike(i, change, start, slowed, weight, arm, a)
 
-    return BodyContactKernels(project_out, separate_from, find_inside, find_touching)
+    return BodyContactKernels(project_out, separate_from, find_inside, find_touching, search.mark, search.mark_now)

@@ -128,8 +128,8 @@ class FreeMotion:
 
 
 @functools.cache
-def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
-    """Kernels of a free body; `tracked` as in `body_contact`."""
+def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: str) -> FreeMotion:
+    """Kernels of a free body; `damped`, `tracked` and `marked` as in `body_contact`."""
     types = numeric(bits)
     real = types.real
 
@@ -177,10 +177,14 @@ def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
     @kernel(module, per="block")
     def gather_touching(
         mass: wp.array(dtype=real),
+        marks: wp.array(dtype=wp.uint8),
         need: wp.array(dtype=wp.float64),
         rows: wp.array(dtype=vec6d),
         changes: wp.array(dtype=vec6d),
         use_changes: int,
+        at_end: int,
+        step: wp.array(dtype=real),
+        damping: wp.array(dtype=real),
         block: int,
         first: int,
         sums: wp.array2d(dtype=wp.float64),
@@ -189,14 +193,24 @@ def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
         b = wp.tid() + first
         A = mat66d()
         side = vec6d()
+        weight = wp.float64(1.0)
+        if wp.static(damped):
+            if at_end != 0:
+                # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
+                weight += wp.float64(0.5) * wp.float64(step[0]) * wp.float64(damping[0])
         for i in range(b * block, wp.min((b + 1) * block, need.shape[0])):
-            if need[i] >= wp.float64(0.0):
+            needs = bool(True)
+            if wp.static(marked):
+                needs = marks[i] != wp.uint8(0)
+            if needs:
+                needs = need[i] >= wp.float64(0.0)
+            if needs:
                 j = rows[i]
                 pushed = bool(True)
                 if use_changes != 0:
                     pushed = need[i] + wp.dot(j, changes[0]) > wp.float64(0.0)
                 if pushed:
-                    m = wp.float64(mass[i])
+                    m = weight * wp.float64(mass[i])
                     A += m * wp.outer(j, j)
                     side -= (m * need[i]) * j
         row = int(0)  # noqa: RUF046
@@ -288,6 +302,7 @@ def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
 
     @kernel(module, per="block")
     def gather_given(
+        marks: wp.array(dtype=wp.uint8),
         push: wp.array(dtype=wp.vec3d),
         arms: wp.array(dtype=wp.vec3d),
         push_work: wp.array(dtype=wp.float64),
@@ -300,10 +315,14 @@ def free_motion(bits: int, tracked: bool, module: str) -> FreeMotion:
         turn = wp.vec3d()
         work = wp.float64(0.0)
         for i in range(b * block, wp.min((b + 1) * block, push.shape[0])):
-            linear += push[i]
-            turn += wp.cross(arms[i], push[i])
-            if wp.static(tracked):
-                work += push_work[i]
+            got = bool(True)
+            if wp.static(marked):
+                got = marks[i] != wp.uint8(0)
+            if got:
+                linear += push[i]
+                turn += wp.cross(arms[i], push[i])
+                if wp.static(tracked):
+                    work += push_work[i]
         for c in range(3):
             sums[c, b] = linear[c]
             sums[3 + c, b] = turn[c]

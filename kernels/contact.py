@@ -62,23 +62,6 @@ def ball(bits: int) -> Shape:
     return Shape(project_ball, touch_ball)
 
 
-@functools.cache
-def half_space(bits: int) -> Shape:
-    """The half space below the centre, z < 0; no constants."""
-    types = numeric(bits)
-    real, vec3, parameters = types.real, types.vec3, types.parameters
-
-    @wp.func
-    def project_half_space(arm: vec3, constants: parameters):
-        return arm[2] < real(0.0), vec3(real(0.0), real(0.0), -arm[2])
-
-    @wp.func
-    def touch_half_space(arm: vec3, constants: parameters, tolerance: real):
-        return arm[2] <= real(0.0), vec3(real(0.0), real(0.0), real(1.0))
-
-    return Shape(project_half_space, touch_half_space)
-
-
 @dataclass(frozen=True)
 class ContactKernels:
     """Pointwise stages of one configuration.
@@ -94,7 +77,15 @@ class ContactKernels:
 
 @functools.cache
 def rigid_contact(
-    bits: int, shape: ShapeFactory, curved: bool, held: bool, loaded: bool, damped: bool, tracked: bool, module: str
+    bits: int,
+    shape: ShapeFactory,
+    curved: bool,
+    held: bool,
+    loaded: bool,
+    damped: bool,
+    tracked: bool,
+    half_steps: bool,
+    module: str,
 ) -> ContactKernels:
     """Stages of contact with a body.
 
@@ -106,6 +97,7 @@ def rigid_contact(
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         tracked: Whether the work of the body is summed up, per point.
+        half_steps: Whether energies take the velocities at half steps.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -130,16 +122,26 @@ def rigid_contact(
         velocity: wp.array(dtype=vec3)
         impulse: wp.array(dtype=vec3)
         work: wp.array(dtype=wp.float64)
+        dissipated: wp.array(dtype=wp.float64)
 
     @wp.func(module=module)
-    def strike(i: int, change: vec3, start: vec3, a: Contact):
-        before = a.velocity[i]
+    def strike(i: int, change: vec3, a: Contact):
         momentum = a.mass[i] * change
-        a.velocity[i] = before + change
+        a.velocity[i] = a.velocity[i] + change
         a.impulse[i] = a.impulse[i] + momentum
-        if wp.static(tracked):
-            # The half kick happens at the same instant, so the work takes the velocities before and after both.
-            a.work[i] = a.work[i] + wp.float64(real(0.5) * wp.dot(momentum, start + before + change))
+
+    @wp.func(module=module)
+    def works(i: int, change: vec3, start: vec3, a: Contact):
+        # The half kick happens at the same instant, so the work takes the velocities before and after both.
+        a.work[i] = a.work[i] + wp.float64(real(0.5) * a.mass[i] * wp.dot(change, start + a.velocity[i] + change))
+
+    @wp.func(module=module)
+    def works_at_half_steps(i: int, change: vec3, start: vec3, slowed: vec3, weight: real, a: Contact):
+        # As in kernels/body_contact.py.
+        a.work[i] = a.work[i] + wp.float64(weight * a.mass[i] * wp.dot(change, start + real(0.5) * change))
+        if wp.static(damped):
+            lost = half_loss(a.step, a.damping) * a.mass[i] * wp.dot(change, slowed)
+            a.dissipated[i] = a.dissipated[i] + wp.float64(lost)
 
     @wp.func(module=module)
     def arm(i: int, a: Contact):
@@ -158,17 +160,26 @@ def rigid_contact(
         else:
             return bool(True)
 
-    @pointwise(module, Contact, writes=("displacement", "velocity", "impulse", "work"))
+    @pointwise(module, Contact, writes=("displacement", "velocity", "impulse", "work", "dissipated"))
     def project(begin: int, end: int, a: Contact):
         for i in range(begin, end):
             inside, shift = project_out(arm(i, a), a.constants)
             if inside and free(i, a):
                 a.displacement[i] = a.displacement[i] + shift
-                kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                start = (a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping))
-                strike(i, shift / a.step[0], start, a)
+                change = shift / a.step[0]
+                if wp.static(tracked):
+                    kick = half_kick(i, a.step, a.mass, a.force, a.external)
+                    start = (a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping))
+                    if wp.static(half_steps):
+                        works_at_half_steps(i, change, start, start, real(1.0), a)
+                        if wp.static(loaded):
+                            # The drift took the load along the way that the point did not go.
+                            a.work[i] = a.work[i] + wp.float64(real(0.5) * wp.dot(a.external[i], shift))
+                    else:
+                        works(i, change, start, a)
+                strike(i, change, a)
 
-    @pointwise(module, Contact, writes=("velocity", "impulse", "work"))
+    @pointwise(module, Contact, writes=("velocity", "impulse", "work", "dissipated"))
     def separate(begin: int, end: int, a: Contact):
         tolerance = real(wp.static(1e-5 if bits == 32 else 1e-10))
         for i in range(begin, end):
@@ -176,9 +187,17 @@ def rigid_contact(
             if touching and free(i, a):
                 approach = wp.dot(a.velocity[i] - a.body_velocity, normal)
                 if approach < real(0.0):
-                    kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                    start = (real(1.0) + half_loss(a.step, a.damping)) * a.velocity[i] - kick
-                    strike(i, -approach * normal, start, a)
+                    change = -approach * normal
+                    if wp.static(tracked):
+                        share = half_loss(a.step, a.damping)
+                        kick = half_kick(i, a.step, a.mass, a.force, a.external)
+                        start = (real(1.0) + share) * a.velocity[i] - kick
+                        if wp.static(half_steps):
+                            mean = a.velocity[i] - real(0.5) * share * change
+                            works_at_half_steps(i, change, mean, start, real(1.0) + share, a)
+                        else:
+                            works(i, change, start, a)
+                    strike(i, change, a)
                     if wp.static(damped):
                         # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
                         a.impulse[i] = a.impulse[i] - (half_loss(a.step, a.damping) * a.mass[i] * approach) * normal

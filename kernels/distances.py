@@ -198,7 +198,8 @@ def distances(distance: wp.Function) -> Kernel:
 def ways_out(distance: wp.Function, module: str) -> wp.Function:
     """Function `way_out` of a shape, for a point that moves from `a0` to `a1` [m] in the frame of the body.
 
-    It gives whether the point touches, the normal there, the shift that brings it out, and its distance at the start.
+    `end` is its distance at `a1`, asked for as far as `reach`. It gives whether the point touches, the normal there,
+    the shift that brings it out, and its distance at the start.
     """
 
     @wp.func(module=module)
@@ -223,11 +224,9 @@ def ways_out(distance: wp.Function, module: str) -> wp.Function:
         return hit, normal_of(found)
 
     @wp.func(module=module)
-    def way_out(a0: wp.vec3d, a1: wp.vec3d, body: BodyShape, skin: wp.float64):
+    def way_out(a0: wp.vec3d, a1: wp.vec3d, end: wp.vec4d, reach: wp.float64, body: BodyShape, skin: wp.float64):
         zero = wp.float64(0.0)
         travel = wp.length(a1 - a0)
-        reach = travel + wp.float64(2.0) * skin
-        end = distance(a1, reach, body)
         touches = bool(False)
         n = normal_of(end)
         shift = wp.vec3d()

@@ -7,7 +7,8 @@ are the central difference scheme. Velocities are known at full steps, so the st
 Central differences conserve the strain energy together with m v(n-1/2) v(n+1/2) / 2, which for free oscillations is
 exact at any stable step; m v(n)^2 / 2 differs from it by m (dt a)^2 / 8. The energy balance uses the former.
 External work and losses of damping are, to match, forces at both ends of a step times the motion v(n+1/2) dt. The
-difference is summed from the forces at a point, so it is left out where a contact acts too.
+difference is summed from the forces at a point. A contact that changes velocities adds what its impulses change of it,
+see `half_step`; where one does not, the difference is left out (`contact`).
 
 `held_mask` is a bit mask per point: bits 0 to 2 hold a component to a prescribed motion, bit 3 marks a point of a
 rigid inclusion. A held component keeps its prescribed velocity and is never accelerated.
@@ -66,7 +67,7 @@ def integration(
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         tracked: Whether external work and dissipation are summed up, per point.
-        contact: Whether a contact may change velocities; losses then take the velocities at full steps.
+        contact: Whether a contact changes velocities and knows only those at full steps; losses then take these.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -172,6 +173,12 @@ def integration(
 @functools.cache
 def half_step(bits: int, loaded: bool, damped: bool, module: str) -> tuple[wp.Function, wp.Function]:
     """What a half step does to velocities, for contacts that act beside it.
+
+    With a = c dt/2, half kicks k and k', and changes of the velocity p after the first half kick and s at the end,
+        u = (1 - a) v + k + p,     (1 + a) (v' - s) = u + k',
+    so the point gets the impulses m p and m q, q = (1 + a) s. Energy at half steps changes by the force's work along u,
+        m p.(v + p/2) + m q.(v' - q/2)   and   -a m (v + v').u,
+    exactly. Drift and kick sum up a m v.(u - p) and a m (v' - s).u of the loss; contacts add a m p.v and a m s.u.
 
     Args:
         bits: 32 or 64.

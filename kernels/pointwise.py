@@ -74,6 +74,22 @@ def in_turn(first: Pointwise, second: Pointwise, module: str) -> Pointwise:
 
 
 @functools.cache
+def spread_points(stage: Pointwise, run: int, module: str) -> wp.Kernel:
+    """The same as `every_point`, with the points of a thread far from each other."""
+    Arguments, function = stage.arguments, stage.function
+
+    @wp.kernel(module=module, enable_backward=False)
+    def spread_points(arguments: Arguments, first: int, stop: int):
+        threads = (stop - first + wp.static(run - 1)) / wp.static(run)
+        for part in range(wp.static(run)):
+            i = first + wp.tid() + part * threads
+            if i < stop:
+                function(i, i + 1, arguments)
+
+    return spread_points
+
+
+@functools.cache
 def every_point(stage: Pointwise, run: int, module: str) -> wp.Kernel:
     """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them."""
     Arguments, function = stage.arguments, stage.function

@@ -22,7 +22,7 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, family_functions
-from .integrate import RIGID
+from .integrate import RIGID, half_step
 from .near_pairs import pair_functions
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
@@ -47,7 +47,16 @@ class RepulsionKernels:
 
 @functools.cache
 def repulsion(
-    layout: str, bits: int, breakable: bool, pieces: bool, rubbing: bool, held: bool, tracked: bool, module: str
+    layout: str,
+    bits: int,
+    breakable: bool,
+    pieces: bool,
+    rubbing: bool,
+    held: bool,
+    loaded: bool,
+    damped: bool,
+    tracked: bool,
+    module: str,
 ) -> RepulsionKernels:
     """Kernels of contact.
 
@@ -58,6 +67,8 @@ def repulsion(
         pieces: Whether the sheet has several pieces.
         rubbing: Whether there is friction.
         held: Whether any component is held.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping, and energies take the velocities at half steps.
         tracked: Whether work and losses are summed up.
         module: Name of the Warp module.
     """
@@ -69,6 +80,7 @@ def repulsion(
     pairs = pair_functions(bits, pieces, module)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, rigid = WORD, RIGID
+    half_kick, half_loss = half_step(bits, loaded, damped, module)
 
     @wp.func(module=module)
     def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
@@ -224,24 +236,34 @@ def repulsion(
         held_mask: wp.array(dtype=wp.uint8)
         impulse: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
         work: wp.array(dtype=wp.float64)
+        dissipated: wp.array(dtype=wp.float64)
         rubbed: wp.array(dtype=wp.float64)
 
-    @pointwise(module, Rub, writes=("velocity", "work", "rubbed"))
+    @pointwise(module, Rub, writes=("velocity", "work", "dissipated", "rubbed"))
     def rub(begin: int, end: int, a: Rub):
         for i in range(begin, end):
             before = a.velocity[i]
             change = a.impulse[i] / a.mass[i]
+            share = half_loss(a.step, a.damping)
             if wp.static(held):
                 for c in range(3):
                     if (wp.int32(a.held_mask[i]) & ((1 << c) | rigid)) != 0:
                         if wp.static(tracked):
                             # The support balances the impulse.
-                            a.work[i] = a.work[i] - wp.float64(a.impulse[i][c] * before[c])
+                            a.work[i] = a.work[i] - wp.float64((real(1.0) + share) * a.impulse[i][c] * before[c])
                         change[c] = real(0.0)
             a.velocity[i] = before + change
             if wp.static(tracked):
-                mean = before + real(0.5) * change
-                a.rubbed[i] = a.rubbed[i] - wp.float64(wp.dot(a.impulse[i], mean))
+                mean = before + real(0.5) * (real(1.0) - share) * change
+                a.rubbed[i] = a.rubbed[i] - wp.float64((real(1.0) + share) * wp.dot(a.impulse[i], mean))
+                if wp.static(damped):
+                    # `half_step` in kernels/integrate.py has the exact statement.
+                    slowed = (real(1.0) + share) * before - half_kick(i, a.step, a.mass, a.force, a.external)
+                    a.dissipated[i] = a.dissipated[i] + wp.float64(share * a.mass[i] * wp.dot(change, slowed))
 
     return RepulsionKernels(add_contact_force, contact_energy, friction_impulse, rub)

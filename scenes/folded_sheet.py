@@ -8,32 +8,28 @@ of its spacing, so it folds to and fro like honey. Without self-contact the fold
 contact keeps it well above zero. Mass damping stands for the losses of the rubber and of the air.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
-from warp_pd import Bimodular, BodyForce, BondBased, Explicit, Measure, Outcome, SelfContact, Sheet, Simulation
+from warp_pd import (
+    Bimodular,
+    BodyForce,
+    BodyPath,
+    BondBased,
+    Explicit,
+    Measure,
+    Outcome,
+    Plane,
+    RigidBody,
+    SelfContact,
+    Sheet,
+    Simulation,
+)
 from warp_pd.checks import positive
-from warp_pd.interfaces import Contact
-from warp_pd.kernels.contact import half_space
 from warp_pd.measures import worst_balance
-from warp_pd.parts import RigidContact
 
 YOUNG, THICKNESS, DENSITY, GRAVITY = 3e5, 5e-4, 1000.0, 9.81
 WAVES = 2.5
-
-
-@dataclass(frozen=True)
-class Floor(Contact):
-    """A smooth floor, the plane z = height."""
-
-    height: float
-
-    def build(self, context, law):
-        """The floor on a device."""
-        place = np.array([0.0, 0.0, self.height])
-        return RigidContact("Floor", context, half_space, (), place, np.zeros(3))
 
 
 def build(
@@ -44,6 +40,7 @@ def build(
     damping: float = 5.0,
     friction: float = 0.3,
     self_contact: bool = True,
+    safety: float = 0.6,
 ) -> Simulation:
     length, width = 0.1, 0.02
     spacing = length / (positive("points", points) - 1)
@@ -57,7 +54,7 @@ def build(
     wave = slope / turns * np.sin(turns * x)
     place = np.column_stack([wave, y, np.interp(x, line, height) + 2.0 * spacing])
     contacts = [
-        Floor(0.0),
+        RigidBody(Plane(), BodyPath.still((0.0, 0.0, 0.0)), name="floor"),
         *([SelfContact(stiffness=0.13 * YOUNG * THICKNESS, friction=friction)] if self_contact else []),
     ]
     pairs = Clearance(sheet)
@@ -66,7 +63,7 @@ def build(
         force=BondBased(Bimodular(YOUNG), horizon=horizon),
         loads=[BodyForce((0.0, 0.0, -DENSITY * GRAVITY))],
         contact=contacts,
-        solver=Explicit(duration, frames=frames, damping=damping),
+        solver=Explicit(duration, frames=frames, damping=damping, safety=safety),
         initial_displacement=place - sheet.positions,
         measures=[
             Measure("height", "m", lambda built, frame: (sheet.positions + frame.displacement)[:, 2].max()),

@@ -2,7 +2,9 @@
 
     python tools/body_costs.py --points 1000 --triangles 10000 --device cuda
 
-The body lies on the middle of the sheet: a sphere, the same as a mesh, and a free one.
+The body lies on the middle of the sheet: a sphere, the same as a mesh, and a free one; and a flat mesh, a lens, whose
+bounding sphere has many points of the sheet in it. For meshes the tool also counts the points that search, by what they
+remember: in the first step, and in later ones.
 """
 
 import argparse
@@ -37,8 +39,8 @@ def sphere_mesh(diameter, triangles):
     return TriangleMesh(vertices, np.vstack(faces).astype(np.int32))
 
 
-def seconds_of_a_step(sheet, contact, device, steps):
-    """Mean over some steps [s]."""
+def ready(sheet, contact, device):
+    """A simulation before its first step."""
     simulation = Simulation(
         sheet, BondAssociated(NeoHookean(1e5, 1e7), horizon=3.15), Explicit(1.0, step=1e-7),
         loads=[Fixed(sheet.edges("all"))], contact=contact,
@@ -49,7 +51,12 @@ def seconds_of_a_step(sheet, contact, device, steps):
         built.context.run(name)
     built.state.step.assign(np.array([1e-7], np.float32))
     built.set_clock(1e-7, 1.0, 0.0)
-    ten = built.context.sequence("step", repeat=10)
+    return built
+
+
+def seconds_of_a_step(sheet, contact, device, steps):
+    """Mean over some steps [s]."""
+    ten = ready(sheet, contact, device).context.sequence("step", repeat=10)
     for _ in range(3):
         ten.run()
     wp.synchronize()
@@ -58,6 +65,21 @@ def seconds_of_a_step(sheet, contact, device, steps):
         ten.run()
     wp.synchronize()
     return (perf_counter() - begin) / (steps // 10 * 10)
+
+
+def searches(sheet, contact, device, steps=20):
+    """Points in the bounding sphere of the body, points that search in the first step, and in a later one (mean)."""
+    context = ready(sheet, contact, device).context
+    one, seen, found = context.sequence("step"), context.fields["body_seen"], []
+    before = seen.numpy().copy()
+    for _ in range(steps):
+        one.run()
+        now = seen.numpy()
+        found.append(int((now != before).any(axis=1).sum()))
+        before = now.copy()
+    places = sheet.positions + context.state.displacement.numpy() - context.fields["body_place"].numpy()[0]
+    near = int((np.linalg.norm(places, axis=1) < contact.shape.radius()).sum())
+    return near, found[0], float(np.mean(found[1:]))
 
 
 def main():
@@ -72,15 +94,24 @@ def main():
     mesh, ball = sphere_mesh(0.4, given.triangles), Sphere(0.4)
     # It rolls over the sheet at 0.1 m/s, pressed in by a micrometre a step.
     path = BodyPath([0.0, 1.0], [(0.5, 0.5, 0.2001), (0.6, 0.5, -9.8)])
+    lens = TriangleMesh(mesh.vertices * [1.0, 1.0, 0.2], mesh.triangles)
+    low = BodyPath([0.0, 1.0], [(0.5, 0.5, 0.0401), (0.6, 0.5, -9.96)])
     cases = {
         "no body": None,
         "sphere": RigidBody(ball, path),
         "sphere, friction": RigidBody(ball, path, friction=0.3),
         f"mesh of {len(mesh.triangles)}": RigidBody(mesh, path),
         f"mesh of {len(mesh.triangles)}, friction": RigidBody(mesh, path, friction=0.3),
+        f"lens of {len(mesh.triangles)}": RigidBody(lens, low),
         "free sphere": RigidBody(ball, Free(0.1, (0.5, 0.5, 0.2001), (0.0, 0.0, -10.0))),
         f"free mesh of {len(mesh.triangles)}": RigidBody(mesh, Free(0.1, (0.5, 0.5, 0.2001), (0.0, 0.0, -10.0))),
     }
+    for name, contact in cases.items():
+        if "lens" in name or (name.startswith("mesh") and contact.friction == 0.0):
+            near, first, later = searches(sheet, contact, given.device)
+            print(
+                f"{name:32s} {near} points in its bounding sphere; {first} search in the first step, {later:.1f} later"
+            )
     none = None
     for name, contact in cases.items():
         taken = seconds_of_a_step(sheet, contact, given.device, given.steps)

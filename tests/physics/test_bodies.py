@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers import square
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdValidation
 from resumed_runs import require_same_when_stopped
 from small_runs import run, simulate
 
@@ -209,6 +209,8 @@ def test_bodies_are_in_files_and_pictures(tmp_path):
     stage = Usd.Stage.Open(str(tmp_path / "run" / "animation.usd"))
     found = {str(p.GetTypeName()) for p in stage.GetPrimAtPath("/World/Bodies").GetChildren()}
     assert found == {"Sphere", "Capsule", "Cylinder", "Mesh"}
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert [error.GetMessage() for error in UsdValidation.ValidationContext(validators).Validate(stage)] == []
     placed = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Bodies/box")).ComputeLocalToWorldTransform(2)
     np.testing.assert_allclose(placed.ExtractTranslation(), (0.05, 0.05, -0.101), atol=1e-9)
     np.testing.assert_allclose(placed.ExtractRotationQuat().GetReal(), TURNED[3], atol=1e-6)
@@ -223,7 +225,7 @@ def test_what_is_not_used_leaves_nothing():
     assert "body" not in plan
     plan = simulate(square(7), contact=RigidBody(Sphere(0.1), BodyPath.still((0.0, 0.0, 5.0)))).plan("cpu", 64)
     assert "body_impulse" in plan
-    for name in ("body_rubbed", "gather_touching", "body_push"):
+    for name in ("body_rubbed", "gather_touching", "body_push", "body_seen", "body_marks"):
         assert name not in plan
 
 

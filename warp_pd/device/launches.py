@@ -14,11 +14,13 @@ from typing import Any, TypeAlias
 import warp as wp
 
 from ..kernels.effects import Effects, Kernel
-from ..kernels.pointwise import Pointwise, every_point, in_turn
+from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
 from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
+# Points of a thread of a GPU in a stage that does nothing at most points.
+SPREAD_RUN = 8
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,7 @@ class Launch:
         module: Name of the Warp module of a pointwise stage's kernel.
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
+        alone: Whether a pointwise stage joins no other launch.
     """
 
     name: str
@@ -102,6 +105,7 @@ class Launch:
     module: str = ""
     run: int = 0
     side_stream: bool = False
+    alone: bool = False
 
     @property
     def parts(self) -> list[str]:
@@ -112,7 +116,8 @@ class Launch:
     def kernel(self) -> wp.Kernel:
         """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
-            return every_point(self.source, self.run, self.module)
+            spread = self.run == SPREAD_RUN
+            return (spread_points if spread else every_point)(self.source, self.run, self.module)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
@@ -205,8 +210,12 @@ class Stage:
         )  # fmt: skip
         self.items.append(made)
 
-    def pointwise(self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, **arguments: Any) -> None:
+    def pointwise(
+        self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, alone: bool = False, **arguments: Any
+    ) -> None:
         """Add a pointwise stage; it joins the previous launch if that is pointwise on the same points and shareable.
+
+        A stage with `alone` joins none: it is for work at few points that needs many registers.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -216,10 +225,10 @@ class Stage:
         for name, value in arguments.items():
             if value is not None:
                 setattr(values, name, value)
-        run = 1 if self.device.is_cuda else POINT_RUN
+        run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run,
+            begin, self.module, run, alone=alone,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
@@ -263,7 +272,7 @@ def _joined(first: Item, second: Item) -> Launch | None:
         return None
     if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):
         return None
-    if (first.threads, first.begin) != (second.threads, second.begin):
+    if first.alone or second.alone or (first.threads, first.begin) != (second.threads, second.begin):
         return None
     if not first.touched.may_share_launch(second.touched):
         return None

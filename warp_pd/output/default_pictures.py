@@ -13,8 +13,8 @@ from .picture_files import new_figure, save
 from .shown import Shown, frames_at
 from .vtkhdf import read_series
 
-# Panels of the sheet, and of the numbers.
-PANELS, MOST_NUMBERS = 4, 9
+# Panels of the sheet, and of the numbers; of a sheet with more points than that only the last frame is drawn.
+PANELS, MOST_NUMBERS, LARGE = 4, 9, 300_000
 # A displacement out of the plane above this share of the size of the sheet is drawn in space.
 OUT_OF_PLANE = 1e-3
 # A component below this share of the largest one of its vector is noise.
@@ -30,8 +30,9 @@ def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, 
         folder: Of the run, with frames.vtkhdf.
         units: Units of the scene's measures by name.
     """
-    times = np.asarray(read_series(folder / "frames.vtkhdf").times)
-    chosen = np.unique(np.linspace(0, len(times) - 1, PANELS + 1).round().astype(int))[1:]
+    series = read_series(folder / "frames.vtkhdf")
+    times, panels = np.asarray(series.times), PANELS if series.points <= LARGE else 1
+    chosen = np.unique(np.linspace(0, len(times) - 1, panels + 1).round().astype(int))[1:]
     frames = frames_at(folder, (times[chosen] if len(chosen) else times).tolist())
     if len(frames[0].triangles):
         _draw_sheet(folder, frames)

@@ -14,9 +14,12 @@ from .colour_scale import ColourScale, scale_of
 from .labels import ENERGIES, column_label, field_label
 from .picture_files import MOST_VECTORS, current, new_figure, save
 from .projection import View, material_lines, places_of, sphere
+from .raster import raster
 from .shown import Shown, frames_at
 
 SEQUENTIAL = "viridis"
+# Triangles above which a sheet is drawn as pixels.
+MOST_POLYGONS = 60_000
 STYLES = ("-", "--", "-.", ":")
 # Colours of the lines of the material, of edges and cracks, and of bodies [red, green, blue, opacity].
 LINE, EDGE, BODY = (0.0, 0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 0.5), (0.55, 0.6, 0.68, 1.0)
@@ -256,23 +259,29 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
     sheet = seen.seen(frame.points[frame.triangles])
     faces = scale.colours(frame.fields[field][frame.triangles].mean(axis=1))
     outline, lines = frame.points[boundary_edges(frame.triangles)], material_lines(frame)
-    strokes = seen.seen(np.concatenate([lines, outline]))[:, [0, 1, 1]]
+    ends = seen.seen(np.concatenate([lines, outline]))
     inks = np.concatenate([np.tile(LINE, (len(lines), 1)), np.tile(EDGE, (len(outline), 1))])
     bodies, greys = _bodies(frame, seen)
     # Lines lie on triangles: they come after those about them.
-    side = np.sqrt(np.abs(_areas(sheet)).mean()) if len(sheet) else 0.0
-    depth = np.concatenate([sheet[..., 2].mean(axis=1), strokes[..., 2].mean(axis=1) + 2.5 * side,
-                            bodies[..., 2].mean(axis=1)])  # fmt: skip
-    edges = np.concatenate([faces, inks, greys])
-    widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(lines), 0.5), np.full(len(outline), 0.5),
-                             np.full(len(bodies), 0.2)])  # fmt: skip
-    order = np.argsort(depth, kind="stable")
-    corners: Any = np.concatenate([sheet, strokes, bodies])[order, :, :2]
-    painted = PolyCollection(
-        list(corners), facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
-    )  # fmt: skip
-    painted.set_rasterized(len(corners) > MOST_VECTORS)
-    axes.add_collection(painted)
+    lift = 2.5 * np.sqrt(np.abs(_areas(sheet)).mean()) if len(sheet) else 0.0
+    if len(sheet) > MOST_POLYGONS:
+        image, extent = raster(
+            np.concatenate([sheet, bodies]), np.concatenate([faces, greys]), ends, inks, max(lift, 2e-3 * seen.size)
+        )  # fmt: skip
+        axes.imshow(image, extent=extent, origin="lower", aspect="equal", interpolation="antialiased")
+    else:
+        strokes = ends[:, [0, 1, 1]]
+        depth = np.concatenate([sheet[..., 2].mean(axis=1), strokes[..., 2].mean(axis=1) + lift,
+                                bodies[..., 2].mean(axis=1)])  # fmt: skip
+        edges = np.concatenate([faces, inks, greys])
+        widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(ends), 0.5), np.full(len(bodies), 0.2)])
+        order = np.argsort(depth, kind="stable")
+        corners: Any = np.concatenate([sheet, strokes, bodies])[order, :, :2]
+        painted = PolyCollection(
+            corners, facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
+        )  # fmt: skip
+        painted.set_rasterized(len(corners) > MOST_VECTORS)
+        axes.add_collection(painted)
     if frame.ball is not None:
         _dash_the_ball(axes, frame.ball, seen)
 

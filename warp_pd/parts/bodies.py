@@ -25,6 +25,8 @@ from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 
 # Layer on the surface in which a point counts as touching, in spacings: more than its place is rounded by.
 SKIN = 1e-4
+# How far from a point the surface of a mesh is sought [spacings], and how wrong the search may be, over the size.
+FAR, UNSURE = 4.0, 1e-5
 # Radius of a half space [m].
 UNBOUNDED = 1e30
 
@@ -111,6 +113,12 @@ class BuiltBody(BuiltContact):
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
         self._curved, tracked = curved, context.features.tracked
+        self._seen: Array | None = None
+        self._unsure = 0.0
+        if self._mesh is not None:
+            never = np.tile(np.array([0.0, 0.0, 0.0, -1.0], np.float32), (sheet.size, 1))
+            self._seen = context.array(f"{name}_seen", name, wp.vec4, never)
+            self._unsure = UNSURE * part.shape.radius()
         self.impulse: Array | None = None
         self.turn: Array | None = None
         self.loss: Array | None = None
@@ -153,15 +161,22 @@ class BuiltBody(BuiltContact):
         context, part, f = self.context, self.part, self.context.features
         kernels = body_contact(
             context.bits, part.shape.distance, part.motion.free, part.friction > 0.0, self._curved, f.held, f.loaded,
-            f.damped, f.tracked, context.module,
+            f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None, context.module,
         )  # fmt: skip
         project = phase is Phase.PROJECT
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
-        shared = self._arguments()
+        shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
+        if alone:
+            # The forces of the bonds are gathered in the launch before it, for which registers are precious.
+            mark = kernels.mark if project else kernels.mark_now
+            stage.pointwise(part.name, mark, points, alone=not project, **shared)
         if part.motion.free:
-            stage.pointwise(part.name, find, context.sheet.size, **shared)
+            stage.pointwise(part.name, find, points, alone=alone, **shared)
             (self.motion.before_projection if project else self.motion.before_separation)(stage)
-        stage.pointwise(part.name, act, context.sheet.size, **shared)
+            if alone and project:
+                # The body has yielded: other points may touch it.
+                stage.pointwise(part.name, kernels.mark, points, **shared)
+        stage.pointwise(part.name, act, points, alone=alone, **shared)
         self.motion.after(stage)
 
     def _arguments(self) -> dict[str, Any]:
@@ -171,10 +186,12 @@ class BuiltBody(BuiltContact):
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
-            "skin": SKIN * context.sheet.spacing, "friction": float(part.friction),
+            "skin": SKIN * context.sheet.spacing, "far": FAR * context.sheet.spacing, "unsure": self._unsure,
+            "seen": self._seen, "marks": motion.marks, "friction": float(part.friction),
             "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
             "damping": state.damping, "force": state.force, "external": state.external,
             "displacement": state.displacement, "velocity": state.velocity, "work": state.work,
+            "dissipated": state.dissipated,
             "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **flying,
         }  # fmt: skip
 

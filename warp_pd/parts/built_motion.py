@@ -14,6 +14,9 @@ from ..kernels.body_motion import ROWS, free_motion, path_motion, vec6d
 from ..phases import Phase
 from ..schedules import Schedule
 
+# Points from which those that may touch are marked first: below, launches cost more than registers.
+MARKED_FROM = 2**17
+
 
 class Thrown(Protocol):
     """What a free body begins with; see `body_motion.Free`."""
@@ -40,11 +43,18 @@ class Thrown(Protocol):
 
 
 class BuiltMotion:
-    """A motion on a device; see kernels/body_motion.py for its arrays."""
+    """A motion on a device; see kernels/body_motion.py for its arrays.
+
+    Attributes:
+        marks: Whether each point may touch, (N,) uint8, on large sheets; see kernels/body_search.py.
+    """
 
     def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
         """Allocate its pose."""
         self.name, self.context = name, context
+        points = context.sheet.size
+        large = points >= MARKED_FROM
+        self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if large else None
         place, turned = pose
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))
         self.rotation = self._array("rotation", wp.quatd, np.tile(turned, (2, 1)))
@@ -148,7 +158,9 @@ class InFlight(BuiltMotion):
         self._inertia = wp.mat33d(*inertia.ravel().tolist())
         self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
         self._gravity = wp.vec3d(*map(float, body.gravity))
-        self._kernels = free_motion(context.bits, tracked, context.module)
+        self._kernels = free_motion(
+            context.bits, context.features.damped, tracked, self.marks is not None, context.module
+        )
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that kick and drift the body."""
@@ -166,7 +178,7 @@ class InFlight(BuiltMotion):
 
     def before_projection(self, stage: Stage) -> None:
         """Find how the body yields to the points inside it, and move it so."""
-        self._solve(stage)
+        self._solve(stage, at_end=False)
         stage.launch(
             self.name, self._kernels.yield_to, 1, changes=self._changes, step=self.context.state.step,
             place=self.place, rotation=self.rotation, motion=self.motion,
@@ -174,15 +186,18 @@ class InFlight(BuiltMotion):
 
     def before_separation(self, stage: Stage) -> None:
         """Find how the body yields to the points that touch it."""
-        self._solve(stage)
+        self._solve(stage, at_end=True)
         stage.launch(self.name, self._kernels.foresee, 1, changes=self._changes, motion=self.motion)
 
-    def _solve(self, stage: Stage) -> None:
+    def _solve(self, stage: Stage, at_end: bool) -> None:
+        state = self.context.state
         # The second time without the points that would have to be pulled.
         for again in (0, 1):
             stage.launch(
-                self.name, self._kernels.gather, self.blocks, mass=self.context.state.mass, need=self.need,
-                rows=self.rows, changes=self._changes, use_changes=again, block=self.block, sums=self._sums,
+                self.name, self._kernels.gather, self.blocks, mass=state.mass, marks=self.marks,
+                need=self.need,
+                rows=self.rows, changes=self._changes, use_changes=again, at_end=int(at_end), step=state.step,
+                damping=state.damping, block=self.block, sums=self._sums,
             )  # fmt: skip
             stage.launch(self.name, self._kernels.reduce, ROWS, sums=self._sums, totals=self._totals)
             stage.launch(
@@ -193,7 +208,7 @@ class InFlight(BuiltMotion):
     def after(self, stage: Stage) -> None:
         """Take from the body what the points got."""
         stage.launch(
-            self.name, self._kernels.gather_given, self.blocks, push=self.push, arms=self.arms,
+            self.name, self._kernels.gather_given, self.blocks, marks=self.marks, push=self.push, arms=self.arms,
             push_work=self.push_work, block=self.block, sums=self._sums,
         )  # fmt: skip
         stage.launch(self.name, self._kernels.reduce, 7, sums=self._sums, totals=self._totals)

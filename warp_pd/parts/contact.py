@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -46,6 +47,8 @@ class RigidBall(Contact):
     diameter: float
     start: tuple[float, float, float]
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    half_steps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("RigidBall.diameter", self.diameter)
@@ -114,7 +117,7 @@ class RigidContact(BuiltContact):
         context, state, clock = self.context, self.context.state, self.context.clock
         f = context.features
         kernels = rigid_contact(
-            context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, context.module
+            context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, f.half_steps, context.module
         )
         assert self._path is not None
         project = phase is Phase.PROJECT
@@ -124,7 +127,7 @@ class RigidContact(BuiltContact):
             schedule=clock.soon(self._path) if project else self._path, body_velocity=self._velocity,
             constants=self._constants, step=state.step, damping=state.damping, force=state.force,
             external=state.external, displacement=state.displacement, velocity=state.velocity, impulse=self.impulse,
-            work=state.work,
+            work=state.work, dissipated=state.dissipated,
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:

@@ -60,6 +60,7 @@ class SelfContact(Contact):
 
     does_work: ClassVar[bool] = False
     within_sheet: ClassVar[bool] = True
+    half_steps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -72,11 +73,6 @@ class SelfContact(Contact):
     def changes_velocities(self) -> bool:
         """Whether there is friction."""
         return self.friction > 0.0
-
-    @property
-    def half_steps(self) -> bool:
-        """Whether energies balance with the velocities at half steps: repulsion has a potential, friction has not."""
-        return not self.changes_velocities
 
     def compile_key(self) -> tuple[object, ...]:
         """Whether there is friction."""
@@ -148,10 +144,11 @@ class BuiltSelfContact(BuiltContact):
                 self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
         breakable, held = law.intact is not None, context.features.held
         self._lists = pair_lists(context.layout, context.bits, pieces, context.module)
-        rubbing, tracked = part.friction > 0.0, context.features.tracked
+        rubbing, f = part.friction > 0.0, context.features
         self._kernels = repulsion(
-            context.layout, context.bits, breakable, pieces, rubbing, held, tracked, context.module
-        )
+            context.layout, context.bits, breakable, pieces, rubbing, held, f.loaded, f.damped and f.half_steps,
+            f.tracked, context.module,
+        )  # fmt: skip
 
     def _default_stiffness(self) -> float:
         step = 1e-3
@@ -237,8 +234,9 @@ class BuiltSelfContact(BuiltContact):
         )  # fmt: skip
         stage.pointwise(
             OWNER, self._kernels.rub, context.sheet.size,
-            mass=state.mass, held_mask=state.held_mask, impulse=impulse, velocity=state.velocity, work=state.work,
-            rubbed=self._rubbed,
+            mass=state.mass, held_mask=state.held_mask, impulse=impulse, velocity=state.velocity, step=state.step,
+            damping=state.damping, force=state.force, external=state.external, work=state.work,
+            dissipated=state.dissipated, rubbed=self._rubbed,
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:

@@ -23,7 +23,8 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
     if phase not in (Phase.DRIFT, Phase.KICK):
         return
     state, f = context.state, context.features
-    kernels = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, f.contact, context.module)
+    full_steps = f.contact and not f.half_steps
+    kernels = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, full_steps, context.module)
     stage.pointwise(
         OWNER, kernels.drift if phase is Phase.DRIFT else kernels.kick, context.sheet.size,
         mass=inertia, held_mask=state.held_mask, step=state.step, damping=state.damping, force=state.force,

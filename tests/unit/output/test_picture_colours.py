@@ -15,6 +15,7 @@ from warp_pd.output import picture_files, plots
 from warp_pd.output.colour_scale import scale_of
 from warp_pd.output.labels import column_label, column_unit, field_label
 from warp_pd.output.projection import View, material_lines
+from warp_pd.output.raster import raster
 from warp_pd.output.shown import Shown
 from warp_pd.run.runner import picture_formats
 
@@ -38,10 +39,12 @@ def figure_of(monkeypatch, draw, *arguments, **options):
     return kept[0]
 
 
+@pytest.mark.parametrize("most", [0, plots.MOST_POLYGONS], ids=["pixels", "polygons"])
 @pytest.mark.parametrize("picture", [plots.surfaces, plots.from_above])
 @pytest.mark.parametrize("damage", [0.0, 0.5, 1.0])
-def test_a_sheet_has_the_colour_of_the_bar(picture, damage, tmp_path):
+def test_a_sheet_has_the_colour_of_the_bar(picture, damage, most, tmp_path, monkeypatch):
     """Whatever its slope: most pixels that are neither white nor a line have exactly that colour."""
+    monkeypatch.setattr(plots, "MOST_POLYGONS", most)
     frame = sheet_shown(lift=0.3)
     frame.fields["damage"] += damage
     picture(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
@@ -114,8 +117,10 @@ def test_the_sheet_fills_the_picture(width, height, lift, monkeypatch):
     assert box.width * box.height > 0.3 * figure.bbox.width * figure.bbox.height
 
 
-def test_a_sheet_that_hides_another_is_drawn_last(tmp_path):
+@pytest.mark.parametrize("most", [0, plots.MOST_POLYGONS], ids=["pixels", "polygons"])
+def test_a_sheet_that_hides_another_is_drawn_last(most, tmp_path, monkeypatch):
     """Two sheets above each other, the upper one damaged: its colour covers the lower one's, seen from above."""
+    monkeypatch.setattr(plots, "MOST_POLYGONS", most)
     low, high = sheet_shown(5), sheet_shown(5)
     n = len(low.points)
     both = replace(
@@ -175,3 +180,34 @@ def test_names_say_what_they_are():
     assert field_label("my_field") == "my field"
     assert column_label("external") == "work of loads and supports"
     assert (column_unit("ball_force_z"), column_unit("pressure"), column_unit("mine")) == ("N", "Pa", "")
+
+
+def test_pixels_and_polygons_show_the_same(tmp_path, monkeypatch):
+    """A bump with a hole and a ball on it: few pixels differ, those of edges and lines."""
+    frame = sheet_shown(41, lift=0.3)
+    x, y = frame.reference[:, :2].T
+    frame.fields["damage"][:] = np.where(x > 0.5, 0.4, 0.0)
+    whole = (np.hypot(x - 0.3, y - 0.3) > 0.12)[frame.triangles].all(axis=1)
+    frame = replace(frame, triangles=frame.triangles[whole], ball=(np.array([0.7, 0.3, 0.35]), 0.2))
+    shown = []
+    for most in (0, plots.MOST_POLYGONS):
+        monkeypatch.setattr(plots, "MOST_POLYGONS", most)
+        plots.surfaces(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
+        shown.append(imread(tmp_path / "a.png")[..., :3])
+    different = np.abs(shown[0] - shown[1]).max(axis=2) > 0.1
+    coloured = (shown[1] < 0.99).any(axis=2)
+    assert different.sum() < 0.03 * coloured.sum()
+    frame.fields["damage"][:] = np.where(x > 0.5, 0.0, 0.4)
+    plots.surfaces(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
+    other = imread(tmp_path / "a.png")[..., :3]
+    assert (np.abs(shown[1] - other).max(axis=2) > 0.1).sum() > 0.3 * coloured.sum(), "the measure sees a change"
+
+
+def test_an_image_has_no_gaps_and_leaves_holes_open():
+    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    image, ends = raster(square[None], np.array([[0.2, 0.4, 0.6, 1.0]]), np.zeros((0, 2, 3)), np.zeros((0, 4)), 0.0)
+    painted = image[..., 3] > 0.0
+    # Half of the square, without a gap in any row.
+    assert painted.mean() == pytest.approx(0.5, abs=0.01)
+    assert all(np.diff(np.flatnonzero(row)).max(initial=1) == 1 for row in painted if row.any())
+    assert ends == pytest.approx((0.0, 1.0, 0.0, 1.0), abs=5e-3)

@@ -1,0 +1,232 @@
+"""Rigid bodies as contact sees them: the struct of their arrays, and what points are near enough to touch.
+
+Where the distance is a search (meshes), each point remembers where in the frame of the body it last asked, and how far
+around there the surface is not. While it stays clear of the surface by that, it does not ask: distances differ by no
+more than the way between two places. What is remembered changes no result, so restarts ask anew.
+
+Large sheets mark the points that may touch in a light stage, which joins others in one launch, and project and separate
+those in launches of their own: the registers of the search would slow down all that shares a launch with it.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .body_motion import vec6d
+from .distances import BodyShape, ways_out
+from .numeric import numeric
+from .pointwise import Pointwise, pointwise
+
+
+@dataclass(frozen=True)
+class BodySearch:
+    """Struct and Warp functions of one configuration; `a` is the struct.
+
+    Attributes:
+        struct: Arrays and numbers of a body.
+        wide: vec3 -> vec3d.
+        narrow: vec3d -> vec3.
+        position: (i, a) -> position of a point [m].
+        surface_velocity: (arm, a) -> velocity of the body at an arm from its centre [m/s].
+        may_touch_in_step: (i, a) -> whether a point may touch within the step, after the drift.
+        may_touch_now: (i, a) -> whether it may touch at the end of the step.
+        touch_in_step: (i, a) -> `way_out` of the point, in the coordinates of the sheet.
+        touch_now: (x, a) -> whether a point there touches, and the normal.
+        mark: Pointwise: marks points that may touch in the step, for the stages of large sheets.
+        mark_now: Pointwise: the same for its end.
+    """
+
+    struct: Any
+    wide: wp.Function
+    narrow: wp.Function
+    position: wp.Function
+    surface_velocity: wp.Function
+    may_touch_in_step: wp.Function
+    may_touch_now: wp.Function
+    touch_in_step: wp.Function
+    touch_now: wp.Function
+    mark: Pointwise
+    mark_now: Pointwise
+
+
+@functools.cache
+def body_search(
+    bits: int, distance: wp.Function, curved: bool, held: bool, searched: bool, marked: bool, module: str
+) -> BodySearch:
+    """Struct and functions of a body.
+
+    Args:
+        bits: 32 or 64.
+        distance: Its signed distance, see kernels/distances.py.
+        curved: Whether the reference positions have a z.
+        held: Whether any component is held; held points do not feel the body.
+        searched: Whether the distance is a search, which points remember.
+        marked: Whether only marked points may touch.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    way_out = ways_out(distance, module)
+
+    @functools.partial(wp.struct, module=module)
+    class BodyContact:
+        reference: wp.array(dtype=vec3 if curved else types.vec2)
+        mass: wp.array(dtype=real)
+        held_mask: wp.array(dtype=wp.uint8)
+        body: BodyShape
+        radius: wp.float64
+        skin: wp.float64
+        far: wp.float64
+        unsure: wp.float64
+        friction: wp.float64
+        place: wp.array(dtype=wp.vec3d)
+        rotation: wp.array(dtype=wp.quatd)
+        motion: wp.array(dtype=wp.vec3d)
+        step: wp.array(dtype=real)
+        damping: wp.array(dtype=real)
+        force: wp.array(dtype=vec3)
+        external: wp.array(dtype=vec3)
+        displacement: wp.array(dtype=vec3)
+        velocity: wp.array(dtype=vec3)
+        work: wp.array(dtype=wp.float64)
+        dissipated: wp.array(dtype=wp.float64)
+        impulse: wp.array(dtype=vec3)
+        turn: wp.array(dtype=vec3)
+        loss: wp.array(dtype=wp.float64)
+        rubbed: wp.array(dtype=wp.float64)
+        seen: wp.array(dtype=wp.vec4)
+        marks: wp.array(dtype=wp.uint8)
+        need: wp.array(dtype=wp.float64)
+        rows: wp.array(dtype=vec6d)
+        push: wp.array(dtype=wp.vec3d)
+        arms: wp.array(dtype=wp.vec3d)
+        push_work: wp.array(dtype=wp.float64)
+
+    @wp.func(module=module)
+    def wide(v: vec3):
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @wp.func(module=module)
+    def narrow(v: wp.vec3d):
+        return vec3(real(v[0]), real(v[1]), real(v[2]))
+
+    @wp.func(module=module)
+    def position(i: int, a: BodyContact):
+        X = a.reference[i]
+        x = wide(a.displacement[i])
+        if wp.static(curved):
+            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(X[2]))
+        else:
+            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
+
+    @wp.func(module=module)
+    def feels(i: int, a: BodyContact):
+        if wp.static(held):
+            return a.held_mask[i] == wp.uint8(0)
+        else:
+            return bool(True)
+
+    @wp.func(module=module)
+    def surface_velocity(arm: wp.vec3d, a: BodyContact):
+        return a.motion[0] + wp.cross(a.motion[1], arm)
+
+    @wp.func(module=module)
+    def way(i: int, a: BodyContact):
+        """Where a point is after the drift, and where it came from, in the frame of the body."""
+        x = position(i, a)
+        moved = wp.float64(a.step[0]) * wide(a.velocity[i])
+        a1 = wp.quat_rotate_inv(a.rotation[0], x - a.place[0])
+        return a1, wp.quat_rotate_inv(a.rotation[1], x - moved - a.place[1])
+
+    @wp.func(module=module)
+    def clear(i: int, arm: wp.vec3d, reach: wp.float64, a: BodyContact):
+        """Whether the surface is further away than `reach`, by what the point remembers."""
+        s = a.seen[i]
+        gone = wp.length(arm - wp.vec3d(wp.float64(s[0]), wp.float64(s[1]), wp.float64(s[2])))
+        return gone + reach < wp.float64(s[3])
+
+    @wp.func(module=module)
+    def remember(i: int, arm: wp.vec3d, a: BodyContact):
+        at = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
+        rounded = wp.length(arm - wp.vec3d(wp.float64(at[0]), wp.float64(at[1]), wp.float64(at[2])))
+        found = distance(arm, a.far, a.body)
+        free = wp.min(wp.abs(found[3]), a.far) - rounded - a.unsure
+        a.seen[i] = wp.vec4(at[0], at[1], at[2], wp.float32(wp.float64(1.0 - 1e-6) * free))
+
+    @wp.func(module=module)
+    def near_in_step(i: int, a: BodyContact):
+        """Whether a point may touch within the step."""
+        near = feels(i, a)
+        if near:
+            dt = wp.float64(a.step[0])
+            reach = dt * wp.length(wide(a.velocity[i])) + wp.length(a.place[0] - a.place[1]) + a.skin
+            reach += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
+            near = wp.length(position(i, a) - a.place[0]) < reach
+            if wp.static(searched):
+                if near:
+                    a1, a0 = way(i, a)
+                    near = not clear(i, a1, wp.length(a1 - a0) + wp.float64(2.0) * a.skin, a)
+        return near
+
+    @wp.func(module=module)
+    def near_now(i: int, a: BodyContact):
+        """Whether a point may touch."""
+        near = feels(i, a)
+        if near:
+            arm = position(i, a) - a.place[0]
+            near = wp.length(arm) < a.radius + a.skin
+            if wp.static(searched):
+                if near:
+                    near = not clear(i, wp.quat_rotate_inv(a.rotation[0], arm), wp.float64(2.0) * a.skin, a)
+        return near
+
+    @wp.func(module=module)
+    def may_touch_in_step(i: int, a: BodyContact):
+        if wp.static(marked):
+            return a.marks[i] != wp.uint8(0)
+        else:
+            return near_in_step(i, a)
+
+    @wp.func(module=module)
+    def may_touch_now(i: int, a: BodyContact):
+        if wp.static(marked):
+            return a.marks[i] != wp.uint8(0)
+        else:
+            return near_now(i, a)
+
+    @wp.func(module=module)
+    def touch_in_step(i: int, a: BodyContact):
+        """`way_out` of a point after the drift, in the coordinates of the sheet."""
+        a1, a0 = way(i, a)
+        reach = wp.length(a1 - a0) + wp.float64(2.0) * a.skin
+        end = distance(a1, reach, a.body)
+        if wp.static(searched):
+            if end[3] >= reach:
+                remember(i, a1, a)
+        touches, n, shift, gap = way_out(a0, a1, end, reach, a.body, a.skin)
+        q = a.rotation[0]
+        return touches, wp.quat_rotate(q, n), wp.quat_rotate(q, shift), gap
+
+    @wp.func(module=module)
+    def touch_now(x: wp.vec3d, a: BodyContact):
+        """Whether a point touches, and the normal there."""
+        q = a.rotation[0]
+        found = distance(wp.quat_rotate_inv(q, x - a.place[0]), wp.float64(2.0) * a.skin, a.body)
+        return found[3] < a.skin, wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2]))
+
+    @pointwise(module, BodyContact, writes=("marks",))
+    def mark(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            a.marks[i] = wp.where(near_in_step(i, a), wp.uint8(1), wp.uint8(0))
+
+    @pointwise(module, BodyContact, writes=("marks",))
+    def mark_now(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            a.marks[i] = wp.where(near_now(i, a), wp.uint8(1), wp.uint8(0))
+
+    return BodySearch(
+        BodyContact, wide, narrow, position, surface_velocity, may_touch_in_step, may_touch_now, touch_in_step,
+        touch_now, mark, mark_now,
+    )  # fmt: skip
