@@ -24,7 +24,8 @@ class Effects:
 
     Attributes:
         per: What a thread works on: its own "point", a "block" of points, an entry of a "list" of points, a "face", a
-            rigid "body", or everything ("once"). All but "point" count as gathering everything they read.
+            rigid "body", or everything ("once"). All but "point" count as gathering everything they read; a kernel of a
+            list of points that names what it gathers reads the rest at these points.
         writes: Arrays that it writes, at its own point if it works on one.
         gathers: Arrays that it reads at points other than its own.
     """

@@ -166,7 +166,7 @@ def block_force(
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
         return A1, A2, weight
 
-    @kernel(fast_module, per="list", launch_bounds=(threads, resident))
+    @kernel(fast_module, per="list", gathers=("displacement",), launch_bounds=(threads, resident))
     def family_block_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -7,25 +7,22 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-import warp as wp
 
 from ._renamed import RenamedAttributes
 from .checks import InputError, one_of
-from .compile_key import module_name
-from .device.clock import Clock
-from .device.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State, find_device
-from .device.fields import Array, FieldRegister, to_float64, to_host
-from .interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Constraint, Part, System
-from .kernels.numeric import numeric
+from .device.context import State, find_device
+from .device.crew import Crew
+from .device.exchange import add_exchanges
+from .device.fields import Array, in_double
+from .interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
 from .parts.clock import Ticking
 from .parts.frame_checks import EnergyBalance, FrameChecks, Sums
 from .parts.loads import ExternalForce
 from .parts.rigid_inclusions import RigidInclusions
-from .parts.supports import MovedPoints, held_components
+from .parts.supports import MovedPoints
 from .phases import SETUP, Phase
 from .scene import Scene
-
-OWNER = "Simulation"
+from .scene_context import constraints_here, parts_here, scene_context, shared_state
 
 
 @dataclass(eq=False)
@@ -59,24 +56,25 @@ class Built(RenamedAttributes, System):
     @functools.cached_property
     def volume(self) -> np.ndarray:
         """Volume of each point [m^3], shape (N,)."""
-        return self.context.sheet.areas * self.context.sheet.thickness
+        return self.context.whole.areas * self.context.whole.thickness
 
     def to_host(self, array: Array) -> np.ndarray:
-        """A copy on the host, in the precision of the device."""
-        return to_host(array)
+        """A copy of a field on the host, in the precision of the device."""
+        return self.context.whole_array(array)
 
     def to_numpy(self, array: Array) -> np.ndarray:
         """A copy on the host, as float64 if it holds real numbers."""
-        return to_float64(array)
+        return in_double(self.context.whole_array(array))
 
 
-def compose(scene: Scene, device: str | None = None, precision: int | None = None) -> Built:
+def compose(scene: Scene, device: str | None = None, precision: int | None = None, crew: Crew | None = None) -> Built:
     """Allocate arrays and declare kernels and launches of a scene; compiles nothing yet.
 
     Args:
         scene: What to build.
         device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
+        crew: The processes that share the sheet; None: this one alone.
 
     Raises:
         InputError: for parts that do not fit together, or a device that does not exist.
@@ -85,10 +83,11 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     parts = parts_of(scene)
     bits = one_of("precision", precision or scene.solver.precision, (32, 64))
     constraints = tuple(c for part in parts for c in part.constraints(scene.sheet))
-    context = _context(scene, parts, constraints, find_device(device), bits)
+    context = scene_context(scene, parts, constraints, find_device(device), bits, crew or Crew())
+    constraints = constraints_here(constraints, context)
     law = scene.force.build(context)
     law.request_fields(scene.fields_of_law())
-    built = [part.build(context, law) for part in parts]
+    built = [part.build(context, law) for part in parts_here(parts, context)]
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))
     moved = MovedPoints(context, constraints)
@@ -96,7 +95,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
         moved.check_begin(law.families.horizon)
     does_work = context.features.held or context.features.loaded or any(part.does_work for part in parts)
     energy = EnergyBalance(context, law, does_work)
-    context.state = _state(scene, context, external, energy)
+    context.state = shared_state(scene, context, external.constant, energy)
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types, context.module)
     acting = (law, solver, moved, Ticking(context), *built, external, checks := FrameChecks(context))
@@ -106,7 +105,9 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
         contacts[0] if contacts else None, cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,
     )  # fmt: skip
     _check_columns(scene, made)
+    _require_divisible(made)
     _add_stages(made)
+    add_exchanges(context)
     return made
 
 
@@ -128,51 +129,14 @@ def parts_of(scene: Scene) -> list[Part]:
     return parts
 
 
-def _context(
-    scene: Scene, parts: list[Part], constraints: tuple[Constraint, ...], device: wp.Device, bits: int
-) -> Context:
-    sheet, solver = scene.sheet, scene.solver
-    held = held_components(sheet, constraints)
-    start, placement = scene.initial("initial_displacement"), sheet.placement()
-    features = Features(
-        held=bool(held.any()),
-        loaded=any(part.adds_force for part in parts),
-        damped=solver.mass_damping is not None,
-        tracked=scene.track_energy and solver.dynamic,
-        breakable=scene.damage is not None,
-        gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
-        contact=any(part.changes_velocities for part in scene.contacts),
-        half_steps=all(c.half_steps for c in scene.contacts),
-    )
-    return Context(
-        sheet=sheet.unstretched(), device=device, types=numeric(bits), module=module_name(scene, parts, features, bits),
-        features=features, held=held, initial_displacement=start if placement is None else start + placement,
-        fields=FieldRegister(device), clock=Clock(solver.duration, solver.default_ramp),
-        placement=placement, block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
-    )  # fmt: skip
+def _require_divisible(built: Built) -> None:
+    """Refuse a solver that several processes cannot run.
 
-
-def _state(scene: Scene, context: Context, external: ExternalForce, energy: EnergyBalance) -> State:
-    sheet, types, features, solver = context.sheet, context.types, context.features, scene.solver
-    n, real, vec3 = sheet.size, types.real, types.vec3
-    mass = sheet.areas * sheet.thickness * sheet.density
-    u, v = context.initial_displacement, scene.initial("initial_velocity")
-    return State(
-        displacement=context.array(
-            "displacement", OWNER, vec3, u, restart=True, halo=True, output="displacement"
-        ),
-        velocity=context.array("velocity", OWNER, vec3, v, restart=True, halo=True, output="velocity"),
-        force=context.array("force", OWNER, vec3, shape=n),
-        mass=context.array("mass", OWNER, real, mass),
-        external=context.array("external", "loads", vec3, external.constant) if features.loaded else None,
-        held_mask=context.array("held", "supports", wp.uint8, context.held) if features.held else None,
-        step=context.array("step", "solver", real, shape=1, per="once") if solver.steps_explicitly else None,
-        damping=None if solver.mass_damping is None else context.array(
-            "damping", "solver", real, np.array([solver.mass_damping]), per="once", restart=True
-        ),
-        work=energy.work,
-        dissipated=energy.dissipated,
-    )  # fmt: skip
+    Raises:
+        InputError: for one.
+    """
+    if built.context.share is not None and not built.solver.divides:
+        raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")
 
 
 def _check_columns(scene: Scene, built: Built) -> None:

@@ -10,11 +10,13 @@ from typing import Any
 
 import click
 
-from .checks import InputError, OutputError, one_of
+from .checks import InputError, OutputError, count, one_of
+from .device.crew import LostError
 from .fitting.command import fit_command
+from .run.processes import crew_here, is_first, launch, processes_here
 from .run.scene_files import build_scene, load_scene, scene_names
 
-WRONG_INPUT, DIVERGED = 2, 3
+WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
 
 
 class OneLineGroup(click.Group):
@@ -26,16 +28,27 @@ class OneLineGroup(click.Group):
             return super().invoke(ctx)
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "warp-pd"
-            click.echo(f"warp-pd: {error.format_message()} (see {where} --help)", err=True)
+            _say(f"{error.format_message()} (see {where} --help)")
             ctx.exit(WRONG_INPUT)
-        except (InputError, MemoryError) as error:
+        except LostError as error:
             click.echo(f"warp-pd: {error}", err=True)
+            sys.stderr.flush()
+            # What still waits for the other process would hang.
+            os._exit(LOST)
+        except (InputError, MemoryError) as error:
+            _say(str(error))
             if isinstance(error, OutputError):
                 # HDF5 crashes at the exit of a process in which a file could not be written.
                 sys.stdout.flush()
                 sys.stderr.flush()
                 os._exit(WRONG_INPUT)
             ctx.exit(WRONG_INPUT)
+
+
+def _say(text: str) -> None:
+    """One line on stderr; of several processes the first says it."""
+    if is_first():
+        click.echo(f"warp-pd: {text}", err=True)
 
 
 @click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -135,19 +148,30 @@ def list_scenes() -> None:
 @click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
+@click.option(
+    "--processes", "--gpus", "processes", type=int, default=1,
+    help="Divide the sheet among so many processes, a GPU each; with --device cpu they share the cores.",
+)  # fmt: skip
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
     fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
+    processes: int,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
+    if count("processes", processes, 1) > 1 and processes_here() == 1:
+        sys.exit(launch(processes, sys.argv[1:]))
+    quiet = quiet or not is_first()
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
+    from .run.report import report
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
-    simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
+    settings = _settings(points, horizon, force, weights, solver, duration, frames, assignments)
+    crew, _ = crew_here(device)
+    simulation = crew.together(lambda: build_scene(scene, settings))
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
         folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))
@@ -167,37 +191,20 @@ def run(
             reporter=Progress(quiet),
         )
     except DivergedError as error:
-        click.echo(f"warp-pd: {error}", err=True)
+        _say(str(error))
         sys.exit(DIVERGED)
     except KeyboardInterrupt:
-        click.echo("warp-pd: interrupted before the first frame", err=True)
+        _say("interrupted before the first frame")
         sys.exit(130)
     if not quiet:
-        _report(result)
+        for line in report(result):
+            click.echo(line)
     if result.summary["message"]:
-        click.echo(f"warp-pd: {result.summary['message']}", err=True)
+        _say(result.summary["message"])
     if result.status in (RUN_DIVERGED, NOT_CONVERGED):
         sys.exit(DIVERGED)
     if result.status == STOPPED:
         sys.exit(130)
-
-
-def _report(result: Any) -> None:
-    for note in result.summary["notes"]:
-        click.echo(note)
-    for name, m in result.summary["measures"].items():
-        if m["value"] is None:
-            wrong = next((note for note in result.summary["notes"] if note.startswith(f"Outcome {name!r}")), None)
-            click.echo(f"{name} = none: {'see above' if wrong else 'it did not happen'}")
-            continue
-        line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
-        if m["reference"] is not None:
-            unit = "" if m["unit"] == "1" else f" {m['unit']}"
-            line += f"   reference {m['reference']:.6g}{unit} ({m['source']}), error {100 * m['error']:+.3f} %"
-        click.echo(line)
-    click.echo(f"results in {result.folder}")
-    for path in sorted(result.folder.iterdir()):
-        click.echo(f"  {path.name}")
 
 
 @main.command("sweep")

@@ -18,8 +18,9 @@ _pool: ThreadPoolExecutor | None = None
 
 
 def available_cores() -> int:
-    """Number of CPU cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+    """Number of CPU cores that this process may use; of several that torchrun started each takes its part."""
+    present = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+    return max(1, present // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
 
 
 def cores() -> ThreadPoolExecutor:

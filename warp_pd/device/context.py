@@ -12,11 +12,14 @@ import warp as wp
 
 from ..checks import InputError
 from ..cores import start_warp
+from ..families.share import BLOCK as SUM_BLOCK
+from ..families.share import Share
 from ..kernels.families import CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
 from ..sheet import Sheet
 from .clock import Clock
-from .fields import Array, Field, FieldRegister
+from .crew import Crew
+from .fields import Array, Field, FieldRegister, Stored, to_host
 from .graph import LaunchSequence, run_once
 from .launches import Launch, Stage, compile_launches
 
@@ -105,7 +108,7 @@ class Context:
     """The arrays and launches of the parts.
 
     Attributes:
-        sheet: The sheet, without stress.
+        sheet: The sheet, without stress; what is here of it, if several processes share it.
         device: The Warp device.
         types: Types of the precision.
         module: Name of the Warp module that holds every kernel of this configuration.
@@ -116,6 +119,9 @@ class Context:
         clock: Time and schedules.
         placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
             frames are counted from there; or None.
+        undivided: The whole sheet, without stress, if several processes share it.
+        share: What is here of the sheet; None if it is all here.
+        crew: The processes that share it.
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
@@ -131,12 +137,20 @@ class Context:
     initial_displacement: np.ndarray
     fields: FieldRegister
     clock: Clock
+    undivided: Sheet | None = None
     placement: np.ndarray | None = None
+    share: Share | None = None
+    crew: Crew = field(default_factory=Crew)
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
     state: State = field(init=False)
     _sequences: dict[str, LaunchSequence] = field(init=False, default_factory=dict)
+
+    @property
+    def whole(self) -> Sheet:
+        """The whole sheet, without stress, whoever has it."""
+        return self.sheet if self.undivided is None else self.undivided
 
     @property
     def bits(self) -> int:
@@ -167,6 +181,56 @@ class Context:
         declared = Field(name, owner, per, restart, halo, output, density)
         return self.fields.allocate(declared, dtype, values, shape)
 
+    def own(self, array: Array) -> Array:
+        """The own points of an array of points, as a view; all of them if one process has the whole sheet."""
+        return array if self.share is None else array[self.share.own]
+
+    @property
+    def own_blocks(self) -> int:
+        """Number of blocks of own points, by which sums go."""
+        points = self.sheet.size if self.share is None else self.share.own.stop - self.share.own.start
+        return -(-points // SUM_BLOCK)
+
+    def all_blocks(self, stage: Stage, sums: Array, name: str, owner: str) -> Array:
+        """Sums [rows, blocks] of all processes, brought together in a stage; the array itself if there is one."""
+        if self.share is None:
+            return sums
+        shape = (sums.shape[0], -(-self.whole.size // SUM_BLOCK))
+        everything = self.array(name, owner, sums.dtype, shape=shape, per="table")
+        stage.call(self.crew.gather_blocks(sums, everything, self.share))
+        return everything
+
+    def whole_array(self, array: Array) -> np.ndarray:
+        """A copy of a field on the host, of the whole sheet; with several processes within `Crew.lead` only."""
+        if self.share is None:
+            return to_host(array)
+        index, stored = next((k, s) for k, s in enumerate(self.fields) if s.array is array)
+        return self.crew.whole(stored, index, self.share)
+
+    def total(self, array: Array) -> float:
+        """Sum of an array of points of the whole sheet, in one order on any number of processes."""
+        found = self.crew.spread(self.crew.lead(lambda: float(self.whole_array(array).sum())))
+        assert found is not None
+        return found
+
+    def values_here(self, stored: Stored, whole: np.ndarray) -> np.ndarray:
+        """What is here of the values of a field of the whole sheet, on the host."""
+        share, per = self.share, stored.field.per
+        if share is None or per not in ("point", "bond", "face"):
+            return whole
+        if per == "face":
+            return np.asarray(whole[share.faces])
+        if per == "point":
+            return np.asarray(whole[share.points])
+        # Families that are not whole here are empty.
+        found = np.asarray(whole[:, share.points])
+        found[:, ~share.near] = 0
+        return found
+
+    def number(self, point: int) -> int:
+        """Number of a point here in the whole sheet."""
+        return point if self.share is None else int(self.share.points[point])
+
     def stage(self, name: str, when: str) -> Stage:
         """A new stage.
 
@@ -187,7 +251,7 @@ class Context:
         """A context for another sheet of the same simulation, with its own state and stages of another prefix."""
         start = np.zeros((sheet.size, 3))
         return replace(
-            self, sheet=sheet, prefix=prefix, features=features, held=held, initial_displacement=start,
+            self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
             placement=None,
         )  # fmt: skip
 

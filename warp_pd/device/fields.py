@@ -1,6 +1,6 @@
 """The register of fields: every array of a simulation, declared once with its purpose.
 
-Restart files, `plan`, the memory table, frames and (later) halo exchange read this register, so they cannot disagree.
+Restart files, `plan`, the memory table, frames and halo exchange read this register, so they cannot disagree.
 """
 
 from __future__ import annotations
@@ -141,7 +141,11 @@ def host_shape(array: Array) -> tuple[int, ...]:
 
 def to_float64(array: Array) -> np.ndarray:
     """A copy on the host, as float64 if it holds real numbers."""
-    values = to_host(array)
+    return in_double(to_host(array))
+
+
+def in_double(values: np.ndarray) -> np.ndarray:
+    """Real numbers as float64; others as they are."""
     return values.astype(np.float64, copy=False) if values.dtype.kind == "f" else values
 
 

@@ -48,6 +48,21 @@ def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
     return INFLUENCE[one_of("influence", influence, INFLUENCE)]
 
 
+@dataclass(frozen=True)
+class WholeFamilies:
+    """What the families of a part of a sheet still know of those of the whole sheet.
+
+    Attributes:
+        bonds: Number of bonds.
+        commonest_row: Row of most points, see `Families`.
+        has_common: Whether any point has it.
+    """
+
+    bonds: int
+    commonest_row: int
+    has_common: bool
+
+
 @dataclass(eq=False)
 class Families:
     """Rows of families: one per point on a cloud, one per family class (points with equal families) on a lattice.
@@ -81,6 +96,7 @@ class Families:
         frames: Tangent vectors and normal of each point, in columns, shape (N, 3, 3), on a curved sheet. `bonds` are
             then the projections on the tangent plane, in these.
         chords: X / horizon in space, shape (N, n, 3), on a curved sheet.
+        whole: Number of bonds and commonest row of the whole sheet, if these are the families of a part of it.
     """
 
     horizon: float
@@ -102,6 +118,7 @@ class Families:
     stiffness: np.ndarray | None = None
     frames: np.ndarray | None = None
     chords: np.ndarray | None = None
+    whole: WholeFamilies | None = None
 
     @property
     def layout(self) -> str:
@@ -136,8 +153,23 @@ class Families:
         return np.asarray(np.where(self.exists, self.influence, 0.0) * self.member_areas)
 
     @property
+    def commonest_row(self) -> int:
+        """The row of most points of the whole sheet, on a lattice or grid; on a grid that of the points deep inside."""
+        if self.whole is not None:
+            return self.whole.commonest_row
+        assert self.family_class is not None
+        return 0 if self.layout == "grid" else int(np.bincount(self.family_class).argmax())
+
+    @property
+    def has_common(self) -> bool:
+        """Whether any point of the whole sheet has the commonest row."""
+        return self.whole.has_common if self.whole else bool(np.any(self.family_class == self.commonest_row))
+
+    @property
     def bond_count(self) -> int:
         """Number of bonds, each counted from both ends."""
+        if self.whole is not None:
+            return self.whole.bonds
         sizes = self.exists.sum(axis=1)
         return int(sizes.sum() if self.family_class is None else sizes[self.family_class].sum())
 

@@ -8,9 +8,11 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..checks import InputError
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..families.share import Share
 from ..frame import Body
 from ..schedules import Schedule
 from ..sheet import Sheet
@@ -60,6 +62,20 @@ class Part(Protocol):
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """Components of points that it holds or moves."""
         return ()
+
+    def divided(self, sheet: Sheet, share: Share) -> Part:
+        """The same part for the points that one of several processes has.
+
+        Args:
+            sheet: The whole sheet.
+            share: The points that are here.
+
+        Raises:
+            InputError: by default: several processes cannot run it.
+        """
+        raise InputError(
+            f"{self.argument}: {type(self).__name__}: expected a run in one process; several cannot share it yet"
+        )
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the part on a device: allocate arrays and register schedules; launches are added later."""

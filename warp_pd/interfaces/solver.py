@@ -117,7 +117,13 @@ class System:
 
 
 class BuiltSolver(BuiltPart, Protocol):
-    """A solver on a device."""
+    """A solver on a device.
+
+    Attributes:
+        divides: Whether several processes can run it.
+    """
+
+    divides: bool = False
 
     def prepare(self, system: System) -> None:
         """Compose the stages of the solver from the launches of all parts."""

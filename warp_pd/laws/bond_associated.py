@@ -20,7 +20,7 @@ from ..kernels.reference_force import reference_force
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
-from .family_law import FamilyLaw, require_one_material
+from .family_law import FamilyLaw, require_one_material, tables_here
 from .fast_path import FastForce, fast_path
 from .shown_fields import ShownFields, factors
 from .variational import Key
@@ -123,6 +123,7 @@ class BondAssociatedForce(FamilyLaw):
     takes_curved = True
     takes_graded = True
     takes_tension_field = True
+    divides = True
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         breakable, sheet = context.features.breakable, context.sheet
@@ -130,13 +131,15 @@ class BondAssociatedForce(FamilyLaw):
         self.material, self.fast = law.material, law.fast
         self.shown_stress = law.material
         broken = law.broken if breakable else None
+        if self.weights == "published" and context.share is not None:
+            raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
         if self.weights == "published" or broken == "redistribute":
             # Their kernels compute the weights themselves.
             require_one_material(sheet, f"weights {self.weights!r} and broken {law.broken!r}")
         families, inverse, weights, self.correction = weight_tables(
-            sheet, law.horizon, law.influence, self.weights
+            context.whole, law.horizon, law.influence, self.weights
         )  # fmt: skip
-        weights = families.stiffened(weights)
+        families, inverse, weights = tables_here(context, families, inverse, families.stiffened(weights))
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
@@ -149,7 +152,7 @@ class BondAssociatedForce(FamilyLaw):
         """Array of `bond_force`, allocated on first use."""
         shape = (self.families.members, self.points)
         return self.context.array(
-            "bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond", halo=True
+            "bond_force", self.owner, self.context.types.vec3, shape=shape, per="bond"
         )  # fmt: skip
 
     def bond_force(self) -> Array:

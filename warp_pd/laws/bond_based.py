@@ -20,7 +20,7 @@ from ..kernels.effects import Kernel
 from ..materials import PairwiseMaterial, check_material
 from ..phases import Phase
 from .bond_based_tangent import BondBasedTangent
-from .family_law import FamilyLaw
+from .family_law import FamilyLaw, whole_sheet
 
 # g of c_i = g E / sum_j |X_ij| V_j (IM eq. 4): 4/(1 - nu) with nu = 1/3 in plane stress, and 2 along a line.
 STIFFNESS = {"plane stress": 6.0, "line": 2.0}
@@ -83,7 +83,7 @@ class BondBasedForce(FamilyLaw):
     offered_fields = FIELDS
 
     def __init__(self, law: BondBased, context: Context) -> None:
-        sheet, self.law = context.sheet, law
+        sheet, self.law = whole_sheet(law, context), law
         line = sheet.lattice is not None and sheet.lattice.rows == 1
         if line != (law.state == "line"):
             raise InputError(

@@ -15,6 +15,7 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, pack
+from ..families.rows_here import rows_here
 from ..interfaces import BuiltLaw, Law, Tangent
 from ..kernels.effects import Kernel
 from ..kernels.pointwise import Pointwise
@@ -35,6 +36,38 @@ def require_one_material(sheet: Sheet, what: str) -> None:
         raise InputError(f"sheet.stiffness: expected a sheet of one material with {what}")
 
 
+def refuse_shares(law: Law) -> None:
+    """Refuse a law that several processes cannot run.
+
+    Raises:
+        InputError: always.
+    """
+    raise InputError(
+        f"force = {type(law).__name__}: several processes cannot yet run it; expected BondAssociated or Visco"
+    )
+
+
+def whole_sheet(law: Law, context: Context) -> Sheet:
+    """The sheet of a law that one process has alone.
+
+    Raises:
+        InputError: if several processes share it.
+    """
+    if context.share is not None:
+        refuse_shares(law)
+    return context.sheet
+
+
+def tables_here(
+    context: Context, families: Families, inverse: np.ndarray, weights: np.ndarray
+) -> tuple[Families, np.ndarray, np.ndarray]:
+    """Families, K^-1 and weights by row of what is here of the whole sheet."""
+    if context.share is None:
+        return families, inverse, weights
+    here = rows_here(families, context.share)
+    return here.families, here.table(inverse), here.table(weights)
+
+
 class FamilyLaw(BuiltLaw):
     """A law on one sheet and device: its families, the intact bonds, its constants.
 
@@ -50,6 +83,7 @@ class FamilyLaw(BuiltLaw):
         takes_curved: Whether it works on curved sheets.
         takes_graded: Whether it works on sheets of graded spacing.
         takes_tension_field: Whether its material may be a TensionField.
+        divides: Whether several processes can run it.
     """
 
     owner: str
@@ -64,6 +98,7 @@ class FamilyLaw(BuiltLaw):
     takes_curved: bool = False
     takes_graded: bool = False
     takes_tension_field: bool = False
+    divides: bool = False
 
     def __init__(
         self,
@@ -89,6 +124,8 @@ class FamilyLaw(BuiltLaw):
             raise InputError(
                 f"force = {type(law).__name__}: expected BondAssociated, Visco or BondBased on a curved sheet"
             )
+        if context.share is not None and not self.divides:
+            refuse_shares(law)
         if context.sheet.spacings is not None and not self.takes_graded:
             raise InputError(
                 f"force = {type(law).__name__}: expected BondAssociated or Visco on a sheet of graded spacing"
@@ -102,7 +139,7 @@ class FamilyLaw(BuiltLaw):
             bits = families.rows_of_points(pack(families.exists)).T
             if context.features.gradual:
                 bits = np.concatenate([bits, bits])
-            self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True)
+            self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True, halo=True)
         self.thickness = context.sheet.thickness
         self.points = context.sheet.size
         known = capabilities(law.material)

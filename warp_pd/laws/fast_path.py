@@ -70,7 +70,8 @@ def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray
     known = capabilities(force.material)
     if known.near is None or members > MAX_MEMBERS:
         return None
-    small = force.points * members <= MAX_SHARED
+    # By the whole sheet: several processes take the same kernels as one.
+    small = force.context.whole.size * members <= MAX_SHARED
     stencil = undamaged_stencil(force.families, inverse, weights) if known.isotropic and not small else None
     return FastPath(force, known.near, stencil)
 

@@ -15,7 +15,7 @@ from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
 from ..kernels.hyperelastic_bonds import hyperelastic_bonds
-from .family_law import FamilyLaw
+from .family_law import FamilyLaw, whole_sheet
 
 # Stretch at which the surface correction compares energies (HE, chapter 5).
 CALIBRATION = 4.0
@@ -88,7 +88,7 @@ class HyperelasticBondsForce(FamilyLaw):
     has_energy = False
 
     def __init__(self, law: HyperelasticBonds, context: Context) -> None:
-        sheet, self.law = context.sheet, law
+        sheet, self.law = whole_sheet(law, context), law
         if sheet.lattice is not None and sheet.lattice.rows == 1:
             raise InputError("sheet has one row of points: expected at least two with the law HyperelasticBonds")
         families = build_families(sheet, law.horizon, "inverse", intersections=False)

@@ -23,7 +23,7 @@ from ..interfaces import BuiltLaw, Law
 from ..kernels.effects import Kernel
 from ..kernels.nodal import nodal
 from ..materials import Material, check_material, energy_density
-from .family_law import FamilyLaw, require_one_material
+from .family_law import FamilyLaw, require_one_material, whole_sheet
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class PointLaw(FamilyLaw):
 
     def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context) -> None:
         require_one_material(context.sheet, f"the law {type(law).__name__}")
-        families = build_families(context.sheet, law.horizon, influence, intersections=False)
+        families = build_families(whole_sheet(law, context), law.horizon, influence, intersections=False)
         require_diagonals(context.sheet, law.horizon)
         super().__init__(law, context, families, *_shapes(families))
         shape = (families.members, context.sheet.size)

@@ -62,12 +62,12 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
     if families.family_class is None or families.steps is None or len(families.steps) > WORD:
         return None
     n, gridded = len(families.steps), families.layout == "grid"
-    row = 0 if gridded else int(np.bincount(families.family_class).argmax())
+    row = families.commonest_row
     area, weight = families.areas[row], weights[row, :n] / families.areas[row]
     bonds, influence, common = (
         table[row, :n] if gridded else table for table in (families.bonds, families.influence, families.common)
     )
-    if not families.exists[row, :n].all() or not (families.family_class == row).any():
+    if not families.exists[row, :n].all() or not families.has_common:
         return None
     if np.ptp(families.member_areas[row, :n]) > TOLERANCE * area:
         return None

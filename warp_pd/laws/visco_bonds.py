@@ -17,7 +17,7 @@ from ..kernels.effects import Kernel
 from ..kernels.visco_bonds import visco_bonds
 from ..materials import Prony, Yeoh
 from ..phases import Phase
-from .family_law import FamilyLaw, require_one_material
+from .family_law import FamilyLaw, require_one_material, whole_sheet
 from .prony import at_once, check_prony, prony_array
 
 UPDATES = ("exact", "series")
@@ -86,7 +86,7 @@ class ViscoBondBasedForce(FamilyLaw):
     def __init__(self, law: ViscoBondBased, context: Context) -> None:
         self.law, self.has_energy, self.depends_on_time = law, law.has_energy, bool(law.prony)
         require_one_material(context.sheet, "the law ViscoBondBased")
-        families = build_families(context.sheet, law.horizon, "inverse_square", intersections=False)
+        families = build_families(whole_sheet(law, context), law.horizon, "inverse_square", intersections=False)
         super().__init__(law, context, families, None, _bond_weights(families))
         self.kernels = visco_bonds(
             families.layout, context.bits, context.features.breakable, bool(law.prony), law.update == "series",

@@ -13,10 +13,12 @@ from ..checks import InputError, not_negative, resolved, said
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..families.share import Share
 from ..frame import Body
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part, StepLimit
 from ..kernels.body_contact import body_contact
 from ..phases import Phase
+from ..sheet import Sheet
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, on_device, signed_distances
 from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
@@ -76,6 +78,16 @@ class RigidBody(Contact):
         """
         if any(getattr(other, "name", None) == self.name for other in others):
             raise InputError(f"contact: two bodies are called {self.name!r}: expected different names")
+
+    def divided(self, sheet: Sheet, share: Share) -> Contact:
+        """Itself: it knows no points.
+
+        Raises:
+            InputError: for a free body, which all points move.
+        """
+        if self.motion.free:
+            raise InputError(f"RigidBody {self.name!r}: motion = Free: expected BodyPath, or a run in one process")
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The body on a device."""
@@ -137,8 +149,8 @@ class BuiltBody(BuiltContact):
         deepest = int(depth.argmax())
         if depth[deepest] > TOUCHING * min(part.shape.thinnest(), context.sheet.spacing):
             raise InputError(
-                f"RigidBody {part.name!r}: expected a body outside the sheet at the start; point {deepest} is "
-                f"{depth[deepest]:.3g} m inside it"
+                f"RigidBody {part.name!r}: expected a body outside the sheet at the start; point "
+                f"{context.number(deepest)} is {depth[deepest]:.3g} m inside it"
             )
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -239,7 +251,7 @@ class BuiltBody(BuiltContact):
 
     def step_limit(self) -> StepLimit | None:
         """It moves a quarter of a spacing, or of its thickness, at most; an eighth if bonds can break."""
-        shape, sheet = self.part.shape, self.context.sheet
+        shape, sheet = self.part.shape, self.context.whole
         furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
         speed = self.part.motion.speed(min(shape.radius(), furthest))
         if speed == 0.0:
@@ -251,7 +263,7 @@ class BuiltBody(BuiltContact):
     def outline(self) -> Body:
         """How it is drawn."""
         shape = self.part.shape
-        vertices, triangles = shape.outline(float(np.ptp(self.context.sheet.positions, axis=0).max()))
+        vertices, triangles = shape.outline(float(np.ptp(self.context.whole.positions, axis=0).max()))
         return Body(self.part.name, shape.kind, shape.sizes(), vertices, triangles)
 
     def pose(self) -> np.ndarray:

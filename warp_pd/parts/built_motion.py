@@ -53,7 +53,8 @@ class BuiltMotion:
         """Allocate its pose."""
         self.name, self.context = name, context
         points = context.sheet.size
-        large = points >= MARKED_FROM
+        # By the whole sheet: several processes take the same kernels as one.
+        large = context.whole.size >= MARKED_FROM
         self.marks = context.array(f"{name}_marks", name, wp.uint8, shape=points) if large else None
         place, turned = pose
         self.place = self._array("place", wp.vec3d, np.tile(place, (2, 1)))

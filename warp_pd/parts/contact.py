@@ -13,10 +13,12 @@ from ..checks import InputError, positive, resolved, said, vector
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..families.share import Share
 from ..interfaces import BuiltContact, BuiltLaw, Contact, StepLimit
 from ..kernels.contact import ShapeFactory, ball, rigid_contact
 from ..phases import Phase
 from ..schedules import Schedule
+from ..sheet import Sheet
 
 # The most that a body moves in a step, over the spacing or its radius: at more it can pass points unnoticed. If bonds
 # can break, it may move half as far: a bond then opens in several steps.
@@ -56,6 +58,10 @@ class RigidBall(Contact):
     def centre(self, time: float) -> np.ndarray:
         """Position of the centre at a time [m], shape (3,)."""
         return np.array(self.start, float) + time * np.array(self.velocity, float)
+
+    def divided(self, sheet: Sheet, share: Share) -> Contact:
+        """Itself: it knows no points."""
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The ball on a device."""
@@ -161,7 +167,7 @@ class BuiltBall(RigidContact):
         )
         self.body = body
         # A smaller ball passes between points.
-        resolved("RigidBall.diameter", body.diameter, context.sheet.widest_spacing, MIN_DIAMETER)
+        resolved("RigidBall.diameter", body.diameter, context.whole.widest_spacing, MIN_DIAMETER)
         self._check_apart()
 
     def _check_apart(self) -> None:
@@ -176,8 +182,8 @@ class BuiltBall(RigidContact):
         deepest = int(depth.argmax())
         if depth[deepest] > TOUCHING * radius:
             raise InputError(
-                f"RigidBall.start = {said(tuple(self.body.start))}: expected a ball outside the sheet; point {deepest} "
-                f"is {depth[deepest]:.3g} m inside it"
+                f"RigidBall.start = {said(tuple(self.body.start))}: expected a ball outside the sheet; point "
+                f"{self.context.number(deepest)} is {depth[deepest]:.3g} m inside it"
             )
 
     def step_limit(self) -> StepLimit | None:

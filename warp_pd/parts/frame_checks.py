@@ -9,6 +9,7 @@ import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
+from ..device.graph import run_once
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart
 from ..kernels.checks import BLOCK, frame_checks
@@ -31,7 +32,7 @@ class FrameChecks(BuiltPart):
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        self._blocks = -(-context.sheet.size // BLOCK)
+        self._blocks = context.own_blocks
         self.kinetic_energy = context.array("kinetic_energy", OWNER, wp.float64, shape=context.sheet.size)
         self.half_step_kinetic: Array | None = None
         if context.features.tracked and context.features.half_steps:
@@ -54,7 +55,8 @@ class FrameChecks(BuiltPart):
         )  # fmt: skip
         stage.launch(
             OWNER, frame_checks(context.bits, context.module).watch_motion, self._blocks,
-            displacement=state.displacement, velocity=state.velocity, not_finite=self.not_finite,
+            displacement=context.own(state.displacement), velocity=context.own(state.velocity),
+            not_finite=self.not_finite,
             fastest=self.fastest,
         )  # fmt: skip
 
@@ -66,12 +68,21 @@ class FrameChecks(BuiltPart):
 
     def first_not_finite(self) -> int | None:
         """Index of the first point whose displacement or velocity is NaN or Inf, as of the last frame; or None."""
-        lowest = int(self.not_finite.numpy().min())
-        return None if lowest == self.context.sheet.size else lowest
+        lowest = int(self._in_whole(self.context.whole_array(self.not_finite)).min())
+        return None if lowest == self.context.whole.size else lowest
+
+    def _in_whole(self, lowest: np.ndarray) -> np.ndarray:
+        """Per block, the number of a point in the whole sheet, or that of all points, where blocks know own points."""
+        share, points = self.context.share, self.context.whole.size
+        if share is None:
+            return lowest
+        begins = BLOCK * np.arange(len(lowest))
+        found = lowest + share.bounds[share.owner_of(begins)]
+        return np.where(found < begins + BLOCK, found, points)
 
     def top_speed(self) -> float:
         """Largest speed [m/s], as of the last frame."""
-        return float(np.sqrt(self.fastest.numpy().max()))
+        return float(np.sqrt(self.context.whole_array(self.fastest).max()))
 
 
 class EnergyBalance(BuiltPart):
@@ -145,9 +156,9 @@ class Sums:
         self._rows: list[str] = []
         for name, array in self.arrays.items():
             self._rows += [name] if array.dtype is wp.float64 else [f"{name}_{c}" for c in "xyz"]
-        blocks = -(-context.sheet.size // BLOCK)
-        shape = (len(self._rows), blocks)
-        self._sums = context.array("sums_of_blocks", OWNER, wp.float64, shape=shape, per="block")
+        shape = (len(self._rows), context.own_blocks)
+        self._gathering: Stage | None = None
+        self._sums = self._all = context.array("sums_of_blocks", OWNER, wp.float64, shape=shape, per="block")
 
     def add(self, stage: Stage) -> None:
         """Add the launches, after those that fill the arrays."""
@@ -156,15 +167,21 @@ class Sums:
         for values in self.arrays.values():
             scalar = values.dtype is wp.float64
             kernel = checks.sum_blocks if scalar else checks.sum_vectors
-            stage.launch(OWNER, kernel, blocks, values=values, row=row, sums=self._sums)
+            stage.launch(OWNER, kernel, blocks, values=self.context.own(values), row=row, sums=self._sums)
             row += 1 if scalar else 3
 
     def totals(self, kept: Array | None = None) -> dict[str, float]:
         """Sums as of the last frame, by name; or those that `keep` gave."""
-        sums = self._sums if kept is None else kept
-        return dict(zip(self._rows, sums.numpy().sum(axis=1).tolist(), strict=True))
+        sums = self.context.whole_array(self._sums) if kept is None else kept.numpy()
+        return dict(zip(self._rows, sums.sum(axis=1).tolist(), strict=True))
 
     def keep(self) -> Array:
-        """A copy of the sums on the device; the host waits for nothing."""
-        kept: Array = wp.clone(self._sums)
+        """A copy of the sums on the device, of the whole sheet; the host waits for nothing."""
+        stage = self._gathering
+        if stage is None:
+            context = self.context
+            stage = self._gathering = Stage("sums", "", context.device, context.module, context.block_dim, [])
+            self._all = context.all_blocks(stage, self._sums, "sums_of_all_blocks", OWNER)
+        run_once(self.context.device, stage)
+        kept: Array = wp.clone(self._all)
         return kept

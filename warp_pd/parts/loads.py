@@ -15,11 +15,13 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families.point_gradient import point_gradient, surface_vector_matrix
+from ..families.share import Share
 from ..interfaces import BuiltLaw, BuiltLoad, External, Load
 from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
 from ..kernels.loads import begin_loads, dead_load
 from ..phases import Phase
 from ..schedules import factor_schedule
+from ..sheet import Sheet
 
 Ramp = Sequence[tuple[float, float]] | None
 
@@ -46,6 +48,10 @@ class Pressure(Load):
     def compile_key(self) -> tuple[object, ...]:
         """Whether it follows the surface, and whether it changes in time."""
         return (self.follower, self.ramp is not None)
+
+    def divided(self, sheet: Sheet, share: Share) -> Load:
+        """Itself: it knows no points."""
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The pressure on a device."""
@@ -74,6 +80,10 @@ class BodyForce(Load):
     def compile_key(self) -> tuple[object, ...]:
         """Whether it changes in time."""
         return (self.ramp is not None,)
+
+    def divided(self, sheet: Sheet, share: Share) -> Load:
+        """Itself: it knows no points."""
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The force on a device."""
@@ -105,12 +115,39 @@ class PointForce(Load):
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The force on a device."""
-        sheet = context.sheet
+        points, force = self.forces(context.sheet)
+        return DeadLoad("PointForce", context, points, force, self.ramp)
+
+    def forces(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+        """Its points, shape (P,), and the force of each [N], shape (P, 3)."""
         points = point_indices("PointForce.points", self.points, sheet.size)
-        share = sheet.areas[points] / sheet.areas[points].sum()
-        return DeadLoad(
-            "PointForce", context, points, np.outer(share, np.array(self.value, dtype=np.float64)), self.ramp
-        )
+        part = sheet.areas[points] / sheet.areas[points].sum()
+        return points, np.outer(part, np.array(self.value, dtype=np.float64))
+
+    def divided(self, sheet: Sheet, share: Share) -> Load:
+        """What each point that is here has of the whole force."""
+        points, force = self.forces(sheet)
+        at, here = share.here(points)
+        return ForcesHere(here, force[at], self.ramp)
+
+
+@dataclass(frozen=True, eq=False)
+class ForcesHere(Load):
+    """The part of a PointForce that one of several processes has.
+
+    Attributes:
+        points: Point indices, shape (P,).
+        force: Of each [N], shape (P, 3).
+        ramp: As of the PointForce.
+    """
+
+    points: np.ndarray
+    force: np.ndarray
+    ramp: Ramp = None
+
+    def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
+        """The force on a device."""
+        return DeadLoad("PointForce", context, self.points, self.force, self.ramp)
 
 
 class DeadLoad(BuiltLoad):
@@ -225,7 +262,8 @@ class ExternalForce(External):
                 self.constant += force
         self.following = [load for load in self.changing if load.follows_displacement]
         self._constant: Array | None = None
-        if self.changing and self.constant.any():
+        # All of several processes have the same fields.
+        if self.changing and (self.constant.any() or context.share is not None):
             self._constant = context.array("constant_loads", "loads", context.types.vec3, self.constant)
         self._dead: Array | None = None
 

@@ -6,7 +6,7 @@ A criterion of your own inherits from BondCriterion and gives its device functio
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,13 @@ from ..checks import InputError, finite, point_indices, positive
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..families.share import Share
 from ..interfaces import BuiltLaw, BuiltRupture, Rupture
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.energy_release import energy_release
 from ..kernels.rupture import Criterion, breaking, critical_energy, critical_stretch
 from ..phases import Phase
+from ..sheet import Sheet
 
 # Beyond it the squares of stretches overflow in float32.
 MAX_STRETCH = 1e12
@@ -32,6 +34,14 @@ class BondCriterion(Rupture):
     def compile_key(self) -> tuple[object, ...]:
         """Whether some points are spared."""
         return (self.spared is not None,)
+
+    def divided(self, sheet: Sheet, share: Share) -> Rupture:
+        """The same criterion for the points that are here."""
+        if self.spared is None:
+            return self
+        points = point_indices(f"{type(self).__name__}.spared", self.spared, sheet.size)
+        here: Any = replace(self, spared=share.here(points)[1])  # type: ignore[type-var]
+        return here  # type: ignore[no-any-return]
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The device function of the criterion, and its struct filled in; see kernels/rupture.py."""
@@ -150,7 +160,9 @@ class Damaged(BuiltRupture):
         self.spared: Array | None = None
         if rupture.spared is not None:
             mask = np.zeros(sheet.size, np.uint8)
-            mask[point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
+            # Of several processes one may have none of them.
+            here = context.share is not None
+            mask[rupture.spared if here else point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
             self.spared = context.array("spared", owner, wp.uint8, mask)
         tracked = context.features.tracked and law.has_energy
         self.released: Array | None = None
@@ -202,7 +214,7 @@ class Damaged(BuiltRupture):
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Largest and mean damage."""
-        damage = self.damage.numpy()
+        damage = self.context.whole_array(self.damage)
         return {"largest_damage": float(damage.max()), "mean_damage": float(damage.mean(dtype=np.float64))}
 
 

@@ -12,6 +12,7 @@ import warp as wp
 from ..checks import InputError, numbers, point_indices, said
 from ..device.context import Context
 from ..device.launches import Stage
+from ..families.share import Share
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
 from ..kernels.clock import prescribed_motion
 from ..kernels.integrate import RIGID
@@ -26,6 +27,10 @@ class Support(Part):
     """A part that only holds or moves points: what it asks of the device is done for all supports together."""
 
     does_work = True
+
+    def divided(self, sheet: Sheet, share: Share) -> Part:
+        """Itself: its constraints are divided."""
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Nothing of its own."""
@@ -197,7 +202,7 @@ class MovedPoints(BuiltPart):
         for constraint, motion in self._moving:
             begin = motion.at(0.0)
             for c in (c for c in range(3) if constraint.components & (1 << c)):
-                jump = float(np.abs(begin[c] - there[constraint.points, c]).max())
+                jump = float(np.abs(begin[c] - there[constraint.points, c]).max(initial=0.0))
                 if jump > horizon:
                     raise InputError(
                         f"{constraint.owner}.{AXES[c]} is {begin[c]:.6g} m at t = 0, {jump:.3g} m from where its "

@@ -10,7 +10,8 @@ import numpy as np
 from ..checks import InputError, point_indices, positive
 from ..device.context import Context
 from ..device.launches import Stage
-from ..interfaces import BuiltLaw, BuiltRupture, History
+from ..families.share import Share
+from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..kernels.rupture import Criterion, elongation
 from ..kernels.softening import softening
 from ..materials import borne, stretch_of_density
@@ -61,6 +62,16 @@ class TearingEnergy(BondCriterion):
 
     def __post_init__(self) -> None:
         positive("TearingEnergy.energy", self.energy)
+
+    def divided(self, sheet: Sheet, share: Share) -> Rupture:
+        """The same criterion for the points that are here.
+
+        Raises:
+            InputError: on a graded sheet, of which it asks the spacing where bonds may break.
+        """
+        if sheet.spacings is not None:
+            raise InputError("damage = TearingEnergy: expected a sheet of one spacing with several processes")
+        return super().divided(sheet, share)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The critical stretch, for bonds that break at once.

@@ -37,7 +37,7 @@ class Soundness:
         if bad is None and np.isfinite(totals.get("strain", 0.0)):
             self._require_slow(index, now, dt)
             return
-        sheet = built.context.sheet
+        sheet = built.context.whole
         where = "the strain energy" if bad is None else f"point {bad} at {sheet.points[bad].tolist()}"
         last, load_duration = self.last_time or 0.0, built.simulation.load_duration
         if index == 0:

@@ -58,6 +58,10 @@ class FineHistory:
             self.rows.append(row)
             before, begin = found, time
 
+    def forget(self) -> None:
+        """Drop the rows since the last frame: another process reads them."""
+        self._waiting = []
+
     def resume(self, rows: History, now: float) -> None:
         """Take the rows of a run that goes on from a time [s]."""
         self.rows = [row for row in rows if row["time"] <= now * (1.0 + 1e-12)]

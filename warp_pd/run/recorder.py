@@ -74,7 +74,7 @@ class Recorder:
 
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
         """Report a static solver on its way; stops it if the user asked for that."""
-        if self.stop_asked:
+        if self.built.context.crew.any(self.stop_asked):
             raise KeyboardInterrupt
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance)
@@ -90,7 +90,7 @@ class Recorder:
 
     def keep_going(self) -> None:
         """End a frame that takes long after the user asked to stop; what it computed is repeated when resumed."""
-        if self.stop_asked and perf_counter() - self._asked_at > PATIENCE:
+        if self.built.context.crew.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
             raise KeyboardInterrupt
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
@@ -99,19 +99,38 @@ class Recorder:
         Raises:
             DivergedError: if it is NaN or Inf; nothing of it is written.
         """
+        crew = self.built.context.crew
+        self.stop_asked = crew.any(self.stop_asked)
+        self.built.context.run("frame")
+        self.step_seconds += perf_counter() - self._clock
+        found = crew.lead(lambda: self._look(index, now, dt))
+        for part in self.built.parts:
+            part.end_frame()
+        crew.lead(lambda: None if found is None else self._record(*found, index, steps, dt))
+        if self.fine is not None and not crew.leads:
+            self.fine.forget()
+        self.frame_index, self.time, self.dt = index, now, dt
+        self.start_clock()
+        if self.stop_asked:
+            raise KeyboardInterrupt
+
+    def _look(self, index: int, now: float, dt: float) -> tuple[Frame, dict[str, float]]:
+        """The state as a frame, and its row of the history without measures; it is sound."""
         built = self.built
-        built.context.run("frame")
         totals = built.sums.totals()
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
-        self.step_seconds += perf_counter() - self._clock
         frame = snapshot(built, index, now)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
-        row = self._row(frame, totals, now - self.time, dt)
+        return frame, self._row(frame, totals, now - self.time, dt)
+
+    def _record(self, frame: Frame, row: dict[str, float], index: int, steps: int, dt: float) -> None:
+        """Hand a frame to the writers, and save it for a restart."""
+        self._measure(frame, row)
         self.soundness.require_no_gain(row, index, dt)
         self.history.append(row)
-        self.frame_index, self.time, self.dt = index, now, dt
+        self.frame_index, self.time, self.dt = index, frame.time, dt
         self.steps += steps
         for writer in self.writers:
             writer.write(frame)
@@ -122,9 +141,6 @@ class Recorder:
             self.saved()
         if self.reporter is not None:
             self.reporter.frame(self._report(row))
-        self.start_clock()
-        if self.stop_asked:
-            raise KeyboardInterrupt
 
     def _report(self, row: dict[str, float]) -> FrameReport:
         scene = self.built.simulation
@@ -153,13 +169,16 @@ class Recorder:
                 if name in row:
                     raise InputError(f"history: two parts report {name!r}: expected one")
                 row[name] = value
-            part.end_frame()
+        return row
+
+    def _measure(self, frame: Frame, row: dict[str, float]) -> None:
+        """Add what the scene measures to a row."""
+        built = self.built
         if built.simulation.measures:
             frame = frame.in_double()
         for measure in built.simulation.measures:
             reported = number_of(measure, built, frame)
             row[measure.name] = math.nan if reported is None else reported
-        return row
 
 
 def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
@@ -179,7 +198,7 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
 
 def _from_the_clamped_sheet(built: Built, displacement: np.ndarray) -> np.ndarray:
     """The displacement from the sheet as it was clamped [m], in the same precision."""
-    placement = built.context.placement
+    placement = built.simulation.sheet.placement() if built.context.share else built.context.placement
     return displacement if placement is None else (displacement - placement).astype(displacement.dtype)
 
 

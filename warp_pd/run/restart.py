@@ -159,10 +159,14 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
     """Put a loaded state back on the device, into the recorder and into the solver."""
     built, numbers = recorder.built, data["numbers"]
-    for name, array in built.context.fields.kept().items():
-        if name not in data or data[name].shape != host_shape(array):
+    for stored in built.context.fields:
+        name, array = stored.name, stored.array
+        if not stored.field.restart:
+            continue
+        values = built.context.values_here(stored, data[name]) if name in data else None
+        if values is None or values.shape != host_shape(array):
             raise InputError(f"resume: the restart file has no {name!r} of shape {array.shape}; it is damaged")
-        array.assign(data[name])
+        array.assign(values)
     for name in NUMBERS:
         setattr(recorder, name, numbers[name])
     built.solver.restore(numbers["solver"])

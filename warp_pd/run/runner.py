@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -22,6 +23,7 @@ from ..output.background import Background
 from ..output.formats import file_writers
 from ..output.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..scene import Scene, check_writers
+from ..scene_context import share_of
 from . import restart
 from .chosen import Files, held_fields
 from .divergence import DivergedError
@@ -38,6 +40,7 @@ from .folder import (
     write_atomically,
     write_history,
 )
+from .processes import crew_here
 from .recorder import Recorder, snapshot
 from .result import Result
 from .summary import Seconds, summary_of
@@ -102,17 +105,23 @@ def run(
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
     check_writers(writers or [])
+    crew, device = crew_here(device)
     if fields is not None:
         scene = replace(scene, chosen_fields=fields)
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
     files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
-    folder = writable_folder(out, resume, overwrite)
-    with sole_use(folder):
+    # Files and progress are those of the first process.
+    folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)
+    given, shown = (list(writers or []), reporter) if crew.leads else ([], None)
+    with contextlib.ExitStack() as stack:
+        crew.together(lambda: stack.enter_context(sole_use(folder)))
         begin = perf_counter()
-        built = compose(scene, device, precision)
-        return _run(built, folder, begin, resume, files, reporter, list(writers or []))
+        if crew.size > 1:
+            crew.divide(crew.together(lambda: share_of(scene, crew)))
+        built = crew.together(lambda: compose(scene, device, precision, crew))
+        return _run(built, folder, begin, resume, files, shown, given)
 
 
 def _run(
@@ -120,41 +129,56 @@ def _run(
     writers: list[Writer],
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
-    scene, held = built.simulation, held_fields(built)
+    scene, crew = built.simulation, built.context.crew
+    held = held_fields(built)
     known = None if folder is None else restart.identity(scene, built)
-    saved = restart.load(folder / restart.NAME, known) if resume and folder and known else None
-    if folder is not None and saved is not None:
-        files.require_same(folder)
-        # They tell of a run that is over, which this one is not.
-        for name in ("summary.json", PAGE):
-            (folder / name).unlink(missing_ok=True)
-    elif folder is not None:
-        clear(folder)
-    if folder is not None:
-        clear_unfinished(folder)
+    saved = crew.spread(crew.together(lambda: _saved(folder, known, resume, files)))
     if reporter is not None:
         reporter.begin(headline(built))
-    compile_seconds = built.context.compile()
+    compile_seconds = crew.in_turn(built.context.compile)
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
-    _begin(recorder, saved)
-    if folder is not None and known is not None:
-        _add_files(recorder, folder, known, files, held, None if saved is None else recorder.frame_index + 1)
+    crew.together(lambda: _begin(recorder, saved))
+    append_from = None if saved is None else recorder.frame_index + 1
+    crew.lead(lambda: _add_files(recorder, folder, known, files, held, append_from))
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
         message = "the run had finished already: nothing was left to do"
-    if recorder.last is None:
+    last = crew.spread(recorder.last)
+    if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
-    summary = summary_of(recorder, status, message, seconds)
-    result = Result(summary, recorder.history, built, recorder.last.in_double(), folder)
-    result.fine_history = [] if recorder.fine is None else recorder.fine.rows
-    if folder is not None:
-        _finish(result, folder, files)
+
+    def finish() -> tuple[dict[str, Any], History, History, Path | None]:
+        result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
+        result.fine_history = [] if recorder.fine is None else recorder.fine.rows
+        if folder is not None:
+            _finish(result, folder, files)
+        return result.summary, result.history, result.fine_history, folder
+
+    summary, history, fine, folder = crew.spread(crew.lead(finish)) or ({}, [], [], None)
+    result = Result(summary, history, built, last.in_double(), folder)
+    result.fine_history = fine
     return result
+
+
+def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, files: Files) -> dict[str, Any] | None:
+    """What the restart file of a run that goes on holds, or None; clears what must not be mistaken for this run's."""
+    if folder is None or known is None:
+        return None
+    saved = restart.load(folder / restart.NAME, known) if resume else None
+    if saved is not None:
+        files.require_same(folder)
+        # They tell of a run that is over, which this one is not.
+        for name in ("summary.json", PAGE):
+            (folder / name).unlink(missing_ok=True)
+    else:
+        clear(folder)
+    clear_unfinished(folder)
+    return saved
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
@@ -170,10 +194,12 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
 
 
 def _add_files(
-    recorder: Recorder, folder: Path, known: restart.Identity, chosen: Files, held: frozenset[str] | None,
-    append_from: int | None,
+    recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
+    held: frozenset[str] | None, append_from: int | None,
 ) -> None:  # fmt: skip
     """Let the recorder write frames, history and restart files, in a thread beside the computation."""
+    if folder is None or known is None:
+        return
     scene = recorder.built.simulation
     equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
     surface = surface_of(recorder.built)
@@ -208,8 +234,8 @@ def _add_files(
 def _room_of_a_frame(built: Built) -> int:
     """Room for two frames, restart files and the small files [bytes]."""
     context = built.context
-    frame = BYTES_OF_POINT * context.sheet.size + 12 * len(context.sheet.triangles)
-    restarts = sum(array.capacity for array in context.fields.kept().values())
+    frame = BYTES_OF_POINT * context.whole.size + 12 * len(context.whole.triangles)
+    restarts = sum(array.capacity for array in context.fields.kept().values()) * context.crew.size
     return int(2 * frame + 2 * restarts + SMALL_FILES)
 
 
@@ -231,7 +257,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         recorder.start_clock()
         if resumed:
             built.context.run("frame")
-            recorder.accept(snapshot(built, recorder.frame_index, recorder.time))
+            built.context.crew.lead(lambda: recorder.accept(snapshot(built, recorder.frame_index, recorder.time)))
         else:
             recorder.frame(0, 0.0, 0, 0.0)
         recorder.start_clock()
@@ -255,7 +281,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     """Write the summary, draw the pictures, write the page."""
     before = {p.name: p.stat().st_mtime_ns for p in pictures_in(folder)}
     summary = result.summary
-    large = result.built.context.sheet.size > LARGE
+    large = result.built.context.whole.size > LARGE
     if files.view and large:
         summary["notes"].append(f"view.html: not written for so many points; `warp-pd view {folder}` writes it")
     # First, so that a picture that cannot be drawn does not take the numbers with it.
@@ -276,11 +302,11 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
 
 def headline(built: Built) -> str:
     """One line that says what runs where."""
-    scene = built.simulation
+    scene, processes = built.simulation, built.context.crew.size
     return (
         f"{scene.scene}: {scene.sheet.size} points, {built.law.families.bond_count} bonds, horizon "
         f"{scene.force.horizon:g} spacings, {built.law.weights} weights, float{built.context.bits}, on "
-        f"{built.context.device.name}"
+        f"{built.context.device.name}" + (f", {processes} processes" if processes > 1 else "")
     )
 
 
@@ -345,7 +371,8 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
     earlier = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
 
     def ask(number: int, stack: Any) -> None:
-        if recorder.stop_asked:
+        # Several processes get one signal twice, from the terminal and from torchrun, and stop together.
+        if recorder.stop_asked and recorder.built.context.crew.size == 1:
             raise KeyboardInterrupt
         recorder.ask_to_stop()
         if recorder.reporter is not None:

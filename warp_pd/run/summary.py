@@ -119,7 +119,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
     losses = {name: row[name] for name in ("damping", "rupture", "viscous") if name in row}
     notes = notes_of(recorder)
     measures = _measures(recorder, notes)
-    rate = context.sheet.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
+    rate = context.whole.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
     load_duration = scene.load_duration
     return {
         "scene": scene.scene,
@@ -141,7 +141,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "spacing": context.sheet.spacing,
         "weights": built.law.weights,
         "horizon": scene.force.horizon,
-        "points": context.sheet.size,
+        "points": context.whole.size,
         "bonds": built.law.families.bond_count,
         "steps": recorder.steps,
         "time": recorder.time if load_duration is None else None,

@@ -116,6 +116,7 @@ class BuiltExplicit(BuiltSolver):
     """
 
     label = "solver = Explicit"
+    divides = True
     system: System
     stable_step: StableStep
 

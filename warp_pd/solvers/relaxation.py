@@ -98,6 +98,7 @@ class BuiltRelaxation(BuiltSolver):
     """Dynamic relaxation on a device."""
 
     label = "solver = Relaxation"
+    divides = True
     system: System
     stable_step: StableStep
     rupture: StaticRupture
@@ -105,7 +106,7 @@ class BuiltRelaxation(BuiltSolver):
     def __init__(self, solver: Relaxation, context: Context, law: BuiltLaw) -> None:
         self.solver, self.context, self.law = solver, context, law
         n, types = context.sheet.size, context.types
-        self._blocks = -(-n // BLOCK)
+        self._blocks = context.own_blocks
         self._sums = context.array("motion_sums", OWNER, wp.float64, shape=(2, self._blocks), per="block")
         self._previous = context.array("previous_force", OWNER, types.vec3, shape=n, restart=True)
         self._unbalanced = context.array("unbalanced", OWNER, types.vec3, shape=n)
@@ -131,12 +132,16 @@ class BuiltRelaxation(BuiltSolver):
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
             measure_motion, set_damping = adaptive_damping(context.bits, following, context.module)
+            own = context.own
             stage.launch(
                 OWNER, measure_motion, self._blocks,
-                mass=self.inertia(), held_mask=state.held_mask, velocity=state.velocity, force=state.force,
-                external=state.external, block=BLOCK, previous=self._previous, sums=self._sums,
+                mass=own(self.inertia()), held_mask=None if state.held_mask is None else own(state.held_mask),
+                velocity=own(state.velocity), force=own(state.force),
+                external=None if state.external is None else own(state.external), block=BLOCK,
+                previous=own(self._previous), sums=self._sums,
             )  # fmt: skip
-            stage.launch(OWNER, set_damping, 1, sums=self._sums, step=state.step, damping=state.damping)
+            sums = context.all_blocks(stage, self._sums, "motion_sums_of_all", OWNER)
+            stage.launch(OWNER, set_damping, 1, sums=sums, step=state.step, damping=state.damping)
 
     def prepare(self, system: System) -> None:
         """Compose the step, the residual and the stable step.
@@ -177,7 +182,7 @@ class BuiltRelaxation(BuiltSolver):
 
     def residual(self) -> float:
         """Unbalanced force over loads and reactions, as the stage "residual" left them."""
-        unbalanced, reaction = float(self._squared.numpy().sum()), float(self._reaction.numpy().sum())
+        unbalanced, reaction = self.context.total(self._squared), self.context.total(self._reaction)
         reaction = max(reaction, MIN_LOAD**2 * self._largest)
         if unbalanced == 0.0:
             return 0.0
@@ -185,7 +190,7 @@ class BuiltRelaxation(BuiltSolver):
 
     def settled(self) -> None:
         """Remember what a state in equilibrium carries."""
-        self._largest = max(self._largest, float(self._reaction.numpy().sum()))
+        self._largest = max(self._largest, self.context.total(self._reaction))
 
     @property
     def dt(self) -> float:

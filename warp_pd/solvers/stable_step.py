@@ -39,19 +39,19 @@ class StableStep:
         self.context = context = system.context
         state, types, n = context.state, context.types, context.sheet.size
         self._noise = np.random.default_rng(0)
-        self.direction = context.array("direction", OWNER, types.vec3, self._random(), restart=True)
-        trial = context.array("trial", OWNER, types.vec3, shape=n, halo=True)
+        self.direction = context.array("direction", OWNER, types.vec3, self._random(), restart=True, halo=True)
+        trial = context.array("trial", OWNER, types.vec3, shape=n)
         plus = context.array("force_plus", OWNER, types.vec3, shape=n)
         minus = context.array("force_minus", OWNER, types.vec3, shape=n)
         response = context.array("response", OWNER, types.vec3, shape=n)
-        blocks = -(-n // BLOCK)
+        blocks = context.own_blocks
         sums = context.array("sums", OWNER, wp.float64, shape=(4, blocks), per="block")
         scale = context.array("scale", OWNER, types.real, shape=1, per="once")
         reach = context.array(
-            "reach", OWNER, types.real, np.array([TRIAL_STRAIN * context.sheet.spacing]), per="once"
+            "reach", OWNER, types.real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once"
         )  # fmt: skip
         self._squared = context.array("squared_frequency", OWNER, wp.float64, shape=2, per="once")
-        kernels = power_iteration(types.bits, context.module)
+        kernels, own = power_iteration(types.bits, context.module), context.own
         stage = context.stage("estimate", "each iteration of the stable step")
         for sign, force in ((1.0, plus), (-1.0, minus)):
             stage.launch(
@@ -62,16 +62,20 @@ class StableStep:
             system.external.add_following(stage, trial, force)
         stage.launch(
             OWNER, kernels.respond, blocks,
-            mass=inertia, held_mask=state.held_mask, plus=plus, minus=minus, reach=reach, direction=self.direction,
-            block=BLOCK, response=response, sums=sums,
+            mass=own(inertia), held_mask=None if state.held_mask is None else own(state.held_mask), plus=own(plus),
+            minus=own(minus), reach=reach, direction=own(self.direction), block=BLOCK, response=own(response),
+            sums=sums,
         )  # fmt: skip
-        stage.launch(OWNER, kernels.summarise, 1, sums=sums, scale=scale, squared_frequency=self._squared)
+        everything = context.all_blocks(stage, sums, "sums_of_all", OWNER)
+        stage.launch(OWNER, kernels.summarise, 1, sums=everything, scale=scale, squared_frequency=self._squared)
         stage.launch(OWNER, kernels.renew, n, response=response, scale=scale, direction=self.direction)
         self._sequence: LaunchSequence | None = None
 
     def _random(self) -> np.ndarray:
-        held = self.context.held
-        noise = self._noise.uniform(-1.0, 1.0, (len(held), 3))
+        held, share = self.context.held, self.context.share
+        noise = self._noise.uniform(-1.0, 1.0, (self.context.whole.size, 3))
+        if share is not None:
+            noise = noise[share.points]
         for c in range(3):
             noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
         return noise

@@ -1,0 +1,164 @@
+"""Small scenes that one process and several run alike, and the processes that run them.
+
+`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py FOLDER NAME...` runs scenes into FOLDER/NAME.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from warp_pd import (
+    BodyForce,
+    BodyPath,
+    BondAssociated,
+    CriticalEnergy,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    Measure,
+    MooneyRivlin,
+    Motion,
+    PointForce,
+    Pressure,
+    Prony,
+    Relaxation,
+    RigidBall,
+    RigidBody,
+    Sheet,
+    Simulation,
+    Sphere,
+    TearingEnergy,
+    Visco,
+)
+from warp_pd.built import compose
+from warp_pd.device.crew import Crew
+from warp_pd.device.launches import Call, Touched
+from warp_pd.scene_context import share_of
+
+MATERIAL = MooneyRivlin(5e4, 0.0)
+SIZE = {"thickness": 1e-3, "density": 1000.0}
+DURATION = 4e-2
+# Name of each scene, its precision.
+SCENES = {
+    "loads": 32,
+    "pulled": 64,
+    "torn": 32,
+    "wide": 32,
+    "cloud": 32,
+    "hole": 32,
+    "tube": 32,
+    "energy": 32,
+    "visco": 32,
+    "tearing": 32,
+    "body": 32,
+    "relaxed": 64,
+}
+
+
+def sheet_of(name, points):
+    if name == "cloud":
+        return Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE)
+    if name == "tube":
+        return Sheet.tube(0.3, 1.0, points=(40, 22), **SIZE)
+    sheet = Sheet.rectangle(1.0, 1.0, points=points, **SIZE)
+    if name == "hole":
+        return sheet.hole((0.5, 0.5), 0.15)
+    if name == "torn":
+        return sheet.cut((0.0, 0.49), (0.3, 0.49)).stiffened(sheet.within((0.7, 0.7), 0.1), 2.0)
+    return sheet
+
+
+def law_of(name):
+    horizon = {"wide": 3.15, "loads": 1.5}.get(name, 2.015)
+    if name == "visco":
+        return Visco(MATERIAL, horizon=horizon, prony=(Prony(3e4, 0.02),))
+    if name == "energy":
+        return BondAssociated(MATERIAL, horizon=horizon, weights="plain", fast=False)
+    return BondAssociated(MATERIAL, horizon=horizon)
+
+
+def damage_of(name, clamp):
+    if name in ("torn", "tube", "wide", "visco", "body", "cloud"):
+        return CriticalStretch(1.3, spared=clamp)
+    return {"energy": CriticalEnergy(500.0), "tearing": TearingEnergy(2000.0)}.get(name)
+
+
+def scene(name, points=33, frames=2, duration=DURATION):
+    """A sheet that is pulled, in many variants."""
+    sheet = sheet_of(name, points)
+    low, high = (
+        sheet.edges(*(("bottom",) if name == "tube" else ("left",))),
+        sheet.edges(*(("top",) if name == "tube" else ("right",))),
+    )
+    path = [0.0, 0.3]
+    pull = Motion(high, [0.0, duration], **({"z": path} if name == "tube" else {"x": path, "y": 0.0}))
+    loads = [Fixed(low), pull, Pressure(30.0)]
+    contact = None
+    if name == "loads":
+        middle = sheet.within((0.5, 0.5), 0.1)
+        loads += [BodyForce((0.0, 0.0, -9810.0), ramp=[(0.0, 0.0), (duration, 1.0)]), PointForce(middle, (0, 0, 0.2))]
+        contact = RigidBall(0.3, (0.5, 0.5, 0.16), (0.0, 0.0, -0.3))
+    if name == "body":
+        way = BodyPath([0.0, duration], [(0.5, 0.5, 0.16), (0.52, 0.5, 0.0)])
+        contact = RigidBody(Sphere(0.15), way, friction=0.3)
+    solver = Explicit(duration, frames=frames, damping=2.0, history_every=duration / 9 if name == "cloud" else None)
+    if name == "relaxed":
+        loads = [Fixed(low), Motion(high, [0.0, 1.0], x=[0.0, 0.1], y=0.0, z=0.0)]
+        solver = Relaxation(load_steps=1)
+    pulled = Measure("pull", "N", lambda built, frame: -built.to_numpy(built.state.force)[high, 0].sum())
+    return Simulation(
+        sheet, law_of(name), solver, loads=loads, damage=damage_of(name, low), contact=contact, measures=[pulled]
+    )
+
+
+def build(name="torn", points=33, frames=2, duration=DURATION):
+    """For `warp-pd run`."""
+    return scene(name, points, frames, duration)
+
+
+class OneOfMany(Crew):
+    """One of several processes, whose calls to the others do nothing."""
+
+    def __init__(self, made, rank, size):
+        self.rank, self.size = rank, size
+        self.divide(share_of(made, self))
+
+    def exchange(self, fields, share):
+        names = ", ".join(stored.name for stored in fields)
+        return Call(f"exchange {names}", "", 0, lambda: None, None, Touched())
+
+    def gather_blocks(self, mine, everything, share):
+        return Call("gather blocks", "", 0, lambda: None, None, Touched())
+
+
+def composed(made, rank=0, size=2, precision=None):
+    """A scene as one of several processes builds it."""
+    return compose(made, "cpu", precision, OneOfMany(made, rank, size))
+
+
+def started(processes, *arguments):
+    """Python with some arguments in several processes of torchrun; the finished one."""
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", str(processes), *map(str, arguments)]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=300)
+
+
+def run_all(folder, names):
+    """Run scenes into a folder of their own each."""
+    for name in names:
+        scene(name).run(device="cpu", precision=SCENES[name], out=folder / name, usd=False, overwrite=True)
+
+
+def arrays_of(folder):
+    """What a run left in its folder: arrays of the restart file, the histories as text, bytes of frames."""
+    with np.load(folder / "restart.npz") as stored:
+        arrays = {name: stored[name] for name in stored.files if name != "numbers"}
+    rows = [(folder / name).read_text() for name in ("history.csv", "fine_history.csv") if (folder / name).exists()]
+    return arrays, "".join(rows), (folder / "frames.vtkhdf").stat().st_size
+
+
+if __name__ == "__main__":
+    run_all(Path(sys.argv[1]), sys.argv[2:])

@@ -1,0 +1,120 @@
+"""Where halos are exchanged follows from what launches declare, and what several processes cannot run is refused."""
+
+import functools
+
+import pytest
+import warp as wp
+from shared_scenes import MATERIAL, SIZE, composed, scene
+
+from warp_pd import (
+    BodyForce,
+    BondAssociated,
+    BondBased,
+    BoundaryForce,
+    Explicit,
+    Fixed,
+    Free,
+    InputError,
+    Newton,
+    Nodal,
+    RigidBody,
+    SelfContact,
+    Sheet,
+    Simulation,
+    Sphere,
+)
+from warp_pd.device.exchange import add_exchanges
+from warp_pd.kernels.effects import kernel
+from warp_pd.laws import fast_path
+
+
+def exchanged(name, stage="step"):
+    made = composed(scene(name))
+    return [item.name for item in made.context.stages[stage] if item.name.startswith("exchange")]
+
+
+def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
+    assert exchanged("loads") == ["exchange displacement"]
+    # The energy that breaking releases needs the velocities around a point; broken bonds follow from displacements.
+    assert exchanged("torn") == ["exchange displacement, velocity"]
+    # Bonds that break by their work follow from forces, which the halo does not have.
+    assert any("intact_bonds" in name for name in exchanged("energy"))
+
+
+@pytest.mark.parametrize("few", [0, 10**6])
+def test_the_kernels_of_a_gpu_exchange_the_same(monkeypatch, few):
+    """On a CPU their launches can be declared, not run."""
+    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
+    monkeypatch.setattr(fast_path, "MAX_SHARED", few)
+    assert exchanged("loads") == ["exchange displacement"]
+    assert exchanged("torn") == ["exchange displacement, velocity"]
+    assert exchanged("cloud") == ["exchange displacement, velocity"]
+
+
+def test_one_process_exchanges_nothing():
+    made = scene("torn").build(device="cpu")
+    assert not [item for stage in made.context.stages.values() for item in stage if item.name.startswith("exchange")]
+
+
+def test_the_estimate_of_the_stable_step_exchanges_its_direction_once():
+    assert exchanged("loads", "estimate") == ["exchange direction"]
+
+
+def plain(sheet=None, force=None, solver=None, **parts):
+    sheet = sheet or Sheet.rectangle(1.0, 1.0, points=33, **SIZE)
+    force = force or BondAssociated(MATERIAL, horizon=2.015)
+    parts.setdefault("loads", [Fixed(sheet.edges("left")), BodyForce((0.0, 0.0, -1.0))])
+    return Simulation(sheet, force, solver or Explicit(1e-2, frames=1), **parts)
+
+
+REFUSED = [
+    (lambda: plain(solver=Newton()), "solver = Newton: .*expected Explicit or Relaxation"),
+    (lambda: plain(force=Nodal(MATERIAL)), "force = Nodal: .*expected BondAssociated or Visco"),
+    (lambda: plain(force=BondAssociated(MATERIAL, weights="published")), "weights = 'published': "),
+    (lambda: plain(contact=SelfContact()), "contact: SelfContact: expected a run in one process"),
+    (
+        lambda: plain(contact=RigidBody(Sphere(0.2), Free(mass=1.0, position=(0.5, 0.5, 0.3)))),
+        "RigidBody 'body': motion = Free: expected BodyPath",
+    ),
+    (lambda: plain(loads=[BoundaryForce(1.0)]), "loads: BoundaryForce: expected a run in one process"),
+    (
+        lambda: plain(sheet=Sheet.rectangle(1.0, 1.0, points=33, **SIZE).inclusion((0.5, 0.5), 0.1), loads=[]),
+        "RigidInclusions: expected a run in one process",
+    ),
+]
+
+
+@pytest.mark.parametrize(("made", "said"), REFUSED, ids=[said[:24] for _, said in REFUSED])
+def test_what_several_processes_cannot_run_is_refused_in_a_line(made, said):
+    with pytest.raises(InputError, match=said) as refused:
+        composed(made())
+    assert "\n" not in str(refused.value)
+
+
+def test_other_laws_are_refused_before_their_families_are_built():
+    from warp_pd import Bimodular
+
+    with pytest.raises(InputError, match="force = BondBased: "):
+        composed(plain(force=BondBased(Bimodular(1e6, 1e6), horizon=2.015)))
+
+
+@functools.cache
+def far(module):
+    @kernel(module, gathers=("values",))
+    def look_far(values: wp.array(dtype=wp.vec3), first: int, out: wp.array(dtype=wp.vec3)):
+        out[wp.tid() + first] = values[0]
+
+    return look_far
+
+
+def test_a_launch_that_looks_too_far_is_refused():
+    """Forces of forces of forces: three horizons around a point."""
+    made = composed(scene("loads"))
+    context, stage = made.context, made.context.stages["step"]
+    n, values = context.sheet.size, context.state.displacement
+    for k in range(3):
+        out = context.array(f"far_{k}", "test", wp.vec3, shape=n)
+        stage.launch("test", far("test_exchange"), n, values=values, out=out)
+        values = out
+    with pytest.raises(InputError, match=r"^test: look_far looks 3 horizons around a point"):
+        add_exchanges(context)

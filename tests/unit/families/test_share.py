@@ -1,0 +1,63 @@
+"""What a process of several holds of a sheet, and its families."""
+
+import numpy as np
+import pytest
+from shared_scenes import SIZE, scene, sheet_of
+
+from warp_pd import InputError, Sheet
+from warp_pd.families import build_families
+from warp_pd.families.rows_here import rows_here
+from warp_pd.families.share import BLOCK, divided, part_of_sheet
+
+NAMES = ("torn", "cloud", "hole", "tube")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("horizon", [1.5, 2.015, 3.15])
+def test_every_point_has_one_owner_and_what_its_forces_need(name, horizon):
+    sheet = sheet_of(name, 33)
+    families = build_families(sheet, horizon, "linear")
+    owners, faces = np.zeros(sheet.size, int), np.zeros(len(sheet.triangles), int)
+    for rank in range(3):
+        share = divided(sheet, horizon, rank, 3)
+        here, near = np.zeros((2, sheet.size), bool)
+        here[share.points], near[share.points[share.near]] = True, True
+        own = share.points[share.own]
+        owners[own] += 1
+        faces[share.faces] += 1
+        assert own[0] % BLOCK == 0
+        members = families.members_of(own)
+        assert near[own].all() and near[members[members >= 0]].all() and near[sheet.triangles[share.faces]].all()
+        around = families.members_of(np.flatnonzero(near))
+        assert here[around[around >= 0]].all()
+    assert (owners == 1).all() and (faces == 1).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_families_here_are_those_of_the_whole_sheet(name):
+    sheet = sheet_of(name, 33)
+    families = build_families(sheet, 2.015, "linear")
+    share = divided(sheet, 2.015, 1, 3)
+    here = rows_here(families, share).families
+    local = np.flatnonzero(share.near)
+    members, whole = here.members_of(local), families.members_of(share.points[local])
+    assert ((members < 0) == (whole < 0)).all()
+    assert (share.points[members[members >= 0]] == whole[whole >= 0]).all()
+    assert not here.exists[here.family_class if here.family_class is not None else slice(None)][~share.near].any()
+    assert here.bond_count == families.bond_count
+    part = part_of_sheet(sheet, share)
+    assert (share.points[part.triangles] == sheet.triangles[share.faces]).all()
+
+
+def test_more_processes_than_blocks_are_refused():
+    sheet = Sheet.rectangle(1.0, 1.0, points=20, **SIZE)
+    with pytest.raises(InputError, match=r"^processes = 3: expected at most 2 on a sheet of 400 points"):
+        divided(sheet, 2.015, 0, 3)
+
+
+def test_indices_of_points_here():
+    made = scene("torn")
+    share = divided(made.sheet, 2.015, 1, 3)
+    asked = np.array([0, share.points[0], share.points[5], made.sheet.size - 1])
+    at, here = share.here(asked)
+    assert (share.points[here] == asked[at]).all() and set(at) >= {1, 2}

@@ -1,0 +1,144 @@
+"""One sheet on several processes of torchrun: the same bits, errors in one line, killed processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import shared_scenes
+from shared_scenes import DURATION, SCENES, arrays_of, scene, started
+
+pytest.importorskip("torch.distributed")
+
+FILE = Path(shared_scenes.__file__)
+# Processes, and the scenes that so many run: more kinds are in `shared_scenes`.
+RUNS = {2: ("torn", "cloud"), 3: ("loads", "relaxed"), 4: ("torn", "energy")}
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """Folder of a scene run by one process."""
+    folder = tmp_path_factory.mktemp("alone")
+    made = {}
+
+    def run(name):
+        if name not in made:
+            made[name] = folder / name
+            result = scene(name).run(device="cpu", precision=SCENES[name], out=made[name], usd=False)
+            assert result.status == "finished"
+        return made[name]
+
+    return run
+
+
+@pytest.mark.parametrize("processes", RUNS)
+def test_several_processes_leave_the_same_bits(processes, alone, tmp_path):
+    done = started(processes, FILE, tmp_path, *RUNS[processes])
+    assert done.returncode == 0, done.stderr
+    for name in RUNS[processes]:
+        (arrays, history, size), (others, other_history, other_size) = map(arrays_of, (alone(name), tmp_path / name))
+        assert arrays.keys() == others.keys() >= {"displacement", "velocity", "direction"}
+        for field, values in arrays.items():
+            np.testing.assert_array_equal(values, others[field], err_msg=f"{name}: {field}")
+        assert history == other_history and size == other_size, name
+        assert np.abs(arrays["displacement"]).max() > 0.05
+
+
+def test_the_scenes_that_are_compared_tear(alone):
+    names, *rows = (line.split(",") for line in arrays_of(alone("torn"))[1].splitlines())
+    assert float(rows[-1][names.index("mean_damage")]) > 0.01
+
+
+def command(processes, folder, *more):
+    """The command warp-pd run of a long torn scene."""
+    settings = ["--set", "points=41", "--set", "frames=30", "--set", f"duration={2 * DURATION}", "--no-usd", "--quiet"]
+    arguments = ["run", FILE, "--device", "cpu", "--out", folder, "--processes", processes, *settings, *more]
+    return [sys.executable, "-m", "warp_pd", *map(str, arguments)]
+
+
+def rows(folder):
+    """Number of frames in a history that is being written."""
+    try:
+        return len((folder / "history.csv").read_text().splitlines()) - 1
+    except FileNotFoundError:
+        return 0
+
+
+def workers(launcher):
+    """The processes that a process started."""
+    listed = Path(f"/proc/{launcher}/task/{launcher}/children").read_text()
+    return sorted(map(int, listed.split()))
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds the processes in /proc")
+def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_path):
+    killed, complete = tmp_path / "killed", tmp_path / "complete"
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    running = subprocess.Popen(command(2, killed), stderr=subprocess.PIPE, text=True, env=environment)
+    until = time.monotonic() + 120.0
+    while rows(killed) < 4:
+        assert running.poll() is None and time.monotonic() < until, running.stderr.read()
+        time.sleep(0.05)
+    os.kill(workers(running.pid)[1], signal.SIGKILL)
+    begin = time.monotonic()
+    _, said = running.communicate(timeout=60.0)
+    assert time.monotonic() - begin < 60.0
+    assert running.returncode == 4
+    assert "ended by SIGKILL; --resume goes on" in said and "Traceback" not in said
+    assert not (killed / "summary.json").exists()
+    with h5py.File(killed / "frames.vtkhdf") as frames:
+        assert len(frames["VTKHDF/Steps/Values"]) >= 4
+    again = subprocess.run(command(3, killed, "--resume"), capture_output=True, text=True, check=False, env=environment)
+    assert again.returncode == 0, again.stderr
+    shared_scenes.build(points=41, frames=30, duration=2 * DURATION).run(device="cpu", out=complete, usd=False)
+    (arrays, history, _), (others, other_history, _) = arrays_of(complete), arrays_of(killed)
+    for field, values in arrays.items():
+        np.testing.assert_array_equal(values, others[field], err_msg=field)
+    assert history == other_history
+    assert json.loads((killed / "summary.json").read_text())["status"] == "finished"
+
+
+BROKEN = """
+from shared_scenes import scene
+from warp_pd import Measure
+
+def build():
+    made = scene("torn")
+    made.measures = [Measure("wrong", "1", lambda built, frame: 1 / 0 if frame.index else 0.0)]
+    return made
+"""
+
+
+def test_an_error_in_one_process_ends_all_with_its_line(tmp_path):
+    (tmp_path / "broken.py").write_text(BROKEN)
+    arguments = ["run", tmp_path / "broken.py", "--device", "cpu", "--out", tmp_path / "out", "--quiet"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(FILE.parent), os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run(
+        [sys.executable, "-m", "warp_pd", *map(str, arguments), "--processes", "2"],
+        capture_output=True, text=True, check=False, env=environment, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 2
+    lines = done.stderr.strip().splitlines()
+    assert lines == ["warp-pd: Measure 'wrong': ZeroDivisionError: division by zero"]
+
+
+ALONE = """
+import sys
+from shared_scenes import scene
+scene("torn").run(device="cpu")
+assert not [name for name in sys.modules if name.split(".")[0] == "torch"]
+"""
+
+
+def test_one_process_imports_no_torch():
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(FILE.parent), os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE], capture_output=True, text=True, check=False, env=environment, timeout=120
+    )
+    assert done.returncode == 0, done.stderr

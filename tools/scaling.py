@@ -1,0 +1,104 @@
+"""Steps per second of one sheet on several processes, and what they exchange.
+
+    python tools/scaling.py --processes 1 2 --points 301 --horizon 2.015 [--weak] [--device cpu]
+
+A square lattice under pressure. With --weak every process has a square of so many points along x; otherwise all share
+one. The page docs/scaling.md has the results.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from time import perf_counter, process_time
+
+import warp as wp
+
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, MooneyRivlin, Pressure, Sheet, Simulation
+from warp_pd.built import compose
+from warp_pd.device.launches import Call
+from warp_pd.run.processes import crew_here, processes_here
+from warp_pd.scene_context import share_of
+
+
+def scene(points: int, rows: int, horizon: float, tears: bool) -> Simulation:
+    """A rectangle of square cells, held at its left edge."""
+    spacing = 1.0 / (points - 1)
+    sheet = Sheet.rectangle(1.0, (rows - 1) * spacing, thickness=1e-3, density=1000.0, points=(points, rows))
+    law = BondAssociated(MooneyRivlin(5e4, 0.0), horizon=horizon, weights="plain")
+    damage = CriticalStretch(5.0) if tears else None
+    return Simulation(sheet, law, Explicit(1.0), loads=[Fixed(sheet.edges("left")), Pressure(1.0)], damage=damage)
+
+
+def measure(arguments: argparse.Namespace) -> None:
+    """Time the steps in this process, one of those that torchrun started; the first prints a line of JSON."""
+    crew, device = crew_here(arguments.device)
+    many = processes_here()
+    rows = (arguments.points - 1) * (many if arguments.weak else 1) + 1
+    made = scene(arguments.points, rows, arguments.horizon, arguments.tears)
+    begin = perf_counter()
+    if many > 1:
+        crew.divide(crew.together(lambda: share_of(made, crew)))
+    built = compose(made, device, crew=crew)
+    crew.in_turn(built.context.compile)
+    setup = perf_counter() - begin
+    built.context.run("setup")
+    built.solver._set_step(1e-6, 0.0)  # type: ignore[attr-defined]
+    steps = built.context.sequence("step", repeat=10)
+    steps.run()
+    wp.synchronize()
+    calls = [item for item in built.context.stages["step"] if isinstance(item, Call)]
+    best, busy, talking = [], [], []
+    for _ in range(arguments.repeats):
+        crew.any(False)
+        begin, cpu = perf_counter(), process_time()
+        for _ in range(arguments.steps // 10):
+            steps.run()
+        wp.synchronize()
+        best.append((perf_counter() - begin) / arguments.steps)
+        busy.append((process_time() - cpu) / arguments.steps)
+        if not built.context.device.is_cuda:
+            begin = perf_counter()
+            for _ in range(arguments.steps):
+                for call in calls:
+                    call.function()
+            talking.append((perf_counter() - begin) / arguments.steps)
+    share = built.context.share
+    row = {
+        "processes": many, "points": made.sheet.size, "horizon": arguments.horizon, "step_us": 1e6 * min(best),
+        "cpu_us": -1e6 * crew.least(-min(busy)), "exchange_us": 1e6 * min(talking, default=0.0), "setup_s": setup,
+        "bytes": sum(getattr(call.function, "nbytes", 0) for call in calls),
+        "own": made.sheet.size if share is None else share.own.stop - share.own.start,
+        "here": built.context.sheet.size, "device_bytes": built.context.fields.nbytes,
+    }  # fmt: skip
+    if crew.leads:
+        print(json.dumps(row), flush=True)
+
+
+def main() -> None:
+    """Start the processes, or be one of them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--processes", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--points", type=int, default=301)
+    parser.add_argument("--horizon", type=float, default=2.015)
+    parser.add_argument("--steps", type=int, default=50)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--weak", action="store_true")
+    parser.add_argument("--tears", action="store_true")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.here:
+        measure(arguments)
+        return
+    for number in arguments.processes:
+        start = [sys.executable]
+        if number > 1:
+            start += ["-m", "torch.distributed.run", "--nproc-per-node", str(number)]
+        subprocess.run([*start, __file__, *sys.argv[1:], "--here"], check=True)
+
+
+if __name__ == "__main__":
+    main()
