@@ -48,6 +48,7 @@ from warp_pd import (
 )
 from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
+from warp_pd.parts import built_motion
 
 ROOT = Path(__file__).parents[3]
 SPEC = importlib.util.spec_from_file_location("compare_checkouts", ROOT / "tools" / "compare_checkouts.py")
@@ -124,16 +125,17 @@ def further():
 @pytest.fixture(scope="module")
 def recorded():
     """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
-    found, joined = [], launches._joined
+    found, joined, marked_from = [], launches._joined, built_motion.MARKED_FROM
     launches._joined = lambda first, second: None
     try:
-        made = compare_checkouts.parts()
-        for simulation in (*(made[name]() for name in CASES), *further().values()):
+        made, more = compare_checkouts.parts(), further()
+        small = [(simulation, marked_from) for simulation in (*(made[name]() for name in CASES), *more.values())]
+        for simulation, built_motion.MARKED_FROM in (*small, (more["bodies"], 0)):
             built = simulation.build("cpu", 64)
             _prepare(built)
             found += [(built, launch) for stage in built.context.stages.values() for launch in stage.launches()]
     finally:
-        launches._joined = joined
+        launches._joined, built_motion.MARKED_FROM = joined, marked_from
     unique = {}
     for built, launch in found:
         key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))
