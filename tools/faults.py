@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from study import page_header, paragraph, run_tool, study_parser, table, write_page
 
-from warp_pd.run.folder import RESULTS
+from warp_pd.run.folder import results_in
 
 SCENES: dict[str, list[str]] = {
     "explicit: ball_penetration": [
@@ -112,7 +112,7 @@ def kills(scene: str, whole: Path, seconds: float, number: int, work: Path) -> I
 
 def truncations(scene: str, whole: Path, places: int, work: Path) -> Iterator[Trial]:
     """Cut each file short at some places, then ask for the contents and resume."""
-    for name in RESULTS:
+    for name in results_in(whole):
         size = (whole / name).stat().st_size
         for place in range(places):
             out = work / f"cut-{name}-{place}"
@@ -136,7 +136,7 @@ def full_disks(scene: str, whole: Path, sizes: int, work: Path) -> Iterator[Tria
         return
     disk = work / "disk"
     disk.mkdir()
-    full = 4 * sum((whole / name).stat().st_size for name in RESULTS) + 2_000_000
+    full = 4 * sum((whole / name).stat().st_size for name in results_in(whole)) + 2_000_000
     for index in range(sizes):
         size = max(100_000, full * (index + 1) // (sizes + 1))
         if run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)]).returncode != 0:

@@ -65,7 +65,7 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
 
 
 def _require_free(folder: Path, overwrite: bool) -> None:
-    held = _results_in(folder)
+    held = results_in(folder)
     if held and not overwrite:
         raise InputError(
             f"out = {str(folder)!r}: it holds {held[0]}; expected a folder without results, or overwrite (--overwrite) "
@@ -75,7 +75,8 @@ def _require_free(folder: Path, overwrite: bool) -> None:
         raise InputError(f"out = {str(folder)!r}: its summary.json is not of a run; expected another folder")
 
 
-def _results_in(folder: Path) -> list[str]:
+def results_in(folder: Path) -> list[str]:
+    """Names of the files of a run that a folder holds."""
     return [name for name in RESULTS if (folder / name).exists()]
 
 
@@ -97,12 +98,12 @@ def _numbered(wanted: Path) -> Iterator[Path]:
 
 def free_folder(wanted: Path) -> Path:
     """The first of wanted, wanted-2, wanted-3, ... that holds no results."""
-    return next(folder for folder in _numbered(wanted) if not _results_in(folder))
+    return next(folder for folder in _numbered(wanted) if not results_in(folder))
 
 
 def newest_folder(wanted: Path) -> Path:
     """The last of wanted, wanted-2, wanted-3, ... that holds results; `wanted` if none does."""
-    return [wanted, *itertools.takewhile(_results_in, _numbered(wanted))][-1]
+    return [wanted, *itertools.takewhile(results_in, _numbered(wanted))][-1]
 
 
 def require_room(folder: Path, needed: int) -> None:

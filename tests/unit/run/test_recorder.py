@@ -27,7 +27,8 @@ def test_totals_are_the_sums_over_all_points(points, precision):
         array.assign(rng.normal(size=(sheet.size, 3)).astype(array.numpy().dtype))
     built.context.run("frame")
     arrays = {
-        "kinetic": built.checks.kinetic_energy, "strain": built.law.strain_energy, "external": state.work,
+        "kinetic": built.checks.kinetic_energy, "half_step_kinetic": built.checks.half_step_kinetic,
+        "strain": built.law.strain_energy, "external": state.work,
         "damping": state.dissipated, "rupture": built.rupture.released,
     }  # fmt: skip
     expected = {name: array.numpy() for name, array in arrays.items()}
