@@ -211,12 +211,25 @@ def tension_field(
     def relaxed_near(bits):
         types = numeric(bits)
         real, mat22, parameters = types.real, types.mat22, types.parameters
-        stress_near = near(bits)
+        stress_near, eigenvalues = near(bits), principal_strains(bits)
         _, taut = taut_strain(width, bits)
 
         @wp.func
         def relaxed_stress_near(G: mat22, constants: parameters, guess: real):
-            return stress_near(taut(G, constants), constants, guess)
+            # Most sheets are taut: their own stress tells, if none of its principal values is negative. The search for
+            # the width takes as long as all else. No sheet narrower than an incompressible one is taut.
+            S = mat22()
+            found = guess
+            is_taut = bool(False)
+            larger, smaller = eigenvalues(G)
+            if larger > real(0.0):
+                s = wp.sqrt(real(1.0) + larger)
+                if smaller * s * (real(1.0) + s) >= -larger:
+                    S, found = stress_near(G, constants, guess)
+                    is_taut = S[0, 0] + S[1, 1] >= real(0.0) and wp.determinant(S) >= real(0.0)
+            if not is_taut:
+                S, found = stress_near(taut(G, constants), constants, guess)
+            return S, found
 
         return relaxed_stress_near
 
