@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..checks import OutputError
+
 FORMATS = ("png", "pdf", "svg")
 # Dots per inch, and those of the parts of a vector picture that are too many to be drawn one by one.
 RESOLUTION, RESOLUTION_IN_VECTORS = 130, 300
@@ -81,10 +83,17 @@ def _figure_class() -> Any:
 
 
 def save(figure: Any, path: Path, **options: Any) -> None:
-    """Write a picture, complete or not at all, in the format of its suffix, or in those that a run asks for."""
+    """Write a picture, complete or not at all, in the format of its suffix, or in those that a run asks for.
+
+    Raises:
+        OutputError: if it cannot be written.
+    """
     for suffix in current().formats or (path.suffix[1:].lower(),):
         target = path.with_suffix(f".{suffix}")
         aside = target.with_name(f".{target.name}.unfinished")
         dots = RESOLUTION if suffix == "png" else RESOLUTION_IN_VECTORS
-        figure.savefig(aside, **{"dpi": dots, "format": suffix, **options})
-        os.replace(aside, target)
+        try:
+            figure.savefig(aside, **{"dpi": dots, "format": suffix, **options})
+            os.replace(aside, target)
+        except OSError as error:
+            raise OutputError(f"{str(target)!r} cannot be written: {error.strerror or error}") from error
