@@ -8,7 +8,7 @@ any intersection that contains it. A CPU adds a row at once, and a family's rows
 
 The energy needs the first pass alone. k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one
 intersection. If it holds more than half of the family, the sum runs over the others and is subtracted from the sum over
-all.
+all. The loops over rows stand where they are needed: a Warp function would get a copy of the table at every call.
 """
 
 import functools

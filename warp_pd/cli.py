@@ -242,7 +242,7 @@ def _sweep(
     scene: str, choices: dict[str, list[str]], folder: Path, options: dict[str, Any], overwrite: bool, quiet: bool
 ) -> int:
     """Run a sweep, print and write its table, draw its plot; gives the exit code."""
-    from .output.picture_files import Drawing, drawing
+    from .drawing.picture_files import Drawing, drawing
     from .output.sweep_plot import draw_sweep
     from .run.folder import writable_folder
     from .run.runner import FINISHED, STOPPED
@@ -317,7 +317,7 @@ def draw(
 
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
-    from .output.picture_files import pictures_in
+    from .drawing.picture_files import pictures_in
     from .run.folder import read_history, run_summary
     from .run.runner import draw as draw_pictures
     from .run.runner import picture_formats

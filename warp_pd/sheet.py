@@ -299,9 +299,9 @@ class Sheet(SelectableShape):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Any:
         """A picture of the sheet, which a notebook shows; see `warp_pd.draw_sheet`."""
-        from . import draw_sheet
+        from .drawing.shape_plot import draw_shape
 
-        return draw_sheet(self, path)
+        return draw_shape(self, path)
 
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].

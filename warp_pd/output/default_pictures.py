@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..drawing.picture_files import new_figure, save
 from . import plots
 from .labels import ENERGIES, column_label, column_unit
-from .picture_files import new_figure, save
 from .shown import Shown, frames_at
 from .vtkhdf import read_series
 

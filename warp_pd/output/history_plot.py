@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..checks import one_of
-from .picture_files import new_figure, save
-from .sheet_plot import target
+from ..drawing.picture_files import new_figure, save
+from ..drawing.shape_plot import target
 
 # Rows below which every one has a marker.
 FEW = 40

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..drawing.picture_files import MOST_VECTORS, current, new_figure, save
 from ..shapes.topology import boundary_edges
 from .colour_scale import ColourScale, scale_of
 from .labels import ENERGIES, column_label, field_label
-from .picture_files import MOST_VECTORS, current, new_figure, save
 from .projection import View, material_lines, places_of, sphere
 from .raster import raster
 from .shown import Shown, frames_at

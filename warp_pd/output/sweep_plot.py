@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..drawing.picture_files import new_figure, save
 from .labels import column_label
-from .picture_files import new_figure, save
 from .plots import STYLES
 
 # Panels of the picture, and columns of them.

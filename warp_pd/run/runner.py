@@ -17,11 +17,11 @@ from typing import Any
 
 from ..built import Built, compose
 from ..checks import InputError, kind_and_text, one_of, user_code
+from ..drawing.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..frame import Surface
 from ..interfaces import History, Reporter, Writer
 from ..output.background import Background
 from ..output.formats import file_writers
-from ..output.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..scene import Scene, check_writers
 from ..scene_context import share_of
 from . import restart

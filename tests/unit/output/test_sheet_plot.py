@@ -9,7 +9,7 @@ from matplotlib.image import imread
 from small_runs import cli, simulate
 
 from warp_pd import InputError, Sheet, draw_sheet
-from warp_pd.output import sheet_plot
+from warp_pd.drawing import shape_plot
 from warp_pd.shapes.curves import Circle
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
@@ -110,7 +110,7 @@ def test_pieces_graded_spacing_and_many_parts():
     names = {f"part {k}": np.array([k % 6]) for k in range(25)}
     axes = drawn(replace(sheet, parts=names, spacings=np.linspace(0.1, 0.5, 6)))
     assert axes.get_title() == "4 x 1 m, 6 points, 2 triangles, spacing 0.1 to 0.5 m, 2 pieces"
-    assert labels(axes)[-1] == f"{25 - sheet_plot.MAX_PARTS} more parts" and len(labels(axes)) == 3 + 19
+    assert labels(axes)[-1] == f"{25 - shape_plot.MAX_PARTS} more parts" and len(labels(axes)) == 3 + 19
 
 
 def test_a_bar():
@@ -123,10 +123,10 @@ def test_markers_and_triangles_stay_legible(points):
     """Many points: some markers, said so; the area and the boundary are complete."""
     sheet = Sheet.rectangle(1.0, 1.0, points=points, **FLAT).hole((0.5, 0.5), 0.3)
     axes = drawn(sheet)
-    many = sheet.size > sheet_plot.MAX_MARKERS
+    many = sheet.size > shape_plot.MAX_MARKERS
     shown = markers(axes, f"{sheet.size} points on the grid")
-    assert len(shown) == (sheet_plot.MAX_MARKERS if many else sheet.size)
-    assert (f"{sheet.size} points on the grid, {sheet_plot.MAX_MARKERS} shown" in labels(axes)) == many
+    assert len(shown) == (shape_plot.MAX_MARKERS if many else sheet.size)
+    assert (f"{sheet.size} points on the grid, {shape_plot.MAX_MARKERS} shown" in labels(axes)) == many
     assert ("triangles" in labels(axes)) == (not many)
     if many:
         # Spread over the sheet, in no pattern: every tenth of it has its share of the markers.
@@ -154,9 +154,9 @@ def test_a_curved_sheet():
 
 
 def test_a_large_curved_sheet_has_fewer_triangles_of_the_same_surface(monkeypatch):
-    monkeypatch.setattr(sheet_plot, "MAX_TRIANGLES", 2000)
+    monkeypatch.setattr(shape_plot, "MAX_TRIANGLES", 2000)
     sheet = tube(around=100, along=120)
-    corners = sheet_plot._coarse(sheet.points, sheet.triangles)
+    corners = shape_plot._coarse(sheet.points, sheet.triangles)
     assert 500 < len(corners) < 4000 < len(sheet.triangles)
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     assert area == pytest.approx(2 * np.pi * 0.02 * 0.1, rel=0.08)

@@ -1,0 +1,1 @@
+"""Pictures of shapes, and the files that all pictures go to."""
