@@ -145,7 +145,7 @@ class Context:
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
     state: State = field(init=False)
-    _sequences: dict[str, LaunchSequence] = field(init=False, default_factory=dict)
+    _sequences: dict[tuple[str, int], LaunchSequence] = field(init=False, default_factory=dict)
 
     @property
     def whole(self) -> Sheet:
@@ -256,17 +256,17 @@ class Context:
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:
-        """The launches of a stage, ready to run."""
-        return LaunchSequence(self.stages[self.prefix + name], repeat)
+        """The launches of a stage, ready to run any number of times; made on first use."""
+        if (name, repeat) not in self._sequences:
+            self._sequences[name, repeat] = LaunchSequence(self.stages[self.prefix + name], repeat)
+        return self._sequences[name, repeat]
 
     def run(self, name: str) -> None:
         """Run a stage once, now."""
         if self.device.is_cuda:
             run_once(self.device, self.stages[self.prefix + name])
-            return
-        if name not in self._sequences:
-            self._sequences[name] = self.sequence(name)
-        self._sequences[name].run()
+        else:
+            self.sequence(name).run()
 
     def use_fast_math(self, module: str) -> None:
         """Let a module use the approximate divisions, roots and exponentials of the hardware, in float32 on a GPU."""

@@ -10,7 +10,6 @@ import warp as wp
 from ..checks import InputError
 from ..device.context import Context
 from ..device.fields import Array, assign, on_cpu
-from ..device.graph import LaunchSequence
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltLoad, Tangent
 from ..kernels.equilibrium import equilibrium
@@ -53,7 +52,6 @@ class Level:
         self.image = context.array("image", OWNER, t.vec3, shape=n)
         self._tension = context.array("tension", OWNER, t.real, shape=1, per="once")
         self._share = context.array("share", OWNER, t.real, shape=1, per="once")
-        self._sequences: dict[str, LaunchSequence] = {}
         context.stage("advance", "every trial step of Newton").launch(
             OWNER, self.kernels.advance, n,
             base=self.base, direction=self.direction, share=self._share, displacement=self.displacement,
@@ -111,9 +109,7 @@ class Level:
 
     def run(self, stage: str) -> None:
         """Run a stage now."""
-        if stage not in self._sequences:
-            self._sequences[stage] = self.context.sequence(stage)
-        self._sequences[stage].run()
+        self.context.sequence(stage).run()
 
     def evaluate(self) -> tuple[float, float]:
         """Norm of the unbalanced force and of loads and reactions [N], at `displacement`."""

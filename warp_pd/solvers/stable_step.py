@@ -9,7 +9,6 @@ import numpy as np
 import warp as wp
 
 from ..device.fields import Array
-from ..device.graph import LaunchSequence
 from ..interfaces import System
 from ..kernels.integrate import RIGID
 from ..kernels.stable_step import power_iteration
@@ -69,7 +68,6 @@ class StableStep:
         everything = context.all_blocks(stage, sums, "sums_of_all", OWNER)
         stage.launch(OWNER, kernels.summarise, 1, sums=everything, scale=scale, squared_frequency=self._squared)
         stage.launch(OWNER, kernels.renew, n, response=response, scale=scale, direction=self.direction)
-        self._sequence: LaunchSequence | None = None
 
     def _random(self) -> np.ndarray:
         held, share = self.context.held, self.context.share
@@ -93,13 +91,12 @@ class StableStep:
 
         Ends early when ten iterations changed it by less than the share `settle`. Zero if nothing resists.
         """
-        if self._sequence is None:
-            self._sequence = self.context.sequence("estimate")
         old = self.direction.numpy().astype(np.float64)
         self.direction.assign((old + 0.05 * self._random()).astype(self.direction.numpy().dtype))
+        sequence = self.context.sequence("estimate")
         before = squared = 0.0
         for k in range(1, iterations + 1):
-            self._sequence.run()
+            sequence.run()
             if k % 10 == 0 or k == iterations:
                 squared = float(self._squared.numpy()[1])
                 if not np.isfinite(squared):
