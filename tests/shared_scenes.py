@@ -130,6 +130,9 @@ class OneOfMany(Crew):
         names = ", ".join(stored.name for stored in fields)
         return Call(f"exchange {names}", "", 0, lambda: None, None, Touched())
 
+    def bring(self, pairs, share):
+        return Call("bring blocks", "", 0, lambda: None, None, Touched())
+
     def gather_blocks(self, mine, everything, share):
         return Call("gather blocks", "", 0, lambda: None, None, Touched())
 
