@@ -25,12 +25,13 @@ from ..device.crew import Crew, LostError
 from ..device.fields import Array, Stored, to_host
 from ..device.launches import Call, Touched
 from ..families.share import BLOCK, Share
-from .step import capture
+from .step import capture, release_graphs
 
 T = TypeVar("T")
 
 # A frame may be long, and the first process may draw pictures meanwhile: a process that died is noticed otherwise.
 PATIENCE = timedelta(hours=24)
+SIGNED = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: torch.int64}
 
 
 @contextlib.contextmanager
@@ -51,6 +52,8 @@ def _talking() -> Iterator[None]:
 
 def _part() -> None:
     if dist.is_initialized():
+        # NCCL waits for the graphs that hold its work.
+        release_graphs()
         dist.destroy_process_group()
 
 
@@ -260,7 +263,9 @@ class _Message:
         """
         self.rank, self.tag, self.points = rank, tag, len(mine)
         # The points last: bonds and words of bits are [members, points].
-        self._tensor = wp.to_torch(array)
+        tensor = wp.to_torch(array)
+        # NCCL has no unsigned integers but bytes.
+        self._tensor = tensor.view(SIGNED.get(tensor.dtype, tensor.dtype))
         self._leaving, self._arriving = (
             (slice(None), part) if array.ndim == 2 else (part,) for part in (self._part(mine), self._part(theirs))
         )
