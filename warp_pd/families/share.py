@@ -28,6 +28,7 @@ class Share:
         near: Points whose families are whole here: the own ones and one horizon around them, bool, shape (n,). The
             others have empty families.
         faces: Index in the whole sheet of each triangle that is here; they are all own, shape (F,).
+        inner: Own points whose families are all own, the longest run of them.
     """
 
     rank: int
@@ -36,6 +37,7 @@ class Share:
     own: slice
     near: np.ndarray
     faces: np.ndarray
+    inner: slice
 
     @property
     def size(self) -> int:
@@ -90,8 +92,26 @@ def divided(sheet: Sheet, horizon: float, rank: int, processes: int) -> Share:
         near = (points >= ranges[0][0]) & (points < ranges[0][1])
     else:
         points, near = _around(sheet, horizon, begin, end, np.unique(sheet.triangles[faces]))
-    first = int(np.searchsorted(points, begin))
-    return Share(rank, bounds, points, slice(first, first + end - begin), near, faces)
+    own = slice(first := int(np.searchsorted(points, begin)), first + end - begin)
+    if reached is not None:
+        inner = slice(own.start + (reached if own.start else 0), own.stop - (reached if own.stop < len(points) else 0))
+    else:
+        inner = _inner(sheet, horizon, points, own)
+    return Share(rank, bounds, points, own, near, faces, inner)
+
+
+def _inner(sheet: Sheet, horizon: float, points: np.ndarray, own: slice) -> slice:
+    """The longest run of own points without a point of the halo within the horizon."""
+    from scipy.spatial import cKDTree
+
+    outside = np.delete(points, own)
+    if not len(outside):
+        return own
+    distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
+    apart = cKDTree(sheet.points[outside]).query(sheet.points[points[own]], distance_upper_bound=distance)[0]
+    ends = np.flatnonzero(np.isfinite(np.concatenate([[0.0], apart, [0.0]])))
+    longest = int(np.argmax(np.diff(ends)))
+    return slice(own.start + int(ends[longest]), own.start + int(ends[longest + 1]) - 1)
 
 
 def _lattice_reach(sheet: Sheet, horizon: float) -> int:

@@ -72,6 +72,8 @@ class TorchCrew(Crew):
         """
         if cuda:
             torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
+            # An exchange goes before the launches of the interior that fill the device meanwhile.
+            os.environ.setdefault("TORCH_NCCL_HIGH_PRIORITY", "1")
         with _talking():
             if not dist.is_initialized():
                 backend = "cpu:gloo,cuda:nccl" if cuda else "gloo"
