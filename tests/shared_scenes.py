@@ -1,6 +1,7 @@
 """Small scenes that one process and several run alike, and the processes that run them.
 
-`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py FOLDER NAME...` runs scenes into FOLDER/NAME.
+`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py DEVICE FOLDER NAME...` runs scenes into
+FOLDER/NAME.
 """
 
 import os
@@ -153,10 +154,10 @@ def started(processes, *arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=300)
 
 
-def run_all(folder, names):
+def run_all(device, folder, names):
     """Run scenes into a folder of their own each."""
     for name in names:
-        scene(name).run(device="cpu", precision=SCENES[name], out=folder / name, usd=False, overwrite=True)
+        scene(name).run(device=device, precision=SCENES[name], out=folder / name, usd=False, overwrite=True)
 
 
 def arrays_of(folder):
@@ -168,4 +169,4 @@ def arrays_of(folder):
 
 
 if __name__ == "__main__":
-    run_all(Path(sys.argv[1]), sys.argv[2:])
+    run_all(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])

@@ -15,6 +15,8 @@ import warp as wp
 from ..device.crew import LostError
 from ..device.fields import Array
 
+SIGNED = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: torch.int64}
+
 
 @contextlib.contextmanager
 def talking() -> Iterator[None]:
@@ -47,7 +49,7 @@ class Message:
             tag: Tells the fields of one exchange apart.
         """
         self.rank, self.tag, self.points = rank, tag, len(mine)
-        self._source, self._target = wp.to_torch(source), wp.to_torch(target)
+        self._source, self._target = _tensor(source), _tensor(target)
         self._leaving, self._arriving = _place(source, mine), _place(target, theirs)
         # Rows of points are sent and received where they lie.
         self.outgoing = _lying(self._source, self._leaving)
@@ -80,6 +82,12 @@ class Kept:
     def copy(self) -> None:
         """Copy it."""
         self._target[self._to] = self._source[self._from]
+
+
+def _tensor(array: Array) -> Any:
+    """An array as a tensor that NCCL knows: it has no unsigned integers but bytes."""
+    tensor = wp.to_torch(array)
+    return tensor.view(SIGNED.get(tensor.dtype, tensor.dtype))
 
 
 def _place(array: Array, points: np.ndarray) -> tuple[Any, ...]:

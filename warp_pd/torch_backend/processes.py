@@ -24,7 +24,7 @@ from ..device.fields import Array, Stored, to_host
 from ..device.launches import Call, Touched
 from ..families.share import BLOCK, Share
 from .messages import Exchange, Kept, Message, stream_of, talking
-from .step import capture
+from .step import capture, release_graphs
 
 T = TypeVar("T")
 
@@ -34,6 +34,8 @@ PATIENCE = timedelta(hours=24)
 
 def _part() -> None:
     if dist.is_initialized():
+        # NCCL waits for the graphs that hold its work.
+        release_graphs()
         dist.destroy_process_group()
 
 

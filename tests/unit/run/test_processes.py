@@ -39,7 +39,7 @@ def alone(tmp_path_factory):
 
 @pytest.mark.parametrize("processes", RUNS)
 def test_several_processes_leave_the_same_bits(processes, alone, tmp_path):
-    done = started(processes, FILE, tmp_path, *RUNS[processes])
+    done = started(processes, FILE, "cpu", tmp_path, *RUNS[processes])
     assert done.returncode == 0, done.stderr
     for name in RUNS[processes]:
         (arrays, history, size), (others, other_history, other_size) = map(arrays_of, (alone(name), tmp_path / name))
