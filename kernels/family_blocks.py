@@ -18,7 +18,7 @@ from typing import Any
 
 import warp as wp
 
-from .bits import bit_in_word
+from .bits import bit_in_word, bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
@@ -86,6 +86,8 @@ def block_force(
     stress_near, stress_on_members = near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
     by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
+    # The shape tensor of what is left is that of the whole intersection without the few members that are missing.
+    by_missing = not (redistribute or gradual or curved)
     n, half, word_size = members, threads_of_family(members), WORD
     together = families_together(n)
     threads = half * together
@@ -158,6 +160,25 @@ def block_force(
         return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here
 
     @wp.func(module=fast_module)
+    def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
+        """c_k X_k (x) X_k (11, 12, 22)."""
+        row = i
+        if wp.static(by_row):
+            row = family.family_class[i]
+        m = moments[k, row]
+        return m[2] * vec3(m[0] * m[0], m[0] * m[1], m[1] * m[1])
+
+    @wp.func(module=fast_module)
+    def without_missing(missing: vec3, undamaged_inverse: vec3):
+        """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
+        inverse = undamaged_inverse
+        if missing[0] + missing[2] > real(0.0) and inverse[0] > real(0.0):
+            det = inverse[0] * inverse[2] - inverse[1] * inverse[1]
+            whole = vec3(inverse[2] / det, -inverse[1] / det, inverse[0] / det)
+            inverse, _size = damaged_inverse(whole - missing, undamaged_inverse, real(0.0))
+        return inverse
+
+    @wp.func(module=fast_module)
     def answer(
         family: Family,
         constants: parameters,
@@ -171,7 +192,10 @@ def block_force(
         G1: vec3,
         G2: vec3,
     ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family."""
+        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family.
+
+        If `by_missing`, `shape` is of the members that are missing.
+        """
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
@@ -180,7 +204,10 @@ def block_force(
             tilt = f.tilt(family, i, k)
             if wp.static(damaged):
                 if not undamaged:
-                    inverse, size = damaged_inverse(shape, inverse, size)
+                    if wp.static(by_missing):
+                        inverse = without_missing(shape, inverse)
+                    else:
+                        inverse, size = damaged_inverse(shape, inverse, size)
                     if wp.static(curved):
                         slope = vec2(
                             inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
@@ -342,36 +369,50 @@ def block_force(
             if wp.static(damaged):
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
-                    for word in range(wp.static(words)):
-                        for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
-                            other = wp.static(word * word_size) + at
-                            x = real(0.0)
-                            arm = vec2(real(0.0), real(0.0))
-                            if other < half:
-                                x = stretches[other * together + slot][3]
-                                arm = arms[other * together + slot]
-                            else:
-                                x = far_stretches[(other - half) * together + slot][3]
-                                arm = far_arms[(other - half) * together + slot]
-                            part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
-                            area = real(0.0)
-                            near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
-                            far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
-                            if wp.static(redistribute):
-                                if (near_bit | far_bit) != wp.uint32(0):
-                                    area = f.area(family, f.neighbour(family, i, other))
-                            moment = vec2(real(0.0), real(0.0))
-                            if wp.static(curved):
-                                if (near_bit | far_bit) != wp.uint32(0):
-                                    moment = f.rise(family, i, other) * vec2(x, arm[0])
-                            if near_bit != wp.uint32(0):
-                                shape += part
-                                size += area
-                                rises += moment
-                            if far_bit != wp.uint32(0):
-                                far_shape += part
-                                far_size += area
-                                far_rises += moment
+                    if wp.static(by_missing):
+                        for word in range(wp.static(words)):
+                            missing = f.initial(family, i, word) & ~intact_members(family, intact, i, word)
+                            if wp.static(breaks):
+                                missing = missing | gone[word]
+                            near_bits = f.common(family, i, wp.min(k, wp.static(n - 1)), word)
+                            far_bits = f.common(family, i, wp.min(far_k, wp.static(n - 1)), word)
+                            while missing != wp.uint32(0):
+                                at = lowest_bit(missing)
+                                missing = without_lowest_bit(missing)
+                                lost_part = shape_of(family, moments, i, wp.static(word * word_size) + at)
+                                shape += wp.where(bit_of(near_bits, at), real(1.0), real(0.0)) * lost_part
+                                far_shape += wp.where(bit_of(far_bits, at), real(1.0), real(0.0)) * lost_part
+                    else:
+                        for word in range(wp.static(words)):
+                            for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
+                                other = wp.static(word * word_size) + at
+                                x = real(0.0)
+                                arm = vec2(real(0.0), real(0.0))
+                                if other < half:
+                                    x = stretches[other * together + slot][3]
+                                    arm = arms[other * together + slot]
+                                else:
+                                    x = far_stretches[(other - half) * together + slot][3]
+                                    arm = far_arms[(other - half) * together + slot]
+                                part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
+                                area = real(0.0)
+                                near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                                far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                                if wp.static(redistribute):
+                                    if (near_bit | far_bit) != wp.uint32(0):
+                                        area = f.area(family, f.neighbour(family, i, other))
+                                moment = vec2(real(0.0), real(0.0))
+                                if wp.static(curved):
+                                    if (near_bit | far_bit) != wp.uint32(0):
+                                        moment = f.rise(family, i, other) * vec2(x, arm[0])
+                                if near_bit != wp.uint32(0):
+                                    shape += part
+                                    size += area
+                                    rises += moment
+                                if far_bit != wp.uint32(0):
+                                    far_shape += part
+                                    far_size += area
+                                    far_rises += moment
             A1, A2, weight = answer(family, constants, i, k, intact_here, undamaged, shape, size, rises, G1, G2)
             far_A1, far_A2, far_weight = answer(
                 family, constants, i, far_k, far_intact_here, undamaged, far_shape, far_size, far_rises, far_G1, far_G2
