@@ -47,7 +47,8 @@ def stress(first: Array, second: Array, c33: Array) -> tuple[Array, Array, Array
     """First Piola stress of a membrane, and C33.
 
     Args:
-        first, second: Columns of the deformation gradient, (3, ...).
+        first: Column of the deformation gradient along x, (3, ...).
+        second: That along y.
         c33: A guess of C33, (...).
 
     Returns:

@@ -73,9 +73,7 @@ class PointLaw(FamilyLaw):
 
     weights = "point"
 
-    def __init__(
-        self, law: Law, influence: str | InfluenceFunction, context: Context, corrected: bool = False
-    ) -> None:
+    def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context, corrected: bool = False) -> None:
         require_one_material(context.sheet, f"the law {type(law).__name__}")
         sheet = whole_sheet(law, context)
         families, inverse, weights, self.correction = point_tables(sheet, law.horizon, influence, corrected)

@@ -61,9 +61,12 @@ def weight_tables(
 def point_tables(
     sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool
 ) -> tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]:
-    """Families without intersections and their tables; arguments as for `weight_tables`.
+    """Families without intersections and their tables.
 
     Args:
+        sheet: The sheet.
+        horizon: Over the spacing of the sheet [-].
+        influence: Influence function, see `BondAssociated`.
         corrected: Whether each bond gets a weight, so that a uniform stress is in balance.
 
     Returns:
