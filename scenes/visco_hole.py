@@ -64,7 +64,9 @@ def build(
     if one_of("rim", rim, ("auto", "circle", "staircase")) == "auto":
         rim = "staircase" if published else "circle"
     if rim == "circle" and published:
-        raise InputError("rim = 'circle': expected 'staircase' with law 'published', which needs points outside the edges")
+        raise InputError(
+            "rim = 'circle': expected 'staircase' with law 'published', which needs points outside the edges"
+        )
     positive("horizon", horizon)
     sheet = outlined(points, density) if rim == "circle" else stepped(points, density, horizon, 2 if published else 1)
     inner = np.hypot(*sheet.points.T) < RADIUS + 0.8 * sheet.spacing
