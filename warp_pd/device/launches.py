@@ -93,6 +93,7 @@ class Launch:
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
+        beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
     """
 
     name: str
@@ -107,6 +108,7 @@ class Launch:
     run: int = 0
     side_stream: bool = False
     alone: bool = False
+    beside: bool = False
 
     @property
     def parts(self) -> list[str]:
@@ -139,6 +141,8 @@ class Call:
         function: The function to call, on Warp's stream of the device.
         capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
         touched: Arrays that it touches.
+        side_stream: As of a launch.
+        beside: As of a launch.
     """
 
     name: str
@@ -147,8 +151,8 @@ class Call:
     function: Callable[[], None]
     capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]]
     touched: Touched
-
-    side_stream = False
+    side_stream: bool = False
+    beside: bool = False
 
     @property
     def parts(self) -> list[str]:
