@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 import warp as wp
 
+from ..cores import cores
 from ..kernels.effects import Effects, Kernel
 from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
 from .fields import Array
@@ -254,10 +255,16 @@ class Stage:
 
 
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
-    """Build or load every kernel now."""
-    for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
+    """Build or load every kernel now; for a GPU several modules at once."""
+    modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
+    if device.is_cuda:
+        loaded = [cores().submit(module.load, device, block_dim) for module, block_dim in modules]
+        for module in loaded:
+            module.result()
+        return
+    for module, _ in modules:
         # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
-        module.load(device, block_dim if device.is_cuda else 1)
+        module.load(device, 1)
 
 
 def _check_names(what: str, expected: set[str], given: set[str]) -> None:

@@ -34,6 +34,12 @@ def talking() -> Iterator[None]:
         ) from None
 
 
+def _signed(array: Array) -> Any:
+    """An array as a tensor; NCCL has no unsigned integers but bytes."""
+    tensor = wp.to_torch(array)
+    return tensor.view(SIGNED.get(tensor.dtype, tensor.dtype))
+
+
 class Message:
     """What goes between this process and another one for one field."""
 
@@ -49,7 +55,7 @@ class Message:
             tag: Tells the fields of one exchange apart.
         """
         self.rank, self.tag, self.points = rank, tag, len(mine)
-        self._source, self._target = _tensor(source), _tensor(target)
+        self._source, self._target = _signed(source), _signed(target)
         self._leaving, self._arriving = _place(source, mine), _place(target, theirs)
         # Rows of points are sent and received where they lie.
         self.outgoing = _lying(self._source, self._leaving)
@@ -76,18 +82,12 @@ class Kept:
     """What stays in this process when points are brought to their blocks."""
 
     def __init__(self, source: Array, target: Array, mine: np.ndarray, theirs: np.ndarray) -> None:
-        self._source, self._target = wp.to_torch(source), wp.to_torch(target)
+        self._source, self._target = _signed(source), _signed(target)
         self._from, self._to = _place(source, mine), _place(target, theirs)
 
     def copy(self) -> None:
         """Copy it."""
         self._target[self._to] = self._source[self._from]
-
-
-def _tensor(array: Array) -> Any:
-    """An array as a tensor that NCCL knows: it has no unsigned integers but bytes."""
-    tensor = wp.to_torch(array)
-    return tensor.view(SIGNED.get(tensor.dtype, tensor.dtype))
 
 
 def _place(array: Array, points: np.ndarray) -> tuple[Any, ...]:
