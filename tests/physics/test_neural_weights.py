@@ -1,4 +1,4 @@
-"""Corrected weights of the neural law: a uniform stress is in balance up to edges, and the sudden pressure of NN 6.1."""
+"""Corrected weights of the neural law: uniform stress is in balance up to edges; the sudden pressure of NN 6.1."""
 
 import functools
 
