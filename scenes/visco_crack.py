@@ -16,8 +16,8 @@ MN/m, and that fits: with `energy`, 6.69e6 N/m by default, the published law beg
 
 Material that snaps at such stretches is pushed together by its recoil, where a real sheet wrinkles. In the stress-free
 law it stiffens as 1/width^4, faster than the step follows, and the run diverges some milliseconds after tears begin.
-`wrinkles` = "relaxed", the default without a Prony term, gives the sheet the energy of tension field theory, and it runs
-to its end. With "resolved", the default with one, it resists compression, and needs steps a quarter as long. A
+`wrinkles` = "relaxed", the default without a Prony term, gives the sheet the energy of tension field theory; it runs to
+its end. With "resolved", the default with one, it resists compression, and needs steps a quarter as long. A
 `roughness`, in spacings, lets it buckle.
 """
 
