@@ -14,15 +14,18 @@ same bond of neighbouring points, and on a lattice they follow the same branches
 """
 
 import functools
+from typing import Any
 
 import warp as wp
 
+from .bits import bit_in_word, bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
+from .rupture import Breaking, released_part
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
@@ -47,6 +50,7 @@ def block_force(
     material: PairFactory,
     near: FunctionFactory,
     breakable: str | None,
+    breaking: Breaking | None,
     members: int,
     listed: bool,
     module: str,
@@ -64,6 +68,7 @@ def block_force(
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
         breakable: None, "redistribute" or "drop".
+        breaking: What breaks bonds before the forces are found, or None. Each family is told by its own bonds alone.
         members: Maximum number of members of a family.
         listed: Whether the points are those on the list `others`, instead of `start` to `stop` - 1.
         module: Name of the Warp module of the law.
@@ -81,6 +86,8 @@ def block_force(
     stress_near, stress_on_members = near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
     by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
+    # The shape tensor of what is left is that of the whole intersection without the few members that are missing.
+    by_missing = not (redistribute or gradual or curved)
     n, half, word_size = members, threads_of_family(members), WORD
     together = families_together(n)
     threads = half * together
@@ -88,6 +95,16 @@ def block_force(
     words = -(-n // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
+    breaks = breaking is not None
+    Constants: Any = breaking.criterion.struct if breaking else int
+    exceeds = breaking.criterion.exceeds if breaking else None
+    gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
+    spared = breaking is not None and breaking.spared
+    earlier_energy = breaking.earlier_energy if breaking else None
+    tracked = earlier_energy is not None
+    if tracked:
+        assert breaking is not None and earlier_energy is not None
+        part_of_released = released_part(layout, bits, earlier_energy, module)
 
     @wp.func(module=fast_module)
     def arrive(
@@ -96,21 +113,35 @@ def block_force(
         moments: wp.array2d(dtype=vec3),
         displacement: wp.array(dtype=vec3),
         inverse_horizon: real,
+        breaks_now: int,
+        criterion: Constants,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
         i: int,
         k: int,
         here: bool,
     ):
         """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
 
-        On a curved sheet U_k is in the frame of the point.
+        Last, whether it breaks now; it then is not intact. On a curved sheet U_k is in the frame of the point.
         """
         intact_here = bool(False)
+        breaks_here = bool(False)
         stretch = vec3(real(0.0), real(0.0), real(0.0))
         moment = vec3(real(0.0), real(0.0), real(0.0))
         common = Words()
         if here and k < wp.static(n):
-            if is_intact(family, intact, i, k):
-                intact_here = True
+            intact_here = is_intact(family, intact, i, k)
+            if wp.static(breaks):
+                if intact_here and breaks_now != 0:
+                    m = f.neighbour(family, i, k)
+                    breaks_here = exceeds(family, displacement, criterion, horizon, i, k, m)
+                    if wp.static(spared):
+                        if spared_mask[i] != wp.uint8(0) or spared_mask[m] != wp.uint8(0):
+                            breaks_here = False
+                    if breaks_here:
+                        intact_here = False
+            if intact_here:
                 row = i
                 if wp.static(by_row):
                     row = family.family_class[i]
@@ -125,7 +156,27 @@ def block_force(
                     common[word] = f.common(family, i, k, wp.static(word)) & intact_members(
                         family, intact, i, wp.static(word)
                     )
-        return intact_here, vec4(stretch[0], stretch[1], stretch[2], moment[0]), vec2(moment[1], moment[2]), common
+        exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
+        return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here
+
+    @wp.func(module=fast_module)
+    def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
+        """c_k X_k (x) X_k (11, 12, 22)."""
+        row = i
+        if wp.static(by_row):
+            row = family.family_class[i]
+        m = moments[k, row]
+        return m[2] * vec3(m[0] * m[0], m[0] * m[1], m[1] * m[1])
+
+    @wp.func(module=fast_module)
+    def without_missing(missing: vec3, undamaged_inverse: vec3):
+        """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
+        inverse = undamaged_inverse
+        if missing[0] + missing[2] > real(0.0) and inverse[0] > real(0.0):
+            det = inverse[0] * inverse[2] - inverse[1] * inverse[1]
+            whole = vec3(inverse[2] / det, -inverse[1] / det, inverse[0] / det)
+            inverse, _size = damaged_inverse(whole - missing, undamaged_inverse, real(0.0))
+        return inverse
 
     @wp.func(module=fast_module)
     def answer(
@@ -141,7 +192,10 @@ def block_force(
         G1: vec3,
         G2: vec3,
     ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family."""
+        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family.
+
+        If `by_missing`, `shape` is of the members that are missing.
+        """
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
@@ -150,7 +204,10 @@ def block_force(
             tilt = f.tilt(family, i, k)
             if wp.static(damaged):
                 if not undamaged:
-                    inverse, size = damaged_inverse(shape, inverse, size)
+                    if wp.static(by_missing):
+                        inverse = without_missing(shape, inverse)
+                    else:
+                        inverse, size = damaged_inverse(shape, inverse, size)
                     if wp.static(curved):
                         slope = vec2(
                             inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
@@ -166,7 +223,9 @@ def block_force(
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
         return A1, A2, weight
 
-    @kernel(fast_module, per="list", gathers=("displacement",), launch_bounds=(threads, resident))
+    @kernel(
+        fast_module, per="list", gathers=("displacement", "velocity", *gathered), launch_bounds=(threads, resident)
+    )  # fmt: skip
     def family_block_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -180,7 +239,16 @@ def block_force(
         inverse_horizon: real,
         unit_force: real,
         blocks: int,
+        breaks_now: int,
+        criterion: Constants,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        unit_volume: real,
         first: int,
+        remaining: wp.array2d(dtype=wp.uint32),
+        released: wp.array(dtype=wp.float64),
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
@@ -200,14 +268,80 @@ def block_force(
             if wp.static(listed):
                 i = others[wp.min(place, count - 1)]
             undamaged = is_undamaged(family, intact, i)
-            intact_here, u, m, common = arrive(family, intact, moments, displacement, inverse_horizon, i, k, here)
-            far_intact_here, far_u, far_m, far_common = arrive(
-                family, intact, moments, displacement, inverse_horizon, i, far_k, here
+            intact_here, u, m, common, breaks_here = arrive(
+                family,
+                intact,
+                moments,
+                displacement,
+                inverse_horizon,
+                breaks_now,
+                criterion,
+                horizon,
+                spared_mask,
+                i,
+                k,
+                here,
+            )
+            far_intact_here, far_u, far_m, far_common, far_breaks_here = arrive(
+                family,
+                intact,
+                moments,
+                displacement,
+                inverse_horizon,
+                breaks_now,
+                criterion,
+                horizon,
+                spared_mask,
+                i,
+                far_k,
+                here,
             )
             stretches = wp.tile(u, preserve_type=True)
             far_stretches = wp.tile(far_u, preserve_type=True)
             arms = wp.tile(m, preserve_type=True)
             far_arms = wp.tile(far_m, preserve_type=True)
+            if wp.static(breaks):
+                gone_here = Words()
+                for word in range(wp.static(words)):
+                    gone_here[word] = wp.where(breaks_here, bit_in_word(k, word), wp.uint32(0)) | wp.where(
+                        far_breaks_here, bit_in_word(far_k, word), wp.uint32(0)
+                    )
+                parts = wp.tile(gone_here, preserve_type=True)
+                gone = Words()
+                any_gone = wp.uint32(0)
+                for other in range(wp.static(half)):
+                    lost_bits = parts[wp.static(other * together) + slot]
+                    for word in range(wp.static(words)):
+                        gone[word] = gone[word] | lost_bits[word]
+                        any_gone = any_gone | lost_bits[word]
+                if any_gone != wp.uint32(0):
+                    undamaged = False
+                    for word in range(wp.static(words)):
+                        common[word] = common[word] & ~gone[word]
+                        far_common[word] = far_common[word] & ~gone[word]
+                    if k == 0 and here:
+                        lost = real(0.0)
+                        stage = wp.int32(0)
+                        # Not unrolled, as few families ever come here.
+                        while stage < 6:
+                            if stage == 3:
+                                for word in range(wp.static(words)):
+                                    remaining[word, i] = remaining[word, i] & ~gone[word]
+                            if wp.static(tracked):
+                                lost += part_of_released(
+                                    family,
+                                    intact,
+                                    displacement,
+                                    velocity,
+                                    step[0],
+                                    constants,
+                                    inverse_horizon,
+                                    i,
+                                    stage,
+                                )
+                            stage += 1
+                        if wp.static(tracked):
+                            released[i] = released[i] + wp.float64(unit_volume * lost)
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
             far_G1 = vec3(real(0.0), real(0.0), real(0.0))
@@ -235,36 +369,50 @@ def block_force(
             if wp.static(damaged):
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
-                    for word in range(wp.static(words)):
-                        for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
-                            other = wp.static(word * word_size) + at
-                            x = real(0.0)
-                            arm = vec2(real(0.0), real(0.0))
-                            if other < half:
-                                x = stretches[other * together + slot][3]
-                                arm = arms[other * together + slot]
-                            else:
-                                x = far_stretches[(other - half) * together + slot][3]
-                                arm = far_arms[(other - half) * together + slot]
-                            part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
-                            area = real(0.0)
-                            near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
-                            far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
-                            if wp.static(redistribute):
-                                if (near_bit | far_bit) != wp.uint32(0):
-                                    area = f.area(family, f.neighbour(family, i, other))
-                            moment = vec2(real(0.0), real(0.0))
-                            if wp.static(curved):
-                                if (near_bit | far_bit) != wp.uint32(0):
-                                    moment = f.rise(family, i, other) * vec2(x, arm[0])
-                            if near_bit != wp.uint32(0):
-                                shape += part
-                                size += area
-                                rises += moment
-                            if far_bit != wp.uint32(0):
-                                far_shape += part
-                                far_size += area
-                                far_rises += moment
+                    if wp.static(by_missing):
+                        for word in range(wp.static(words)):
+                            missing = f.initial(family, i, word) & ~intact_members(family, intact, i, word)
+                            if wp.static(breaks):
+                                missing = missing | gone[word]
+                            near_bits = f.common(family, i, wp.min(k, wp.static(n - 1)), word)
+                            far_bits = f.common(family, i, wp.min(far_k, wp.static(n - 1)), word)
+                            while missing != wp.uint32(0):
+                                at = lowest_bit(missing)
+                                missing = without_lowest_bit(missing)
+                                lost_part = shape_of(family, moments, i, wp.static(word * word_size) + at)
+                                shape += wp.where(bit_of(near_bits, at), real(1.0), real(0.0)) * lost_part
+                                far_shape += wp.where(bit_of(far_bits, at), real(1.0), real(0.0)) * lost_part
+                    else:
+                        for word in range(wp.static(words)):
+                            for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
+                                other = wp.static(word * word_size) + at
+                                x = real(0.0)
+                                arm = vec2(real(0.0), real(0.0))
+                                if other < half:
+                                    x = stretches[other * together + slot][3]
+                                    arm = arms[other * together + slot]
+                                else:
+                                    x = far_stretches[(other - half) * together + slot][3]
+                                    arm = far_arms[(other - half) * together + slot]
+                                part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
+                                area = real(0.0)
+                                near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                                far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                                if wp.static(redistribute):
+                                    if (near_bit | far_bit) != wp.uint32(0):
+                                        area = f.area(family, f.neighbour(family, i, other))
+                                moment = vec2(real(0.0), real(0.0))
+                                if wp.static(curved):
+                                    if (near_bit | far_bit) != wp.uint32(0):
+                                        moment = f.rise(family, i, other) * vec2(x, arm[0])
+                                if near_bit != wp.uint32(0):
+                                    shape += part
+                                    size += area
+                                    rises += moment
+                                if far_bit != wp.uint32(0):
+                                    far_shape += part
+                                    far_size += area
+                                    far_rises += moment
             A1, A2, weight = answer(family, constants, i, k, intact_here, undamaged, shape, size, rises, G1, G2)
             far_A1, far_A2, far_weight = answer(
                 family, constants, i, far_k, far_intact_here, undamaged, far_shape, far_size, far_rises, far_G1, far_G2

@@ -1,14 +1,16 @@
 """Steps per second of one sheet on several processes, and what they exchange.
 
-    python tools/scaling.py --processes 1 2 --points 301 --horizon 2.015 [--weak] [--device cpu]
+    python tools/scaling.py --processes 1 2 --points 301 --horizon 2.015 [--weak] [--in-line] [--device cpu]
 
 A square lattice under pressure. With --weak every process has a square of so many points along x; otherwise all share
-one. The page docs/scaling.md has the results.
+one. On GPUs exchanges run beside the interior, with --in-line one after the other; `bits` is the same in all runs of
+one sheet. The page docs/scaling.md has the results.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import subprocess
 import sys
@@ -18,6 +20,7 @@ import warp as wp
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, MooneyRivlin, Pressure, Sheet, Simulation
 from warp_pd.built import compose
+from warp_pd.device import exchange
 from warp_pd.device.launches import Call
 from warp_pd.run.processes import crew_here, processes_here
 from warp_pd.scene_context import share_of
@@ -34,6 +37,8 @@ def scene(points: int, rows: int, horizon: float, tears: bool) -> Simulation:
 
 def measure(arguments: argparse.Namespace) -> None:
     """Time the steps in this process, one of those that torchrun started; the first prints a line of JSON."""
+    if arguments.in_line:
+        exchange.has_streams = lambda device: False
     crew, device = crew_here(arguments.device)
     many = processes_here()
     rows = (arguments.points - 1) * (many if arguments.weak else 1) + 1
@@ -73,7 +78,9 @@ def measure(arguments: argparse.Namespace) -> None:
         "own": made.sheet.size if share is None else share.own.stop - share.own.start,
         "here": built.context.sheet.size, "device_bytes": built.context.fields.nbytes,
     }  # fmt: skip
-    if crew.leads:
+    found = crew.lead(lambda: built.to_host(built.state.displacement))
+    if found is not None:
+        row["bits"] = hashlib.sha1(found.tobytes()).hexdigest()[:12]
         print(json.dumps(row), flush=True)
 
 
@@ -86,6 +93,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=50)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--weak", action="store_true")
+    parser.add_argument("--in-line", action="store_true")
     parser.add_argument("--tears", action="store_true")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)

@@ -10,6 +10,7 @@ from study import paragraph
 
 from .results import Row
 from .studies import STUDIES
+from .sweep import ONE_CORE
 from .tables import (
     choices,
     failures,
@@ -67,7 +68,8 @@ def page(rows: Sequence[Row], docs: Path) -> str:
 
 def device_section(scene: str, device: str, rows: Sequence[Row], docs: Path) -> list[str]:
     """Lines about a scene on a device; draws its picture."""
-    picture = f"{FOLDER}/{scene}-{'cpu' if 'cpu' in device.lower() else 'gpu'}.png"
+    kind = ("one-core" if device.endswith(ONE_CORE) else "cpu") if "cpu" in device.lower() else "gpu"
+    picture = f"{FOLDER}/{scene}-{kind}.png"
     made = "; ".join(sorted({row.made.removeprefix("on ") for row in rows}))
     lines = [f"### On {device}", "", *paragraph(f"Measured: {made}."), *paragraph(published_text(rows))]
     if with_errors(rows):

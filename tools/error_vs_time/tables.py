@@ -9,7 +9,7 @@ import numpy as np
 from study import table
 
 from .results import Row
-from .studies import STUDIES, Configuration
+from .studies import ELEMENTS, STUDIES, Configuration
 
 # The publications' own choice, which the page compares with.
 PUBLISHED = {"law": "published", "horizon": 3.15, "points": 101}
@@ -49,6 +49,8 @@ def front(rows: Sequence[Row], error: Callable[[Row], float], cost: Callable[[Ro
 
 def name_of(run: Configuration) -> str:
     """A run in words, without its scene."""
+    if run.law in ELEMENTS:
+        return f"finite elements, {ELEMENTS[run.law]} nodes each, {run.points} along a side"
     return f"{run.law}, {run.horizon:g}, {run.points} points, {run.solver}, float{run.precision}"
 
 

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 import warp as wp
 
+from ..cores import cores
 from ..kernels.effects import Effects, Kernel
 from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
 from .fields import Array
@@ -92,6 +93,7 @@ class Launch:
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
+        beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
     """
 
     name: str
@@ -106,6 +108,7 @@ class Launch:
     run: int = 0
     side_stream: bool = False
     alone: bool = False
+    beside: bool = False
 
     @property
     def parts(self) -> list[str]:
@@ -138,6 +141,8 @@ class Call:
         function: The function to call, on Warp's stream of the device.
         capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
         touched: Arrays that it touches.
+        side_stream: As of a launch.
+        beside: As of a launch.
     """
 
     name: str
@@ -146,8 +151,8 @@ class Call:
     function: Callable[[], None]
     capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]]
     touched: Touched
-
-    side_stream = False
+    side_stream: bool = False
+    beside: bool = False
 
     @property
     def parts(self) -> list[str]:
@@ -250,10 +255,16 @@ class Stage:
 
 
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
-    """Build or load every kernel now."""
-    for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
+    """Build or load every kernel now; for a GPU several modules at once."""
+    modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
+    if device.is_cuda:
+        loaded = [cores().submit(module.load, device, block_dim) for module, block_dim in modules]
+        for module in loaded:
+            module.result()
+        return
+    for module, _ in modules:
         # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
-        module.load(device, block_dim if device.is_cuda else 1)
+        module.load(device, 1)
 
 
 def _check_names(what: str, expected: set[str], given: set[str]) -> None:

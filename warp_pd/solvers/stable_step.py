@@ -43,14 +43,13 @@ class StableStep:
         plus = context.array("force_plus", OWNER, types.vec3, shape=n)
         minus = context.array("force_minus", OWNER, types.vec3, shape=n)
         response = context.array("response", OWNER, types.vec3, shape=n)
-        blocks = context.own_blocks
-        sums = context.array("sums", OWNER, wp.float64, shape=(4, blocks), per="block")
+        sums = context.array("sums", OWNER, wp.float64, shape=(4, context.own_blocks), per="block")
         scale = context.array("scale", OWNER, types.real, shape=1, per="once")
         reach = context.array(
             "reach", OWNER, types.real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once"
         )  # fmt: skip
         self._squared = context.array("squared_frequency", OWNER, wp.float64, shape=2, per="once")
-        kernels, own = power_iteration(types.bits, context.module), context.own
+        kernels = power_iteration(types.bits, context.module)
         stage = context.stage("estimate", "each iteration of the stable step")
         for sign, force in ((1.0, plus), (-1.0, minus)):
             stage.launch(
@@ -59,12 +58,13 @@ class StableStep:
             )  # fmt: skip
             system.law.add_force(stage, trial, force)
             system.external.add_following(stage, trial, force)
-        stage.launch(
-            OWNER, kernels.respond, blocks,
-            mass=own(inertia), held_mask=None if state.held_mask is None else own(state.held_mask), plus=own(plus),
-            minus=own(minus), reach=reach, direction=own(self.direction), block=BLOCK, response=own(response),
-            sums=sums,
-        )  # fmt: skip
+        arrays = {
+            "mass": inertia, "held_mask": state.held_mask, "plus": plus, "minus": minus, "direction": self.direction,
+            "response": response,
+        }  # fmt: skip
+        context.launch_on_blocks(
+            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach, block=BLOCK
+        )
         everything = context.all_blocks(stage, sums, "sums_of_all", OWNER)
         stage.launch(OWNER, kernels.summarise, 1, sums=everything, scale=scale, squared_frequency=self._squared)
         stage.launch(OWNER, kernels.renew, n, response=response, scale=scale, direction=self.direction)

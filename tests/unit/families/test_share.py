@@ -9,7 +9,7 @@ from warp_pd.families import build_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
 
-NAMES = ("torn", "cloud", "hole", "tube")
+NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -25,7 +25,9 @@ def test_every_point_has_one_owner_and_what_its_forces_need(name, horizon):
         own = share.points[share.own]
         owners[own] += 1
         faces[share.faces] += 1
-        assert own[0] % BLOCK == 0
+        assert share.owners is not None or own[0] % BLOCK == 0
+        inner = families.members_of(share.points[share.inner])
+        assert np.isin(inner[inner >= 0], own).all() and share.own.start <= share.inner.start <= share.inner.stop
         members = families.members_of(own)
         assert near[own].all() and near[members[members >= 0]].all() and near[sheet.triangles[share.faces]].all()
         around = families.members_of(np.flatnonzero(near))
@@ -61,3 +63,26 @@ def test_indices_of_points_here():
     asked = np.array([0, share.points[0], share.points[5], made.sheet.size - 1])
     at, here = share.here(asked)
     assert (share.points[here] == asked[at]).all() and set(at) >= {1, 2}
+
+
+@pytest.mark.parametrize("name", ["cloud", "scattered"])
+def test_a_cloud_in_no_order_has_as_small_a_halo_as_one_in_order(name):
+    """Two cuts of a square leave corners: 2 x 4.03 of 50 columns and rows, at most."""
+    sheet = sheet_of(name, 100)
+    for rank in range(4):
+        share = divided(sheet, 2.015, rank, 4)
+        own = share.own.stop - share.own.start
+        assert abs(own - sheet.size / 4) <= 1
+        assert len(share.points) / own < 1.17
+
+
+def test_an_outline_is_divided_between_its_rows():
+    sheet = Sheet.outline([(0, 0), (1, 0), (1, 1), (0.5, 1.2), (0, 1)], spacing=0.02, **SIZE)
+    assert sheet.layout == "grid"
+    on = np.flatnonzero(sheet.grid[:, 1] >= 0)
+    for rank in range(3):
+        share = divided(sheet, 2.015, rank, 3)
+        own = np.isin(on, share.points[share.own])
+        rows = sheet.grid[on, 1]
+        assert not set(rows[own]) & set(rows[~own])
+        assert len(share.points) < 1.5 * sheet.size / 3
