@@ -139,6 +139,7 @@ def build(
                 even if defect == "none" and grip == "roller" else None,
                 "exact, incompressible neo-Hookean",
             ),
+            *openings(sheet, defect),
         ],
         section="HE 5",
         pictures=pictures,
@@ -146,6 +147,22 @@ def build(
         if mode == "uniaxial" and defect != "none"
         else [],
     )
+
+
+def openings(sheet: Sheet, defect: str) -> list[Measure]:
+    """How far the rim of a hole on the x and the y axis, or a face and the tip of a crack, move from the centre [m].
+
+    On a sheet of cells they are those of the nearest points, up to 0.7 spacings away.
+    """
+    if defect not in ("hole", "crack"):
+        return []
+    side, top = (RADIUS if defect == "hole" else 0.0, 0.0), (0.0, RADIUS if defect == "hole" else 0.5 * CRACK)
+    apart = np.hypot(*(sheet.points - np.array(side)).T)
+    near, tip = np.flatnonzero(apart < apart.min() + 1e-3 * sheet.spacing), sheet.nearest(*top)
+    return [
+        Measure("opening_x", "m", lambda built, frame: frame.displacement[near, 0].max()),
+        Measure("opening_y", "m", lambda built, frame: frame.displacement[tip, 1]),
+    ]
 
 
 def whole_sheet(points: int, horizon: float, mode: str) -> Sheet:
