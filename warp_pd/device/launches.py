@@ -258,9 +258,8 @@ def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     """Build or load every kernel now; for a GPU several modules at once."""
     modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
     if device.is_cuda:
-        loaded = [cores().submit(module.load, device, block_dim) for module, block_dim in modules]
-        for module in loaded:
-            module.result()
+        for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
+            loaded.result()
         return
     for module, _ in modules:
         # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
