@@ -20,6 +20,8 @@ from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
+# So many points do not fill a GPU: each thread may have the registers of a block of these per multiprocessor.
+FEW_POINTS, FEW_BLOCKS = 2**15, 4
 # Points of a thread of a GPU in a stage that does nothing at most points.
 SPREAD_RUN = 8
 
@@ -119,8 +121,10 @@ class Launch:
     def kernel(self) -> wp.Kernel:
         """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
-            spread = self.run == SPREAD_RUN
-            return (spread_points if spread else every_point)(self.source, self.run, self.module)
+            if self.run == SPREAD_RUN:
+                return spread_points(self.source, self.run, self.module)
+            few = self.run == 1 and self.threads <= FEW_POINTS
+            return every_point(self.source, self.run, self.module, (self.block_dim, FEW_BLOCKS) if few else None)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
