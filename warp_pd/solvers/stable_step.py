@@ -71,12 +71,24 @@ class StableStep:
 
     def _random(self) -> np.ndarray:
         held, share = self.context.held, self.context.share
-        noise = self._noise.uniform(-1.0, 1.0, (self.context.whole.size, 3))
-        if share is not None:
-            noise = noise[share.points]
+        noise = self._noise_at(None if share is None else share.points)
         for c in range(3):
             noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
         return noise
+
+    def _noise_at(self, points: np.ndarray | None) -> np.ndarray:
+        """Random numbers from -1 to 1 of all points or some, shape (n, 3); those of a point are the same."""
+        size = self.context.whole.size
+        if points is None:
+            return self._noise.uniform(-1.0, 1.0, (size, 3))
+        # The generator takes one step for a number.
+        begin, end = int(points.min()), int(points.max()) + 1
+        steps = self._noise.bit_generator
+        assert isinstance(steps, np.random.PCG64)
+        steps.advance(3 * begin)
+        found = self._noise.uniform(-1.0, 1.0, (end - begin, 3))
+        steps.advance(3 * (size - end))
+        return np.asarray(found[points - begin])
 
     def host_state(self) -> dict[str, Any]:
         """State of the generator of the noise, for a restart."""
