@@ -28,7 +28,7 @@ from .rupture import Breaking
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
-MAX_THREADS = 128
+MAX_THREADS, WARP = 128, 32
 RESIDENT_THREADS = {32: 896, 64: 448}
 
 
@@ -38,8 +38,10 @@ def threads_of_family(members: int) -> int:
 
 
 def families_together(members: int) -> int:
-    """Number of families that share a block, a power of two."""
-    return 1 << ((MAX_THREADS // threads_of_family(members)).bit_length() - 1)
+    """Number of families that share a block, a power of two; twice as many if that leaves less of a warp idle."""
+    threads = threads_of_family(members)
+    together = 1 << ((MAX_THREADS // threads).bit_length() - 1)
+    return 2 * together if threads * together % WARP else together
 
 
 @functools.cache
@@ -188,11 +190,6 @@ def block_force(
                     for word in range(wp.static(words)):
                         common[word] = common[word] & ~gone[word]
                         far_common[word] = far_common[word] & ~gone[word]
-                    if k == 0 and here:
-                        break_family(
-                            family, intact, displacement, velocity, step, constants, inverse_horizon, unit_volume, i,
-                            gone, remaining, released,
-                        )  # fmt: skip
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
             far_G1 = vec3(real(0.0), real(0.0), real(0.0))
@@ -301,6 +298,13 @@ def block_force(
                     for other in range(half):
                         total_pull += pulls[other * together + slot]
                     force[i] = total_pull
+            if wp.static(breaks):
+                # Last, when no registers are needed for anything else.
+                if any_gone != wp.uint32(0) and k == 0 and here:
+                    break_family(
+                        family, intact, displacement, velocity, step, constants, inverse_horizon, unit_volume, i,
+                        gone, remaining, released,
+                    )  # fmt: skip
             block += blocks
 
     return family_block_force
