@@ -128,7 +128,9 @@ def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
     if isinstance(triangles, OnDemand):
         # Two for each cell; a cell has the number of its lowest corner, but for one less in each row before.
         row = 2 * (lattice.columns - 1)
-        first, last = row * (begin // lattice.columns), min(row * (end // lattice.columns + 1), last)
+        lost = row * (lattice.rows - 1) - last
+        first = max(row * (begin // lattice.columns) - lost, 0)
+        last = min(row * (end // lattice.columns + 1), last)
     found = []
     for start in range(first, last, CHUNK):
         lowest = triangles[np.arange(start, min(start + CHUNK, last))].min(axis=1)
