@@ -19,6 +19,7 @@ def build(
     horizon: float = 3.15,
     weights: str = "auto",
     force: str = "bond_associated",
+    wrinkles: str = "resolved",
     damping: float = 0.1,
     duration: float = 4.5,
     frames: int = 90,
@@ -29,7 +30,7 @@ def build(
     pulled = sheet.within((1.0, 0.5), patch)
     return Simulation(
         sheet,
-        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
+        force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights, wrinkles),
         loads=[
             Fixed(sheet.edges("left")),
             Motion(pulled, times=[0.0, 2.0], x=[0.0, 0.05], y=0.0, z=[0.0, 0.1]),

@@ -7,6 +7,10 @@ squares with 2 x 2 points of integration; the mass is lumped, and the method of 
 
 The material is that of the NN paper, in plane stress: W = mu/2 (J^-2/3 tr - 3) + K/8 (J^2 + J^-2 - 2) with
 tr = C11 + C22 + C33, J^2 = C33 det C, and C33 from dW/dC33 = 0. Nothing here is shared with the package.
+
+Where such a sheet is compressed it wrinkles as finely as its nodes allow. `relaxed` takes the energy of tension field
+theory instead: a state that would be compressed across its larger principal stretch carries the stress of a strip in
+tension, along it alone; one that is stretched in no direction carries none.
 """
 
 from __future__ import annotations
@@ -64,6 +68,37 @@ def stress(first: Array, second: Array, c33: Array) -> tuple[Array, Array, Array
     return first * s11 + second * s12, first * s12 + second * s22, c33
 
 
+def strip_width(large: Array) -> Array:
+    """Squared stretch across a strip that is pulled to the squared stretch `large` along it, by Newton's method."""
+    width = large**-0.5
+    for _ in range(4):
+        j2 = large * width**2
+        shear = MU * j2 ** (-1.0 / 3.0)
+        value = shear * (width - large) / 3.0 + 0.25 * BULK * (j2 - 1.0 / j2)
+        slope = shear * (1.0 / 9.0 + 2.0 * large / (9.0 * width)) + 0.5 * BULK * (j2 + 1.0 / j2) / width
+        width = width - value / slope
+    return width
+
+
+def tension_field_stress(first: Array, second: Array, c33: Array) -> tuple[Array, Array, Array]:
+    """The same of the relaxed energy."""
+    c11, c22, c12 = ((a * b).sum(axis=0) for a, b in ((first, first), (second, second), (first, second)))
+    mean, radius = 0.5 * (c11 + c22), np.hypot(0.5 * (c11 - c22), c12)
+    large, small = np.maximum(mean + radius, 1.0), mean - radius
+    width = strip_width(large)
+    taut = small >= width
+    p1, p2 = np.zeros_like(first), np.zeros_like(first)
+    c33 = np.where(taut, c33, width)
+    p1[:, taut], p2[:, taut], c33[taut] = stress(first[:, taut], second[:, taut], c33[taut])
+    slack = ~taut
+    c11, c22, c12, large, small, width = (c[slack] for c in (c11, c22, c12, large, small, width))
+    pull = MU * (large * width**2) ** (-1.0 / 3.0) * (1.0 - width / large) / np.maximum(large - small, 1e-9)
+    f1, f2 = first[:, slack], second[:, slack]
+    p1[:, slack] = pull * (f1 * (c11 - small) + f2 * c12)
+    p2[:, slack] = pull * (f1 * c12 + f2 * (c22 - small))
+    return p1, p2, c33
+
+
 @dataclass
 class Sheet:
     """A sheet on its way: nodes of a grid of square elements, seen as (3, along x, along y).
@@ -74,6 +109,7 @@ class Sheet:
         damping: By mass [1/s].
         held: Nodes with a given velocity, (cells + 1, cells + 1).
         motion: Time [s] -> velocity of the held nodes [m/s], (3, number of held nodes).
+        relaxed: Whether compressed states carry no compression.
     """
 
     cells: int
@@ -81,6 +117,7 @@ class Sheet:
     damping: float
     held: npt.NDArray[np.bool_]
     motion: Callable[[float], Array]
+    relaxed: bool = False
     time: float = 0.0
     displacement: Array = field(init=False)
     velocity: Array = field(init=False)
@@ -108,12 +145,13 @@ class Sheet:
         along_x, along_y = np.diff(u, axis=1) / self.size, np.diff(u, axis=2) / self.size
         total = np.zeros_like(u)
         area = 0.25 * self.size**2
+        stress_of = tension_field_stress if self.relaxed else stress
         for point, (x, y) in enumerate(((NEAR, NEAR), (FAR, NEAR), (NEAR, FAR), (FAR, FAR))):
             first = (1.0 - y) * along_x[:, :, :-1] + y * along_x[:, :, 1:]
             second = (1.0 - x) * along_y[:, :-1] + x * along_y[:, 1:]
             first[0] += 1.0
             second[1] += 1.0
-            p1, p2, self._c33[point] = stress(first, second, self._c33[point])
+            p1, p2, self._c33[point] = stress_of(first, second, self._c33[point])
             p1 *= THICKNESS * area / self.size
             p2 *= THICKNESS * area / self.size
             total[:, :-1, :-1] += (1.0 - y) * p1 + (1.0 - x) * p2
@@ -157,7 +195,7 @@ def under_pressure(cells: int) -> Sheet:
     return Sheet(cells, 20.0, 0.1, held, lambda time: np.zeros((3, 1)))
 
 
-def lifted(cells: int) -> Sheet:
+def lifted(cells: int, relaxed: bool = False) -> Sheet:
     """NN 6.2: the left edge fixed, the nodes near the middle of the right one moved until 2 s."""
     x, y = nodes(cells)
     patch = np.hypot(x - SIDE, y - 0.5 * SIDE) <= PATCH * (1.0 + 1e-9)
@@ -167,7 +205,7 @@ def lifted(cells: int) -> Sheet:
         going = patch[held] & (time < 2.0)
         return np.array([[0.025], [0.0], [0.05]]) * going
 
-    return Sheet(cells, 0.0, 0.1, held, motion)
+    return Sheet(cells, 0.0, 0.1, held, motion, relaxed)
 
 
 def snapshots(sheet: Sheet, times: Sequence[float]) -> list[Array]:

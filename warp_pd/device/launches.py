@@ -20,6 +20,8 @@ from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
+# So many points do not fill a GPU: each thread may have the registers of a block of these per multiprocessor.
+FEW_POINTS, FEW_BLOCKS = 2**15, 4
 # Points of a thread of a GPU in a stage that does nothing at most points.
 SPREAD_RUN = 8
 
@@ -119,8 +121,10 @@ class Launch:
     def kernel(self) -> wp.Kernel:
         """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
-            spread = self.run == SPREAD_RUN
-            return (spread_points if spread else every_point)(self.source, self.run, self.module)
+            if self.run == SPREAD_RUN:
+                return spread_points(self.source, self.run, self.module)
+            few = self.run == 1 and self.threads <= FEW_POINTS
+            return every_point(self.source, self.run, self.module, (self.block_dim, FEW_BLOCKS) if few else None)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
@@ -258,9 +262,8 @@ def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     """Build or load every kernel now; for a GPU several modules at once."""
     modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
     if device.is_cuda:
-        loaded = [cores().submit(module.load, device, block_dim) for module, block_dim in modules]
-        for module in loaded:
-            module.result()
+        for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
+            loaded.result()
         return
     for module, _ in modules:
         # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
