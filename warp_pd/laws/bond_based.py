@@ -17,7 +17,7 @@ from ..families import Families, build_families
 from ..interfaces import BuiltLaw, Tangent
 from ..kernels.bond_based import bond_based
 from ..kernels.effects import Kernel
-from ..materials import PairwiseMaterial, check_material
+from ..materials import PairwiseMaterial, capabilities, check_material
 from ..phases import Phase
 from ..sheet import Sheet
 from .bond_based_tangent import BondBasedTangent
@@ -105,6 +105,8 @@ class BondBasedForce(FamilyLaw):
         breakable = context.features.breakable
         self.kernels = bond_based(context.layout, context.bits, law.material.pairwise, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy
+        # Gershgorin's bound: the fictitious mass is twice the row sum of the taut bonds' stiffness.
+        self.slack_frequency = 1.0 if capabilities(law.material).goes_slack else None
         self._shown: dict[str, Array] = {}
 
     def add(self, phase: Phase, stage: Stage) -> None:
