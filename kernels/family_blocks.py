@@ -14,22 +14,21 @@ same bond of neighbouring points, and on a lattice they follow the same branches
 """
 
 import functools
-from typing import Any
 
 import warp as wp
 
-from .bits import bit_in_word, bit_of, lowest_bit, without_lowest_bit
+from .bits import bit_in_word
+from .block_functions import block_functions
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
-from .kinematics import kinematics
+from .families import WORD, family_functions, is_curved
 from .numeric import numeric
-from .rupture import Breaking, released_part
+from .rupture import Breaking
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
-MAX_THREADS = 128
+MAX_THREADS, WARP = 128, 32
 RESIDENT_THREADS = {32: 896, 64: 448}
 
 
@@ -39,8 +38,10 @@ def threads_of_family(members: int) -> int:
 
 
 def families_together(members: int) -> int:
-    """Number of families that share a block, a power of two."""
-    return 1 << ((MAX_THREADS // threads_of_family(members)).bit_length() - 1)
+    """Number of families that share a block, a power of two; twice as many if that leaves less of a warp idle."""
+    threads = threads_of_family(members)
+    together = 1 << ((MAX_THREADS // threads).bit_length() - 1)
+    return 2 * together if threads * together % WARP else together
 
 
 @functools.cache
@@ -79,149 +80,19 @@ def block_force(
     f = family_functions(layout, bits, module)
     Family = f.struct
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    intact_members, is_undamaged, is_intact = law.intact_members, law.is_undamaged, law.is_intact
-    green, damaged_inverse = law.green, law.damaged_inverse
-    tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
-    area_weight, family_scale = law.area_weight, law.family_scale
-    stress_near, stress_on_members = near(bits), law.stress_on_members
-    damaged, redistribute = breakable is not None, breakable == "redistribute"
-    by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
-    # The shape tensor of what is left is that of the whole intersection without the few members that are missing.
-    by_missing = not (redistribute or gradual or curved)
-    n, half, word_size = members, threads_of_family(members), WORD
+    is_undamaged, family_scale = law.is_undamaged, law.family_scale
+    damaged, redistribute, curved = breakable is not None, breakable == "redistribute", is_curved(layout)
+    n, half, word_size, words = members, threads_of_family(members), WORD, -(-members // WORD)
     together = families_together(n)
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
-    words = -(-n // WORD)
-    Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
+    functions = block_functions(layout, bits, material, near, breakable, breaking, members, module, fast_module)
+    Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
+    arrive, answer = functions.arrive, functions.answer
+    missing_shapes, break_family = functions.missing_shapes, functions.break_family
     breaks = breaking is not None
-    Constants: Any = breaking.criterion.struct if breaking else int
-    exceeds = breaking.criterion.exceeds if breaking else None
     gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
-    spared = breaking is not None and breaking.spared
-    earlier_energy = breaking.earlier_energy if breaking else None
-    tracked = earlier_energy is not None
-    if tracked:
-        assert breaking is not None and earlier_energy is not None
-        part_of_released = released_part(layout, bits, earlier_energy, module)
-
-    @wp.func(module=fast_module)
-    def arrive(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        moments: wp.array2d(dtype=vec3),
-        displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
-        breaks_now: int,
-        criterion: Constants,
-        horizon: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        i: int,
-        k: int,
-        here: bool,
-    ):
-        """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
-
-        Last, whether it breaks now; it then is not intact. On a curved sheet U_k is in the frame of the point.
-        """
-        intact_here = bool(False)
-        breaks_here = bool(False)
-        stretch = vec3(real(0.0), real(0.0), real(0.0))
-        moment = vec3(real(0.0), real(0.0), real(0.0))
-        common = Words()
-        if here and k < wp.static(n):
-            intact_here = is_intact(family, intact, i, k)
-            if wp.static(breaks):
-                if intact_here and breaks_now != 0:
-                    m = f.neighbour(family, i, k)
-                    breaks_here = exceeds(family, displacement, criterion, horizon, i, k, m)
-                    if wp.static(spared):
-                        if spared_mask[i] != wp.uint8(0) or spared_mask[m] != wp.uint8(0):
-                            breaks_here = False
-                    if breaks_here:
-                        intact_here = False
-            if intact_here:
-                row = i
-                if wp.static(by_row):
-                    row = family.family_class[i]
-                moment = moments[k, row]
-                if wp.static(gradual):
-                    share = f.share(family, i, k)
-                    moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
-                stretch = f.to_frame(
-                    family, i, inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
-                )
-                for word in range(wp.static(words)):
-                    common[word] = f.common(family, i, k, wp.static(word)) & intact_members(
-                        family, intact, i, wp.static(word)
-                    )
-        exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
-        return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here
-
-    @wp.func(module=fast_module)
-    def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
-        """c_k X_k (x) X_k (11, 12, 22)."""
-        row = i
-        if wp.static(by_row):
-            row = family.family_class[i]
-        m = moments[k, row]
-        return m[2] * vec3(m[0] * m[0], m[0] * m[1], m[1] * m[1])
-
-    @wp.func(module=fast_module)
-    def without_missing(missing: vec3, undamaged_inverse: vec3):
-        """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
-        inverse = undamaged_inverse
-        if missing[0] + missing[2] > real(0.0) and inverse[0] > real(0.0):
-            det = inverse[0] * inverse[2] - inverse[1] * inverse[1]
-            whole = vec3(inverse[2] / det, -inverse[1] / det, inverse[0] / det)
-            inverse, _size = damaged_inverse(whole - missing, undamaged_inverse, real(0.0))
-        return inverse
-
-    @wp.func(module=fast_module)
-    def answer(
-        family: Family,
-        constants: parameters,
-        i: int,
-        k: int,
-        intact_here: bool,
-        undamaged: bool,
-        shape: vec3,
-        size: real,
-        rises: vec2,
-        G1: vec3,
-        G2: vec3,
-    ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family.
-
-        If `by_missing`, `shape` is of the members that are missing.
-        """
-        A1 = vec3(real(0.0), real(0.0), real(0.0))
-        A2 = vec3(real(0.0), real(0.0), real(0.0))
-        weight = real(0.0)
-        if intact_here:
-            inverse = f.shape(family, i, k)
-            tilt = f.tilt(family, i, k)
-            if wp.static(damaged):
-                if not undamaged:
-                    if wp.static(by_missing):
-                        inverse = without_missing(shape, inverse)
-                    else:
-                        inverse, size = damaged_inverse(shape, inverse, size)
-                    if wp.static(curved):
-                        slope = vec2(
-                            inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
-                        )
-                        tilt = tilt_of(slope)
-            if inverse[0] > real(0.0):
-                H1 = G1 * inverse[0] + G2 * inverse[1]
-                H2 = G1 * inverse[1] + G2 * inverse[2]
-                if wp.static(curved):
-                    H1, H2 = level(H1, H2, tilt)
-                S, _guess = stress_near(green(H1, H2, tilt), constants, real(0.0))
-                weight = area_weight(family, i, k, undamaged, size)
-                A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-        return A1, A2, weight
 
     @kernel(
         fast_module, per="list", gathers=("displacement", "velocity", *gathered), launch_bounds=(threads, resident)
@@ -300,6 +171,7 @@ def block_force(
             far_stretches = wp.tile(far_u, preserve_type=True)
             arms = wp.tile(m, preserve_type=True)
             far_arms = wp.tile(far_m, preserve_type=True)
+            gone = Words()
             if wp.static(breaks):
                 gone_here = Words()
                 for word in range(wp.static(words)):
@@ -307,7 +179,6 @@ def block_force(
                         far_breaks_here, bit_in_word(far_k, word), wp.uint32(0)
                     )
                 parts = wp.tile(gone_here, preserve_type=True)
-                gone = Words()
                 any_gone = wp.uint32(0)
                 for other in range(wp.static(half)):
                     lost_bits = parts[wp.static(other * together) + slot]
@@ -319,29 +190,6 @@ def block_force(
                     for word in range(wp.static(words)):
                         common[word] = common[word] & ~gone[word]
                         far_common[word] = far_common[word] & ~gone[word]
-                    if k == 0 and here:
-                        lost = real(0.0)
-                        stage = wp.int32(0)
-                        # Not unrolled, as few families ever come here.
-                        while stage < 6:
-                            if stage == 3:
-                                for word in range(wp.static(words)):
-                                    remaining[word, i] = remaining[word, i] & ~gone[word]
-                            if wp.static(tracked):
-                                lost += part_of_released(
-                                    family,
-                                    intact,
-                                    displacement,
-                                    velocity,
-                                    step[0],
-                                    constants,
-                                    inverse_horizon,
-                                    i,
-                                    stage,
-                                )
-                            stage += 1
-                        if wp.static(tracked):
-                            released[i] = released[i] + wp.float64(unit_volume * lost)
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
             far_G1 = vec3(real(0.0), real(0.0), real(0.0))
@@ -370,18 +218,7 @@ def block_force(
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
                     if wp.static(by_missing):
-                        for word in range(wp.static(words)):
-                            missing = f.initial(family, i, word) & ~intact_members(family, intact, i, word)
-                            if wp.static(breaks):
-                                missing = missing | gone[word]
-                            near_bits = f.common(family, i, wp.min(k, wp.static(n - 1)), word)
-                            far_bits = f.common(family, i, wp.min(far_k, wp.static(n - 1)), word)
-                            while missing != wp.uint32(0):
-                                at = lowest_bit(missing)
-                                missing = without_lowest_bit(missing)
-                                lost_part = shape_of(family, moments, i, wp.static(word * word_size) + at)
-                                shape += wp.where(bit_of(near_bits, at), real(1.0), real(0.0)) * lost_part
-                                far_shape += wp.where(bit_of(far_bits, at), real(1.0), real(0.0)) * lost_part
+                        shape, far_shape = missing_shapes(family, intact, moments, gone, i, k, far_k)
                     else:
                         for word in range(wp.static(words)):
                             for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
@@ -461,6 +298,13 @@ def block_force(
                     for other in range(half):
                         total_pull += pulls[other * together + slot]
                     force[i] = total_pull
+            if wp.static(breaks):
+                # Last, when no registers are needed for anything else.
+                if any_gone != wp.uint32(0) and k == 0 and here:
+                    break_family(
+                        family, intact, displacement, velocity, step, constants, inverse_horizon, unit_volume, i,
+                        gone, remaining, released,
+                    )  # fmt: skip
             block += blocks
 
     return family_block_force

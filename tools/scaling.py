@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import resource
 import subprocess
 import sys
 from time import perf_counter, process_time
@@ -20,6 +21,7 @@ import warp as wp
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, MooneyRivlin, Pressure, Sheet, Simulation
 from warp_pd.built import compose
+from warp_pd.cores import start_warp
 from warp_pd.device import exchange
 from warp_pd.device.launches import Call
 from warp_pd.run.processes import crew_here, processes_here
@@ -40,6 +42,8 @@ def measure(arguments: argparse.Namespace) -> None:
     if arguments.in_line:
         exchange.has_streams = lambda device: False
     crew, device = crew_here(arguments.device)
+    start_warp()
+    begun = _most_memory()
     many = processes_here()
     rows = (arguments.points - 1) * (many if arguments.weak else 1) + 1
     made = scene(arguments.points, rows, arguments.horizon, arguments.tears)
@@ -48,7 +52,7 @@ def measure(arguments: argparse.Namespace) -> None:
         crew.divide(crew.together(lambda: share_of(made, crew)))
     built = compose(made, device, crew=crew)
     crew.in_turn(built.context.compile)
-    setup = perf_counter() - begin
+    setup, memory = perf_counter() - begin, _most_memory() - begun
     built.context.run("setup")
     built.solver._set_step(1e-6, 0.0)  # type: ignore[attr-defined]
     steps = built.context.sequence("step", repeat=10)
@@ -77,11 +81,18 @@ def measure(arguments: argparse.Namespace) -> None:
         "bytes": sum(getattr(call.function, "nbytes", 0) for call in calls),
         "own": made.sheet.size if share is None else share.own.stop - share.own.start,
         "here": built.context.sheet.size, "device_bytes": built.context.fields.nbytes,
+        # On a CPU with the arrays of the device.
+        "host_bytes": -crew.least(-memory),
     }  # fmt: skip
     found = crew.lead(lambda: built.to_host(built.state.displacement))
     if found is not None:
         row["bits"] = hashlib.sha1(found.tobytes()).hexdigest()[:12]
         print(json.dumps(row), flush=True)
+
+
+def _most_memory() -> int:
+    """Most memory that this process has had [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def main() -> None:

@@ -250,7 +250,7 @@ def rectangle(x: Array, y: Array, nine: bool) -> Mesh:
 
 
 def around_hole(radius: float, half: float, cells: int, nine: bool) -> Mesh:
-    """A square [-half, half]^2 with a round hole: `cells` elements from hole to edge, eight times as many around."""
+    """A square [-half, half]^2 with a round hole: `cells` elements across, eight times as many around."""
     count = 8 * cells
     angle = np.arange(count) * 2.0 * np.pi / count
     direction = np.stack([np.cos(angle), np.sin(angle)])

@@ -1,6 +1,6 @@
-"""Solve the references anew, and write tests/references/stretch.json and tests/references/disc.json.
+"""Solve the references anew, and write stretch.json, visco.json and disc.json in tests/references.
 
-    python tools/references                            # both; the sheets take two minutes
+    python tools/references                            # all; the sheets take some minutes
     python tools/references --only disc
     python tools/references --meshes 4 8 16 --out FOLDER
     python tools/references --only lifted --cells 200 --out tests/physics/references/data    # half an hour
@@ -11,6 +11,7 @@ law from an error of the reference:
 - membrane_fe.py: `stretch.json`, the sheet of scene `stretch` with a hole, a crack or a rigid inclusion. Each quantity
   has its values on the meshes, Richardson's limit, the error estimate and the observed order. Forces in N, `opening_x`
   and `opening_y` in m: how far the rim of the hole, or the middle and the tip of the crack, move from the centre.
+  `visco.json`, the clamped sheets of Yeoh's material in scenes `visco_hole` and `visco_crack`, likewise.
 - shooting.py: `disc.json`, the inflated circular membrane. Tests may also call its functions.
 - membrane_dynamics.py: `out_of_plane.npz`, fields of the lifted sheet of NN 6.2, only where it is asked for.
 """
@@ -34,6 +35,9 @@ from . import membrane_dynamics, membrane_fe, shooting
 FOLDER = ROOT / "tests" / "references"
 STRETCHES = (1.5, 2.0, 2.5, 3.0)
 MESHES = (8, 16, 32)
+# Polyurea of VE table 2 [Pa]; stretches of the figures 9, 10, 12, 13 and 23 and some between.
+C10, C20, CRACK = 0.1996e6, 0.0170e6, 0.1
+VISCO = {"hole": (1.5, 2.0, 2.5, 3.0, 4.0, 7.0), "crack": (1.5, 2.5, 4.0)}
 MATERIALS = {
     "neo-Hookean": shooting.NEO_HOOKEAN,
     "Mooney-Rivlin": shooting.Material(share=0.1),
@@ -75,6 +79,21 @@ def sheets(meshes: Sequence[int]) -> dict[str, Any]:
     return found
 
 
+def visco(meshes: Sequence[int]) -> dict[str, Any]:
+    """The clamped sheets of Yeoh's material, stretched equally along x and y, by defect, stretch and quantity."""
+    scale = 2.0 * C10 / membrane_fe.MU
+    found: dict[str, Any] = {}
+    for defect, stretches in VISCO.items():
+        solved = membrane_fe.converged(
+            defect, "equibiaxial", meshes, stretches, step=0.25, grip="clamp", stiffening=C20 / C10, crack=CRACK
+        )
+        found[defect] = {
+            f"{s:g}": {n: quantity([scale * x if n.startswith("force") else x for x in v]) for n, v in names.items()}
+            for s, names in solved.items()
+        }
+    return found
+
+
 def discs() -> dict[str, Any]:
     """The inflated discs: materials, their points of the curve, and the maximum of pressure where there is one."""
     found: dict[str, Any] = {}
@@ -107,7 +126,7 @@ def lifted(cells: int) -> dict[str, Any]:
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = study_parser(__doc__, commit=None)
-    parser.add_argument("--only", choices=("stretch", "disc", "lifted"), help="solve only these")
+    parser.add_argument("--only", choices=("stretch", "visco", "disc", "lifted"), help="solve only these")
     parser.add_argument("--meshes", type=at_least_one, nargs="+", default=MESHES, help="cells; each twice the last")
     parser.add_argument("--cells", type=at_least_one, default=200, help="of the lifted sheet along a side")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the numbers")
@@ -131,9 +150,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "side": 2.0 * membrane_fe.HALF, "thickness": membrane_fe.THICKNESS, "mu": membrane_fe.MU,
         "radius": membrane_fe.RADIUS, "crack": membrane_fe.CRACK, "meshes": [*options.meshes],
     }  # fmt: skip
-    if options.only != "disc":
+    if options.only in (None, "stretch"):
         write(options.out / "stretch.json", {"made": made(options.commit), **sheet, **sheets(options.meshes)})
-    if options.only != "stretch":
+    if options.only in (None, "visco"):
+        content = {"made": made(options.commit), "c10": C10, "c20": C20, "crack": CRACK, "meshes": [*options.meshes]}
+        write(options.out / "visco.json", content | visco(options.meshes))
+    if options.only in (None, "disc"):
         write(options.out / "disc.json", {"made": made(options.commit), **discs()})
 
 

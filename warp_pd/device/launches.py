@@ -15,11 +15,22 @@ import warp as wp
 
 from ..cores import cores
 from ..kernels.effects import Effects, Kernel
-from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
+from ..kernels.pointwise import (
+    EARLY,
+    Addresses,
+    Pointwise,
+    Strides,
+    every_point,
+    few_points,
+    in_turn,
+    spread_points,
+)
 from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
+# So many points do not fill a GPU: each thread may have the registers of a block of these per multiprocessor.
+FEW_POINTS, FEW_BLOCKS = 2**15, 4
 # Points of a thread of a GPU in a stage that does nothing at most points.
 SPREAD_RUN = 8
 
@@ -76,6 +87,31 @@ def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
     return Touched(frozenset(reads), frozenset(gathers), frozenset(writes))
 
 
+def _early(effects: Effects, arguments: Mapping[str, Any], points: int) -> tuple[tuple[int, int], ...]:
+    """Address, and stride from point to point, of arrays that a pointwise stage reads at its own point, or as a whole.
+
+    Tables in structs are left out: what they are read for is not known here.
+    """
+    own = [a for name, a in arrays_in(arguments) if a.ptr and "." not in name and name not in effects.gathers]
+    found = [(int(a.ptr), int(a.strides[0]) if a.ndim == 1 and a.shape[0] >= points else 0) for a in own]
+    return tuple(dict.fromkeys(found))
+
+
+@dataclass(frozen=True)
+class Span:
+    """How the blocks of a launch share the points from its argument `start` to `stop` - 1.
+
+    Its argument `blocks` is the number of blocks, each of which goes on until all points are done.
+
+    Attributes:
+        together: Points that a block works on at once.
+        most: Maximum number of blocks.
+    """
+
+    together: int
+    most: int
+
+
 @dataclass(eq=False)
 class Launch:
     """One kernel launch with its arguments.
@@ -94,6 +130,8 @@ class Launch:
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
+        early: Address, and stride from point to point, of arrays that a pointwise stage reads at its own point.
+        span: How blocks share points, where its threads do not stand for points.
     """
 
     name: str
@@ -109,6 +147,23 @@ class Launch:
     side_stream: bool = False
     alone: bool = False
     beside: bool = False
+    early: tuple[tuple[int, int], ...] = ()
+    span: Span | None = None
+
+    @property
+    def points(self) -> tuple[int, int]:
+        """The first point that it works on, and the one after the last."""
+        if self.span is None:
+            return self.begin, self.begin + self.threads
+        return self.arguments["start"], self.arguments["stop"]
+
+    def on_points(self, begin: int, end: int) -> Launch:
+        """The same launch on the points begin to end - 1."""
+        if self.span is None:
+            return replace(self, begin=begin, threads=end - begin)
+        blocks = min(-(-(end - begin) // self.span.together), self.span.most)
+        arguments = {**self.arguments, "start": begin, "stop": end, "blocks": blocks}
+        return replace(self, threads=self.threads // self.arguments["blocks"] * blocks, arguments=arguments)
 
     @property
     def parts(self) -> list[str]:
@@ -119,14 +174,26 @@ class Launch:
     def kernel(self) -> wp.Kernel:
         """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
-            spread = self.run == SPREAD_RUN
-            return (spread_points if spread else every_point)(self.source, self.run, self.module)
+            if self.run == SPREAD_RUN:
+                return spread_points(self.source, self.run, self.module)
+            if self.few:
+                return few_points(self.source, (self.block_dim, FEW_BLOCKS), self.module)
+            return every_point(self.source, self.run, self.module)
         return self.source.kernel
+
+    @property
+    def few(self) -> bool:
+        """Whether it is a pointwise stage on so few points that they do not fill a GPU."""
+        return self.run == 1 and self.threads <= FEW_POINTS
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
         """Number of threads, and arguments in the kernel's order, for threads or points begin to end - 1."""
         places = {"first": begin, "stop": end} if self.run else {"first": begin}
         values = {**self.arguments, **places}
+        if self.few:
+            values |= {"addresses": Addresses(), "strides": Strides()}
+            for slot, (address, stride) in enumerate(self.early[:EARLY]):
+                values["addresses"][slot], values["strides"][slot] = address, stride
         return -(-(end - begin) // (self.run or 1)), [values[a.label] for a in self.kernel.adj.args]
 
 
@@ -200,6 +267,7 @@ class Stage:
         begin: int = 0,
         block_dim: int | None = None,
         side_stream: bool = False,
+        span: Span | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -211,7 +279,7 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span,
         )  # fmt: skip
         self.items.append(made)
 
@@ -233,7 +301,7 @@ class Stage:
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone,
+            begin, self.module, run, alone=alone, early=_early(part.effects, arguments, begin + threads),
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
@@ -258,9 +326,8 @@ def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
     """Build or load every kernel now; for a GPU several modules at once."""
     modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
     if device.is_cuda:
-        loaded = [cores().submit(module.load, device, block_dim) for module, block_dim in modules]
-        for module in loaded:
-            module.result()
+        for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
+            loaded.result()
         return
     for module, _ in modules:
         # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
@@ -293,5 +360,5 @@ def _joined(first: Item, second: Item) -> Launch | None:
     owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))
     return replace(
         first, name=part.name, owner=owner, source=part, arguments={"arguments": both},
-        touched=first.touched | second.touched,
+        touched=first.touched | second.touched, early=tuple(dict.fromkeys([*first.early, *second.early])),
     )  # fmt: skip

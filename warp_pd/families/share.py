@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..checks import InputError
+from ..shapes.on_demand import CHUNK, OnDemand, Stored
 from ..sheet import Sheet
 
 # Sums over points go by whole blocks, and then are the same on any number of processes.
@@ -61,6 +64,11 @@ class Share:
 
     def here(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which of some points of the whole sheet are here, positions in `points`, and their indices here."""
+        if self.owners is None:
+            # They follow each other.
+            places = np.asarray(points, np.int64) - self.points[0]
+            at = np.flatnonzero((places >= 0) & (places < len(self.points)))
+            return at, places[at].astype(np.int32)
         found = np.searchsorted(self.points, points, sorter=self._order)
         found = self._order[np.minimum(found, len(self.points) - 1)]
         at = np.flatnonzero(self.points[found] == points)
@@ -103,16 +111,29 @@ def divided(sheet: Sheet, horizon: float, rank: int, processes: int) -> Share:
     if sheet.lattice is None:
         return _scattered(sheet, horizon, rank, bounds)
     begin, end = int(bounds[rank]), int(bounds[rank + 1])
-    # The triangles of a point go with it: each belongs to the owner of its lowest corner.
-    lowest = sheet.triangles.min(axis=1)
-    faces = np.flatnonzero((lowest >= begin) & (lowest < end))
     reach = _lattice_reach(sheet, horizon)
     ranges = [(max(begin - k * reach, 0), min(end + k * reach, sheet.size)) for k in range(1, HALO + 1)]
     points = np.arange(*ranges[-1])
     near = (points >= ranges[0][0]) & (points < ranges[0][1])
     own = slice(begin - ranges[-1][0], end - ranges[-1][0])
     inner = slice(own.start + (reach if own.start else 0), own.stop - (reach if own.stop < len(points) else 0))
-    return Share(rank, bounds, points, own, near, faces, inner)
+    return Share(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
+
+
+def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
+    """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
+    triangles, lattice = sheet.stored("triangles"), sheet.lattice
+    assert lattice is not None
+    first, last = 0, len(triangles)
+    if isinstance(triangles, OnDemand):
+        # Two for each cell; a cell has the number of its lowest corner, but for one less in each row before.
+        row = 2 * (lattice.columns - 1)
+        first, last = row * (begin // lattice.columns), min(row * (end // lattice.columns + 1), last)
+    found = []
+    for start in range(first, last, CHUNK):
+        lowest = triangles[np.arange(start, min(start + CHUNK, last))].min(axis=1)
+        found.append(start + np.flatnonzero((lowest >= begin) & (lowest < end)))
+    return np.concatenate(found) if found else np.zeros(0, np.int64)
 
 
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
@@ -216,15 +237,31 @@ def part_of_sheet(sheet: Sheet, share: Share) -> Sheet:
     It carries what parts and laws ask of points. Families are built of the whole sheet.
     """
     points = share.points
-    local = np.full(sheet.size, -1, np.int32)
-    local[points] = np.arange(len(points))
+    stored = {name: sheet.stored(name) for name in ("points", "areas", "triangles")}
+    if sheet.lattice is not None and not isinstance(stored["triangles"], np.ndarray):
+        arrays: dict[str, Any] = _rows_of(stored, points, share.faces)
+    else:
+        arrays = {name: values[points] for name, values in stored.items() if name != "triangles"}
+        corners = stored["triangles"][share.faces]
+        arrays["triangles"] = share.here(corners.ravel())[1].reshape(-1, 3)
 
     def of(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else values[points]
 
     return replace(
         sheet,
-        points=sheet.points[points], areas=sheet.areas[points], triangles=local[sheet.triangles[share.faces]],
+        **arrays,
         grid=of(sheet.grid), spacings=of(sheet.spacings), frames=of(sheet.frames), bodies=of(sheet.bodies),
         pieces=of(sheet.pieces), stiffness=of(sheet.stiffness), barriers=None, cuts=(), parts={}, inclusions=(),
     )  # fmt: skip
+
+
+def _rows_of(stored: Mapping[str, Stored], points: np.ndarray, faces: np.ndarray) -> dict[str, Stored]:
+    """Points that follow each other in a lattice whose arrays are computed on demand."""
+    first = int(points[0])
+    places, areas, triangles = stored["points"], stored["areas"], stored["triangles"]
+    return {
+        "points": OnDemand(len(points), lambda i: places[i + first]),
+        "areas": OnDemand(len(points), lambda i: areas[i + first]),
+        "triangles": OnDemand(len(faces), lambda i: triangles[faces[i]] - np.int32(first)),
+    }

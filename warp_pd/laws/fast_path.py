@@ -19,7 +19,7 @@ import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Span, Stage
 from ..interfaces import BondBreaking
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
@@ -251,7 +251,7 @@ class FastPath:
             spared_mask=None if breaking is None else breaking.spared,
             velocity=None if released is None else state.velocity, step=None if released is None else state.step,
             unit_volume=law.unit_volume, remaining=None if breaking is None else law.intact, released=released,
-            bond_force=self.bond_force, force=force,
+            bond_force=self.bond_force, force=force, span=None if self.listed else Span(together, MAX_BLOCKS),
         )  # fmt: skip
         steps = law.families.steps
         gather = gather_reverse_bonds(

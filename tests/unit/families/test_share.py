@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from shared_scenes import SIZE, scene, sheet_of
+from shared_scenes import SIZE, composed, scene, sheet_of
 
 from warp_pd import InputError, Sheet
 from warp_pd.families import build_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
+from warp_pd.shapes import rectangles
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
@@ -86,3 +87,29 @@ def test_an_outline_is_divided_between_its_rows():
         rows = sheet.grid[on, 1]
         assert not set(rows[own]) & set(rows[~own])
         assert len(share.points) < 1.5 * sheet.size / 3
+
+
+@pytest.mark.parametrize("rank", range(3))
+def test_a_lattice_on_demand_is_divided_like_a_stored_one(rank, monkeypatch):
+    stored = sheet_of("loads", 33)
+    monkeypatch.setattr(rectangles, "STORED_POINTS", 0)
+    computed = sheet_of("loads", 33)
+    assert not isinstance(computed.stored("points"), np.ndarray)
+    one, other = (divided(sheet, 2.015, rank, 3) for sheet in (stored, computed))
+    np.testing.assert_array_equal(one.faces, other.faces)
+    parts = part_of_sheet(stored, one), part_of_sheet(computed, other)
+    for name in ("points", "areas", "triangles"):
+        assert getattr(parts[0], name).dtype == getattr(parts[1], name).dtype
+        np.testing.assert_array_equal(*(getattr(part, name) for part in parts))
+
+
+def test_noise_of_some_points_is_that_of_all():
+    """Each process draws its own, and its generator goes on like that of one process."""
+    made = scene("cloud")
+    alone, several = made.build(device="cpu"), [composed(made, rank, 2) for rank in range(2)]
+    for _ in range(2):
+        whole = alone.solver.stable_step._noise_at(None)
+        for built in several:
+            points, step = built.context.share.points, built.solver.stable_step
+            np.testing.assert_array_equal(step._noise_at(points), whole[points])
+            assert step.host_state() == alone.solver.stable_step.host_state()
