@@ -14,17 +14,6 @@ import warp as wp
 
 from .effects import Effects
 
-# Number of arrays of which a launch on few points may touch the entries of its point early.
-EARLY = 16
-Addresses = wp.types.vector(length=EARLY, dtype=wp.uint64)
-Strides = wp.types.vector(length=EARLY, dtype=wp.int32)
-
-_TOUCH = """
-#if defined(__CUDA_ARCH__)
-    asm volatile("prefetch.global.L1 [%0];" :: "l"(address));
-#endif
-"""
-
 
 @dataclass(frozen=True)
 class Pointwise:
@@ -100,40 +89,16 @@ def spread_points(stage: Pointwise, run: int, module: str) -> wp.Kernel:
     return spread_points
 
 
-@wp.func_native(_TOUCH)
-def touch(address: wp.uint64):
-    """Start to read the number at an address into the first-level cache of a GPU."""
-    ...
-
-
 @functools.cache
-def few_points(stage: Pointwise, launch_bounds: tuple[int, int], module: str) -> wp.Kernel:
-    """The same as `every_point` with one point a thread, on sheets that do not fill a GPU, where all wait for memory.
+def every_point(stage: Pointwise, run: int, module: str, launch_bounds: tuple[int, int] | None = None) -> wp.Kernel:
+    """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them.
 
-    A thread first touches what it is going to read at `addresses`, each a multiple of a stride further for each point.
-    Stages store between their loads, and the compiler, which does not know that these are different arrays, keeps the
-    order: one would wait after the other. The launch bounds, maximum threads per block and minimum blocks per
-    multiprocessor, allow more registers than the compiler would take, so that more loads are under way.
+    Without launch bounds the compiler takes few registers, so that many threads fit a multiprocessor, and a thread then
+    has few loads under way. Bounds (maximum threads per block, minimum blocks per multiprocessor) allow more.
     """
     Arguments, function = stage.arguments, stage.function
 
     @wp.kernel(module=module, enable_backward=False, launch_bounds=launch_bounds)
-    def few_points(arguments: Arguments, addresses: Addresses, strides: Strides, first: int, stop: int):
-        i = first + wp.tid()
-        for slot in range(wp.static(EARLY)):
-            if addresses[slot] != wp.uint64(0):
-                touch(addresses[slot] + wp.uint64(strides[slot]) * wp.uint64(i))
-        function(i, i + 1, arguments)
-
-    return few_points
-
-
-@functools.cache
-def every_point(stage: Pointwise, run: int, module: str) -> wp.Kernel:
-    """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them."""
-    Arguments, function = stage.arguments, stage.function
-
-    @wp.kernel(module=module, enable_backward=False)
     def every_point(arguments: Arguments, first: int, stop: int):
         begin = first + wp.tid() * wp.static(run)
         if wp.static(run == 1):

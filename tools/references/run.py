@@ -35,6 +35,8 @@ from . import membrane_dynamics, membrane_fe, shooting
 FOLDER = ROOT / "tests" / "references"
 STRETCHES = (1.5, 2.0, 2.5, 3.0)
 MESHES = (8, 16, 32)
+# Uniaxial sheets are compressed across: on finer meshes the rim of the hole finds no equilibrium at 2.5 and more.
+COARSE = (2, 4, 8)
 # Polyurea of VE table 2 [Pa]; stretches of the figures 9, 10, 12, 13 and 23 and some between.
 C10, C20, CRACK = 0.1996e6, 0.0170e6, 0.1
 VISCO = {"hole": (1.5, 2.0, 2.5, 3.0, 4.0, 7.0), "crack": (1.5, 2.5, 4.0)}
@@ -70,7 +72,9 @@ def sheets(meshes: Sequence[int]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for defect in membrane_fe.DEFECTS[1:]:
         for mode in membrane_fe.MODES:
-            solved = membrane_fe.converged(defect, mode, meshes, STRETCHES)
+            compressed = mode == "uniaxial"
+            chosen, step = (COARSE, 0.05) if compressed else (meshes, 0.1)
+            solved = membrane_fe.converged(defect, mode, chosen, STRETCHES, step)
             cases = {f"{s:g}": {name: quantity(v) for name, v in names.items()} for s, names in solved.items()}
             found.setdefault(defect, {})[mode] = cases
             for stretch, names in cases.items():
@@ -149,6 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sheet = {
         "side": 2.0 * membrane_fe.HALF, "thickness": membrane_fe.THICKNESS, "mu": membrane_fe.MU,
         "radius": membrane_fe.RADIUS, "crack": membrane_fe.CRACK, "meshes": [*options.meshes],
+        "uniaxial_meshes": COARSE,
     }  # fmt: skip
     if options.only in (None, "stretch"):
         write(options.out / "stretch.json", {"made": made(options.commit), **sheet, **sheets(options.meshes)})

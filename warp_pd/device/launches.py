@@ -15,16 +15,7 @@ import warp as wp
 
 from ..cores import cores
 from ..kernels.effects import Effects, Kernel
-from ..kernels.pointwise import (
-    EARLY,
-    Addresses,
-    Pointwise,
-    Strides,
-    every_point,
-    few_points,
-    in_turn,
-    spread_points,
-)
+from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
 from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
@@ -87,16 +78,6 @@ def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
     return Touched(frozenset(reads), frozenset(gathers), frozenset(writes))
 
 
-def _early(effects: Effects, arguments: Mapping[str, Any], points: int) -> tuple[tuple[int, int], ...]:
-    """Address, and stride from point to point, of arrays that a pointwise stage reads at its own point, or as a whole.
-
-    Tables in structs are left out: what they are read for is not known here.
-    """
-    own = [a for name, a in arrays_in(arguments) if a.ptr and "." not in name and name not in effects.gathers]
-    found = [(int(a.ptr), int(a.strides[0]) if a.ndim == 1 and a.shape[0] >= points else 0) for a in own]
-    return tuple(dict.fromkeys(found))
-
-
 @dataclass(frozen=True)
 class Span:
     """How the blocks of a launch share the points from its argument `start` to `stop` - 1.
@@ -130,7 +111,6 @@ class Launch:
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
-        early: Address, and stride from point to point, of arrays that a pointwise stage reads at its own point.
         span: How blocks share points, where its threads do not stand for points.
     """
 
@@ -147,7 +127,6 @@ class Launch:
     side_stream: bool = False
     alone: bool = False
     beside: bool = False
-    early: tuple[tuple[int, int], ...] = ()
     span: Span | None = None
 
     @property
@@ -176,24 +155,14 @@ class Launch:
         if isinstance(self.source, Pointwise):
             if self.run == SPREAD_RUN:
                 return spread_points(self.source, self.run, self.module)
-            if self.few:
-                return few_points(self.source, (self.block_dim, FEW_BLOCKS), self.module)
-            return every_point(self.source, self.run, self.module)
+            few = self.run == 1 and self.threads <= FEW_POINTS
+            return every_point(self.source, self.run, self.module, (self.block_dim, FEW_BLOCKS) if few else None)
         return self.source.kernel
-
-    @property
-    def few(self) -> bool:
-        """Whether it is a pointwise stage on so few points that they do not fill a GPU."""
-        return self.run == 1 and self.threads <= FEW_POINTS
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
         """Number of threads, and arguments in the kernel's order, for threads or points begin to end - 1."""
         places = {"first": begin, "stop": end} if self.run else {"first": begin}
         values = {**self.arguments, **places}
-        if self.few:
-            values |= {"addresses": Addresses(), "strides": Strides()}
-            for slot, (address, stride) in enumerate(self.early[:EARLY]):
-                values["addresses"][slot], values["strides"][slot] = address, stride
         return -(-(end - begin) // (self.run or 1)), [values[a.label] for a in self.kernel.adj.args]
 
 
@@ -301,7 +270,7 @@ class Stage:
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone, early=_early(part.effects, arguments, begin + threads),
+            begin, self.module, run, alone=alone,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
@@ -360,5 +329,5 @@ def _joined(first: Item, second: Item) -> Launch | None:
     owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))
     return replace(
         first, name=part.name, owner=owner, source=part, arguments={"arguments": both},
-        touched=first.touched | second.touched, early=tuple(dict.fromkeys([*first.early, *second.early])),
+        touched=first.touched | second.touched,
     )  # fmt: skip

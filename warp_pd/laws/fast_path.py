@@ -36,7 +36,8 @@ MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
-MAX_BLOCKS = 8192
+# With a list most blocks would find nothing, and starting them takes time.
+MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
 # Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
 RING = 2**20
 # Number of bonds up to which all families of a sheet use the second kernel.
@@ -234,7 +235,7 @@ class FastPath:
         layout, bits, material, broken, _ = law.key
         members = law.families.members
         together, sharing = families_together(members), threads_of_family(members)
-        blocks = min(-(-(strip.end - strip.begin) // together), MAX_BLOCKS)
+        blocks = min(-(-(strip.end - strip.begin) // together), MAX_LISTED_BLOCKS if self.listed else MAX_BLOCKS)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
             self.listed, w.module, self.shared_module,
