@@ -58,6 +58,12 @@ class Share:
         return int(self.bounds[self.rank + 1] - self.bounds[self.rank])
 
     @functools.cached_property
+    def whole_families(self) -> slice:
+        """From the first to the last point here whose family is whole."""
+        near = np.flatnonzero(self.near)
+        return slice(int(near[0]), int(near[-1]) + 1)
+
+    @functools.cached_property
     def _order(self) -> np.ndarray:
         """Points here by their index in the whole sheet."""
         return np.argsort(self.points, kind="stable")
@@ -141,7 +147,8 @@ def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
     """What a process holds of a cloud or a grid with holes: points that are near each other, whatever their order.
 
-    Own points come first here, of a cloud the inner ones before those near the border.
+    Own points come first here. Of a cloud the inner ones come before those near the border, and whole families before
+    empty ones.
     """
     cloud, processes = sheet.layout == "cloud", len(bounds) - 1
     owners = bisected(sheet.points, processes) if cloud else banded(sheet.points, processes, sheet.spacing)
@@ -155,6 +162,7 @@ def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> S
     apart = _apart(sheet, horizon, own, halo)
     if cloud:
         own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]
+        halo = np.concatenate([halo[near[halo]], halo[~near[halo]]])
     points = np.concatenate([own, halo])
     return Share(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
 
