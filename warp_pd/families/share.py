@@ -130,18 +130,21 @@ def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
     """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
     triangles, lattice = sheet.stored("triangles"), sheet.lattice
     assert lattice is not None
-    first, last = 0, len(triangles)
+    number = len(triangles)
+    first, last = (0, 0), (0, number)
     if isinstance(triangles, OnDemand):
-        # Two for each cell; a cell has the number of its lowest corner, but for one less in each row before.
+        # Two for each cell, row by row, some of which cuts may have taken: those between belong to this process.
         row = 2 * (lattice.columns - 1)
-        lost = row * (lattice.rows - 1) - last
-        first = max(row * (begin // lattice.columns) - lost, 0)
-        last = min(row * (end // lattice.columns + 1), last)
-    found = []
-    for start in range(first, last, CHUNK):
-        lowest = triangles[np.arange(start, min(start + CHUNK, last))].min(axis=1)
-        found.append(start + np.flatnonzero((lowest >= begin) & (lowest < end)))
-    return np.concatenate(found) if found else np.zeros(0, np.int64)
+        lost = row * (lattice.rows - 1) - number
+        low, high = row * (begin // lattice.columns), row * (end // lattice.columns)
+        first = max(low - lost, 0), min(low + row, number)
+        last = min(max(high - lost, first[1]), number), min(high + row, number)
+    found = [np.arange(first[1], last[0])] if first[1] else []
+    for start, stop in (first, last):
+        for at in range(start, stop, CHUNK):
+            lowest = triangles[np.arange(at, min(at + CHUNK, stop))].min(axis=1)
+            found.append(at + np.flatnonzero((lowest >= begin) & (lowest < end)))
+    return np.sort(np.concatenate(found), kind="stable") if found else np.zeros(0, np.int64)
 
 
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
