@@ -12,10 +12,9 @@ from shared_scenes import SCENES, arrays_of, scene, started
 pytest.importorskip("torch.distributed")
 
 FILE = Path(shared_scenes.__file__)
-# One GPU breaks bonds in the kernel of the force, several in one of their own: the energy of what broke, a difference of
-# energies of families, has other round-off.
+# One GPU breaks bonds in the kernel of the force, several in one of their own: the energy of what broke, a difference
+# of energies of families, has other round-off.
 ROUNDED = {32: 1e-4, 64: 1e-9}
-OF_ENERGY = ("rupture", "balance_error")
 
 
 def close(one, other, precision):
@@ -35,11 +34,12 @@ def differences(folder, other, precision):
         if (folder / name).exists():
             rows, other_rows = (list(csv.DictReader((place / name).open())) for place in (folder, other))
             assert len(rows) == len(other_rows) and rows[0].keys() == other_rows[0].keys()
-            scale = max(abs(float(row["external"])) for row in rows) or 1.0
+            work = max(abs(float(row["external"])) for row in rows)
+            largest = {"rupture": work, "balance_error": 1.0}
             for column in rows[0]:
                 pair = [[row[column] for row in table] for table in (rows, other_rows)]
-                rounded = column in OF_ENERGY and np.allclose(
-                    *(np.asarray(values, float) for values in pair), rtol=0.0, atol=ROUNDED[precision] * max(scale, 1.0)
+                rounded = column in largest and np.allclose(
+                    *(np.asarray(values, float) for values in pair), rtol=0.0, atol=ROUNDED[precision] * largest[column]
                 )
                 found += [f"{name}: {column}"] * (pair[0] != pair[1] and not rounded)
     return found + ["frames"] * (size != other_size)
