@@ -123,7 +123,7 @@ class BuiltLaw(BuiltPart, Protocol):
         breaks_at_rest: Whether bonds of a sheet in static equilibrium may break under Newton's method.
         coarsens: Whether there is a law on coarser sheets.
         slack_frequency: Bound on the frequencies of the fictitious mass in any state, for a law that is stiffer in
-            other states than in the present one, because parts of the sheet are slack; None for others.
+            other states than in the present one, as bonds of two moduli are; None for others.
     """
 
     weights: str

@@ -108,8 +108,8 @@ class BondBasedForce(FamilyLaw):
         breakable = context.features.breakable
         self.kernels = bond_based(context.layout, context.bits, law.material.pairwise, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy
-        # Gershgorin's bound: the fictitious mass is twice the row sum of the taut bonds' stiffness.
-        self.slack_frequency = 1.0 if capabilities(law.material).goes_slack else None
+        # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
+        self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
         self.once: tuple[Kernel, Kernel] | None = None
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
         if law.fast and context.layout == "lattice" and not context.device.is_cuda:
