@@ -92,41 +92,39 @@ def block_functions(
     ):
         """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
 
-        Last, whether it breaks now; it then is not intact. On a curved sheet U_k is in the frame of the point.
+        Then whether it breaks now; it then is not intact. Last, undamaged K_ik^-1 and W_ik. On a curved sheet U_k is in
+        the frame of the point. There are no branches, so that no load waits for another one without need: what is read
+        of a member that is not there does not count.
         """
-        intact_here = bool(False)
+        member = wp.min(k, wp.static(n - 1))
+        row = i
+        if wp.static(by_row):
+            row = family.family_class[i]
+        m = wp.clamp(f.neighbour(family, i, member), 0, displacement.shape[0] - 1)
+        moment = moments[member, row]
+        stretch = f.to_frame(family, i, inverse_horizon * (displacement[m] - displacement[i]))
+        inverse = f.shape(family, i, member)
+        weight = f.weight(family, i, member)
+        intact_here = here and k < wp.static(n) and is_intact(family, intact, i, member)
         breaks_here = bool(False)
-        stretch = vec3(real(0.0), real(0.0), real(0.0))
-        moment = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(breaks):
+            over = exceeds(family, displacement, criterion, horizon, i, member, m)
+            if wp.static(spared):
+                over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
+            breaks_here = over and intact_here and breaks_now != 0
+            intact_here = intact_here and not breaks_here
+        if wp.static(gradual):
+            share = f.share(family, i, member)
+            moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
+        none = vec3(real(0.0), real(0.0), real(0.0))
+        moment = wp.where(intact_here, moment, none)
+        stretch = wp.where(intact_here, stretch, none)
         common = Words()
-        if here and k < wp.static(n):
-            intact_here = is_intact(family, intact, i, k)
-            if wp.static(breaks):
-                if intact_here and breaks_now != 0:
-                    m = f.neighbour(family, i, k)
-                    breaks_here = exceeds(family, displacement, criterion, horizon, i, k, m)
-                    if wp.static(spared):
-                        if spared_mask[i] != wp.uint8(0) or spared_mask[m] != wp.uint8(0):
-                            breaks_here = False
-                    if breaks_here:
-                        intact_here = False
-            if intact_here:
-                row = i
-                if wp.static(by_row):
-                    row = family.family_class[i]
-                moment = moments[k, row]
-                if wp.static(gradual):
-                    share = f.share(family, i, k)
-                    moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
-                stretch = f.to_frame(
-                    family, i, inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
-                )
-                for word in range(wp.static(words)):
-                    common[word] = f.common(family, i, k, wp.static(word)) & intact_members(
-                        family, intact, i, wp.static(word)
-                    )
+        for word in range(wp.static(words)):
+            together = f.common(family, i, member, wp.static(word)) & intact_members(family, intact, i, wp.static(word))
+            common[word] = wp.where(intact_here, together, wp.uint32(0))
         exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
-        return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here
+        return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here, inverse, weight
 
     @wp.func(module=fast_module)
     def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
@@ -211,6 +209,8 @@ def block_functions(
         k: int,
         intact_here: bool,
         undamaged: bool,
+        inverse: vec3,
+        table_weight: real,
         shape: vec3,
         size: real,
         rises: vec2,
@@ -225,7 +225,6 @@ def block_functions(
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
         if intact_here:
-            inverse = f.shape(family, i, k)
             tilt = f.tilt(family, i, k)
             if wp.static(damaged):
                 if not undamaged:
@@ -244,7 +243,9 @@ def block_functions(
                 if wp.static(curved):
                     H1, H2 = level(H1, H2, tilt)
                 S, _guess = stress_near(green(H1, H2, tilt), constants, real(0.0))
-                weight = area_weight(family, i, k, undamaged, size)
+                weight = table_weight
+                if wp.static(damaged and not by_missing):
+                    weight = area_weight(family, i, k, undamaged, size)
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
         return A1, A2, weight
 

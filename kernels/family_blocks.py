@@ -28,7 +28,7 @@ from .rupture import Breaking
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
-MAX_THREADS = 128
+MAX_THREADS, WARP = 128, 32
 RESIDENT_THREADS = {32: 896, 64: 448}
 
 
@@ -38,8 +38,10 @@ def threads_of_family(members: int) -> int:
 
 
 def families_together(members: int) -> int:
-    """Number of families that share a block, a power of two."""
-    return 1 << ((MAX_THREADS // threads_of_family(members)).bit_length() - 1)
+    """Number of families that share a block, a power of two; twice as many if that leaves less of a warp idle."""
+    threads = threads_of_family(members)
+    together = 1 << ((MAX_THREADS // threads).bit_length() - 1)
+    return 2 * together if threads * together % WARP else together
 
 
 @functools.cache
@@ -78,7 +80,7 @@ def block_force(
     f = family_functions(layout, bits, module)
     Family = f.struct
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    is_undamaged, family_scale = law.is_undamaged, law.family_scale
+    family_scale = law.family_scale
     damaged, redistribute, curved = breakable is not None, breakable == "redistribute", is_curved(layout)
     n, half, word_size, words = members, threads_of_family(members), WORD, -(-members // WORD)
     together = families_together(n)
@@ -136,8 +138,11 @@ def block_force(
             i = start + wp.min(place, count - 1)
             if wp.static(listed):
                 i = others[wp.min(place, count - 1)]
-            undamaged = is_undamaged(family, intact, i)
-            intact_here, u, m, common, breaks_here = arrive(
+            undamaged = bool(True)
+            if wp.static(damaged):
+                for word in range(wp.static(words)):
+                    undamaged = undamaged and intact[word, i] == f.initial(family, i, word)
+            intact_here, u, m, common, breaks_here, inverse, weight = arrive(
                 family,
                 intact,
                 moments,
@@ -151,7 +156,7 @@ def block_force(
                 k,
                 here,
             )
-            far_intact_here, far_u, far_m, far_common, far_breaks_here = arrive(
+            far_intact_here, far_u, far_m, far_common, far_breaks_here, far_inverse, far_weight = arrive(
                 family,
                 intact,
                 moments,
@@ -188,11 +193,6 @@ def block_force(
                     for word in range(wp.static(words)):
                         common[word] = common[word] & ~gone[word]
                         far_common[word] = far_common[word] & ~gone[word]
-                    if k == 0 and here:
-                        break_family(
-                            family, intact, displacement, velocity, step, constants, inverse_horizon, unit_volume, i,
-                            gone, remaining, released,
-                        )  # fmt: skip
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
             far_G1 = vec3(real(0.0), real(0.0), real(0.0))
@@ -253,10 +253,13 @@ def block_force(
                                     far_shape += part
                                     far_size += area
                                     far_rises += moment
-            A1, A2, weight = answer(family, constants, i, k, intact_here, undamaged, shape, size, rises, G1, G2)
-            far_A1, far_A2, far_weight = answer(
-                family, constants, i, far_k, far_intact_here, undamaged, far_shape, far_size, far_rises, far_G1, far_G2
+            A1, A2, weight = answer(
+                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, size, rises, G1, G2
             )
+            far_A1, far_A2, far_weight = answer(
+                family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape, far_size,
+                far_rises, far_G1, far_G2,
+            )  # fmt: skip
             firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
             far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
             seconds = wp.tile(vec2(A2[1], A2[2]), preserve_type=True)
@@ -301,6 +304,13 @@ def block_force(
                     for other in range(half):
                         total_pull += pulls[other * together + slot]
                     force[i] = total_pull
+            if wp.static(breaks):
+                # Last, when no registers are needed for anything else.
+                if any_gone != wp.uint32(0) and k == 0 and here:
+                    break_family(
+                        family, intact, displacement, velocity, step, constants, inverse_horizon, unit_volume, i,
+                        gone, remaining, released,
+                    )  # fmt: skip
             block += blocks
 
     return family_block_force

@@ -132,7 +132,7 @@ class Membrane:
     @cached_property
     def shapes(self) -> Array:
         """Shape functions at the points of integration, (elements, points, nodes of one)."""
-        values = [np.broadcast_to(np.asarray(b[0].value), self.weights.shape) for b in self.basis.basis]
+        values = [np.broadcast_to(np.asarray(b[0]), self.weights.shape) for b in self.basis.basis]
         return np.ascontiguousarray(np.stack(values, axis=-1))
 
     @cached_property

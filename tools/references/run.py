@@ -3,6 +3,7 @@
     python tools/references                            # all; the sheets take some minutes
     python tools/references --only disc
     python tools/references --meshes 4 8 16 --out FOLDER
+    python tools/references --only lifted --cells 200 --out tests/physics/references/data    # half an hour
 
 scikit-fem is needed: `pip install -e .[references]`. Other solvers than ours, so that a test can tell an error of the
 law from an error of the reference:
@@ -12,6 +13,7 @@ law from an error of the reference:
   and `opening_y` in m: how far the rim of the hole, or the middle and the tip of the crack, move from the centre.
   `visco.json`, the clamped sheets of Yeoh's material in scenes `visco_hole` and `visco_crack`, likewise.
 - shooting.py: `disc.json`, the inflated circular membrane. Tests may also call its functions.
+- membrane_dynamics.py: `out_of_plane.npz`, fields of the lifted sheet of NN 6.2, only where it is asked for.
 """
 
 from __future__ import annotations
@@ -25,9 +27,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from study import ROOT, at_least_one, current_commit, study_parser
 
-from . import membrane_fe, shooting
+from . import membrane_dynamics, membrane_fe, shooting
 
 FOLDER = ROOT / "tests" / "references"
 STRETCHES = (1.5, 2.0, 2.5, 3.0)
@@ -42,6 +45,8 @@ MATERIALS = {
     "Mooney-Rivlin": shooting.Material(share=0.1),
     "Gent": shooting.Material(limit=30.0),
 }
+# When fields of the lifted sheet are kept [s], and the elements along a side between whose nodes they are.
+SHOWN, KEPT = (1.5, 2.5, 3.5, 4.5), 50
 CENTRES = (1.01, 1.05, 1.1, 1.2, 1.3, 1.5, 1.7, 2.0, 2.5, 3.0, 4.0)
 
 
@@ -112,16 +117,29 @@ def numbers(disc: shooting.Disc) -> dict[str, float]:
     return {name: getattr(disc, name) for name in ("pressure", "stretch", "deflection", "volume", "energy")}
 
 
+def lifted(cells: int) -> dict[str, Any]:
+    """Displacements of the lifted sheet [m], (3, along x, along y), by time; those of the relaxed energy too."""
+    found: dict[str, Any] = {"x": np.linspace(0.0, membrane_dynamics.SIDE, KEPT + 1)}
+    for name, relaxed in (("", False), ("relaxed_", True)):
+        fields = membrane_dynamics.snapshots(membrane_dynamics.lifted(cells, relaxed), SHOWN)
+        every, found[f"{name}cells"] = cells // KEPT, cells
+        found |= {f"{name}u_t{t:g}": u[:, ::every, ::every].astype("f4") for t, u in zip(SHOWN, fields, strict=True)}
+    return found
+
+
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = study_parser(__doc__, commit=None)
-    parser.add_argument("--only", choices=("stretch", "visco", "disc"), help="solve only these")
+    parser.add_argument("--only", choices=("stretch", "visco", "disc", "lifted"), help="solve only these")
     parser.add_argument("--meshes", type=at_least_one, nargs="+", default=MESHES, help="cells; each twice the last")
+    parser.add_argument("--cells", type=at_least_one, default=200, help="of the lifted sheet along a side")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the numbers")
     options = parser.parse_args(arguments)
     doubled = all(b == 2 * a for a, b in zip(options.meshes, options.meshes[1:], strict=False))
     if len(options.meshes) < 3 or not doubled:
         parser.error("--meshes: expected three or more, each twice the last")
+    if options.cells % KEPT:
+        parser.error(f"--cells: expected a multiple of {KEPT}")
     return options
 
 
@@ -129,6 +147,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Solve and write."""
     options = parsed(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
+    if options.only == "lifted":
+        np.savez_compressed(options.out / "out_of_plane.npz", **lifted(options.cells))
+        return
     sheet = {
         "side": 2.0 * membrane_fe.HALF, "thickness": membrane_fe.THICKNESS, "mu": membrane_fe.MU,
         "radius": membrane_fe.RADIUS, "crack": membrane_fe.CRACK, "meshes": [*options.meshes],

@@ -78,6 +78,21 @@ def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
     return Touched(frozenset(reads), frozenset(gathers), frozenset(writes))
 
 
+@dataclass(frozen=True)
+class Span:
+    """How the blocks of a launch share the points from its argument `start` to `stop` - 1.
+
+    Its argument `blocks` is the number of blocks, each of which goes on until all points are done.
+
+    Attributes:
+        together: Points that a block works on at once.
+        most: Maximum number of blocks.
+    """
+
+    together: int
+    most: int
+
+
 @dataclass(eq=False)
 class Launch:
     """One kernel launch with its arguments.
@@ -96,6 +111,7 @@ class Launch:
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
+        span: How blocks share points, where its threads do not stand for points.
     """
 
     name: str
@@ -111,6 +127,22 @@ class Launch:
     side_stream: bool = False
     alone: bool = False
     beside: bool = False
+    span: Span | None = None
+
+    @property
+    def points(self) -> tuple[int, int]:
+        """The first point that it works on, and the one after the last."""
+        if self.span is None:
+            return self.begin, self.begin + self.threads
+        return self.arguments["start"], self.arguments["stop"]
+
+    def on_points(self, begin: int, end: int) -> Launch:
+        """The same launch on the points begin to end - 1."""
+        if self.span is None:
+            return replace(self, begin=begin, threads=end - begin)
+        blocks = min(-(-(end - begin) // self.span.together), self.span.most)
+        arguments = {**self.arguments, "start": begin, "stop": end, "blocks": blocks}
+        return replace(self, threads=self.threads // self.arguments["blocks"] * blocks, arguments=arguments)
 
     @property
     def parts(self) -> list[str]:
@@ -204,6 +236,7 @@ class Stage:
         begin: int = 0,
         block_dim: int | None = None,
         side_stream: bool = False,
+        span: Span | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -215,7 +248,7 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span,
         )  # fmt: skip
         self.items.append(made)
 

@@ -122,6 +122,8 @@ class BuiltLaw(BuiltPart, Protocol):
         earlier_energy: Warp function of the energy of a family a moment ago, for laws with an energy.
         breaks_at_rest: Whether bonds of a sheet in static equilibrium may break under Newton's method.
         coarsens: Whether there is a law on coarser sheets.
+        slack_frequency: Bound on the frequencies of the fictitious mass in any state, for a law that is stiffer in
+            other states than in the present one, as bonds of two moduli are; None for others.
     """
 
     weights: str
@@ -137,6 +139,7 @@ class BuiltLaw(BuiltPart, Protocol):
     earlier_energy: wp.Function | None
     breaks_at_rest: bool
     coarsens: bool
+    slack_frequency: float | None
 
     @property
     def strain_energy(self) -> Array | None:

@@ -19,7 +19,7 @@ import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Span, Stage
 from ..interfaces import BondBreaking
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
@@ -36,7 +36,8 @@ MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
-MAX_BLOCKS = 8192
+# With a list most blocks would find nothing, and starting them takes time.
+MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
 # Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
 RING = 2**20
 # Number of bonds up to which all families of a sheet use the second kernel.
@@ -234,7 +235,7 @@ class FastPath:
         layout, bits, material, broken, _ = law.key
         members = law.families.members
         together, sharing = families_together(members), threads_of_family(members)
-        blocks = min(-(-(strip.end - strip.begin) // together), MAX_BLOCKS)
+        blocks = min(-(-(strip.end - strip.begin) // together), MAX_LISTED_BLOCKS if self.listed else MAX_BLOCKS)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
             self.listed, w.module, self.shared_module,
@@ -251,7 +252,7 @@ class FastPath:
             spared_mask=None if breaking is None else breaking.spared,
             velocity=None if released is None else state.velocity, step=None if released is None else state.step,
             unit_volume=law.unit_volume, remaining=None if breaking is None else law.intact, released=released,
-            bond_force=self.bond_force, force=force,
+            bond_force=self.bond_force, force=force, span=None if self.listed else Span(together, MAX_BLOCKS),
         )  # fmt: skip
         steps = law.families.steps
         gather = gather_reverse_bonds(
