@@ -1,6 +1,7 @@
 """Small scenes that one process and several run alike, and the processes that run them.
 
-`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py FOLDER NAME...` runs scenes into FOLDER/NAME.
+`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py DEVICE FOLDER NAME...` runs scenes into
+FOLDER/NAME.
 """
 
 import os
@@ -48,6 +49,7 @@ SCENES = {
     "torn": 32,
     "wide": 32,
     "cloud": 32,
+    "scattered": 64,
     "hole": 32,
     "tube": 32,
     "energy": 32,
@@ -61,6 +63,9 @@ SCENES = {
 def sheet_of(name, points):
     if name == "cloud":
         return Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE)
+    if name == "scattered":
+        places = Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE).points
+        return Sheet.from_points(np.random.default_rng(1).permutation(places), **SIZE)
     if name == "tube":
         return Sheet.tube(0.3, 1.0, points=(40, 22), **SIZE)
     sheet = Sheet.rectangle(1.0, 1.0, points=points, **SIZE)
@@ -105,7 +110,7 @@ def scene(name, points=33, frames=2, duration=DURATION):
         way = BodyPath([0.0, duration], [(0.5, 0.5, 0.16), (0.52, 0.5, 0.0)])
         contact = RigidBody(Sphere(0.15), way, friction=0.3)
     solver = Explicit(duration, frames=frames, damping=2.0, history_every=duration / 9 if name == "cloud" else None)
-    if name == "relaxed":
+    if name in ("relaxed", "scattered"):
         loads = [Fixed(low), Motion(high, [0.0, 1.0], x=[0.0, 0.1], y=0.0, z=0.0)]
         solver = Relaxation(load_steps=1)
     pulled = Measure("pull", "N", lambda built, frame: -built.to_numpy(built.state.force)[high, 0].sum())
@@ -130,6 +135,9 @@ class OneOfMany(Crew):
         names = ", ".join(stored.name for stored in fields)
         return Call(f"exchange {names}", "", 0, lambda: None, None, Touched())
 
+    def bring(self, pairs, share):
+        return Call("bring blocks", "", 0, lambda: None, None, Touched())
+
     def gather_blocks(self, mine, everything, share):
         return Call("gather blocks", "", 0, lambda: None, None, Touched())
 
@@ -146,10 +154,10 @@ def started(processes, *arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=300)
 
 
-def run_all(folder, names):
+def run_all(device, folder, names):
     """Run scenes into a folder of their own each."""
     for name in names:
-        scene(name).run(device="cpu", precision=SCENES[name], out=folder / name, usd=False, overwrite=True)
+        scene(name).run(device=device, precision=SCENES[name], out=folder / name, usd=False, overwrite=True)
 
 
 def arrays_of(folder):
@@ -161,4 +169,4 @@ def arrays_of(folder):
 
 
 if __name__ == "__main__":
-    run_all(Path(sys.argv[1]), sys.argv[2:])
+    run_all(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])

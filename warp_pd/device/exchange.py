@@ -18,6 +18,7 @@ from ..families.share import HALO
 from .context import Context
 from .fields import Stored
 from .launches import Call, Item, Launch, Stage, arrays_in
+from .overlap import has_streams, overlapped
 
 # Launches that work on the own points, or on blocks of them, and those that work on more than a point's own family.
 OWN_BLOCKS, LIST, WHOLE = "block", "list", ("once", "body")
@@ -53,6 +54,17 @@ class Exchanges:
         self._access = {id(launch): self._access_of(launch, written) for launch in launches}
         self._launches = {id(launch): launch for launch in launches}
         self.need = self._needs()
+
+    @property
+    def of_points(self) -> frozenset[int]:
+        """Addresses of the arrays that have an entry for each point."""
+        return frozenset(begin for begin, _, _ in self._places)
+
+    def numbered(self, launch: Launch) -> bool:
+        """Whether the arrays of a launch begin with the first point that is here: none is a view of own points."""
+        touched = launch.touched
+        inside = (touched.reads | touched.gathers | touched.writes) - self.of_points
+        return not self._numbers(inside)
 
     def _numbers(self, addresses: Iterable[int]) -> frozenset[int]:
         """Fields in which these addresses lie: views of own points begin inside their array."""
@@ -143,14 +155,19 @@ def add_exchanges(context: Context) -> None:
     share = context.share
     if share is None:
         return
-    found = Exchanges(context).find()
+    exchanges = Exchanges(context)
+    found = exchanges.find()
     for stage in context.stages.values():
         items: list[Item] = []
+        added: set[int] = set()
         for place, item in enumerate(stage.items):
             if place in found[stage.name]:
                 call: Call = context.crew.exchange(found[stage.name][place], share)
                 items.append(call)
+                added.add(id(call))
             items.append(item)
         if 0 in found[stage.name]:
             stage.wraparound = None
+        if has_streams(context.device):
+            items = overlapped(items, added, share, exchanges.of_points, exchanges.numbered)
         stage.items = items

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from ..cores import available_cores, cores
-from .launches import Call, Item, Launch, Stage, Touched
+from .launches import Call, Item, Launch, Stage
 
 # A launch that takes longer than this on one core of a CPU [s] is split over all; starting them takes a third of it.
 SPLIT_FROM = 1e-4
@@ -119,6 +119,9 @@ def run_once(device: wp.Device, items: Iterable[Item]) -> None:
             device.stream.wait_stream(_side_stream(device.alias))
         if isinstance(item, Launch):
             _launch(item, device)
+        elif device.is_cuda and item.side_stream:
+            with wp.ScopedStream(_side_stream(device.alias)):
+                item.function()
         else:
             item.function()
     if waits[-1]:
@@ -128,14 +131,22 @@ def run_once(device: wp.Device, items: Iterable[Item]) -> None:
 def side_stream_waits(items: Sequence[Item]) -> list[bool]:
     """Whether the main stream waits for the side stream before each item, and at the end: one entry more than items."""
     waits: list[bool] = []
-    parallel: list[Touched] = []
+    parallel: list[Item] = []
     for item in items:
-        waits.append(any(item.touched.must_wait_for(earlier) for earlier in parallel))
+        waits.append(any(_must_wait(item, earlier) for earlier in parallel))
         if waits[-1]:
             parallel = []
         if item.side_stream:
-            parallel.append(item.touched)
+            parallel.append(item)
     return [*waits, bool(parallel)]
+
+
+def _must_wait(item: Item, earlier: Item) -> bool:
+    """Whether an item waits for an earlier one on the side stream."""
+    if item.beside and earlier.beside:
+        # Parts of divided launches touch different points up to the next exchange.
+        return isinstance(item, Call)
+    return item.touched.must_wait_for(earlier.touched)
 
 
 def launch_now(item: Launch, device: wp.Device, **changed: Any) -> None:
@@ -157,5 +168,5 @@ def _launch(item: Launch, device: wp.Device) -> None:
 
 @functools.cache
 def _side_stream(alias: str) -> wp.Stream:
-    """Stream of a GPU for launches that run in parallel with the main stream."""
-    return wp.Stream(alias)
+    """Stream of a GPU for launches that run in parallel with the main stream, and before those that wait there."""
+    return wp.Stream(alias, priority=-1)

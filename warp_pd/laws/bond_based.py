@@ -18,14 +18,16 @@ from ..interfaces import BuiltLaw, Tangent
 from ..kernels.bond_based import bond_based, pull_of_bond
 from ..kernels.bonds_once import bonds_once
 from ..kernels.effects import Kernel
-from ..materials import PairwiseMaterial, check_material
+from ..materials import PairwiseMaterial, capabilities, check_material
 from ..phases import Phase
+from ..sheet import Sheet
 from .bond_based_tangent import BondBasedTangent
 from .family_law import FamilyLaw, whole_sheet
 
 # g of c_i = g E / sum_j |X_ij| V_j (IM eq. 4): 4/(1 - nu) with nu = 1/3 in plane stress, and 2 along a line.
 STIFFNESS = {"plane stress": 6.0, "line": 2.0}
 FIELDS = ("principal_stress", "wrinkle_level")
+MICROMODULI = ("published", "corrected")
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class BondBased:
     two points: forces then come in pairs and have an energy, which Newton's method needs. (The paper writes c
     for a bond without saying whose; its stiffness is symmetric only if both ends have the same.) Under uniform
     isotropic strain the energy is exact at every point, edges included; under other strains it is that of the
-    lattice: see tests/physics/test_bond_based.py.
+    lattice, and the edges are too stiff: see tests/physics/test_bond_based.py. Corrected micro-moduli balance every
+    uniform strain up to the edges of a rectangle: see weights/micromoduli.py.
 
     An undeformed sheet has only in-plane stiffness. Plane problems hold all displacements across the plane:
     `Fixed(range(sheet.size), "z")`.
@@ -45,12 +48,14 @@ class BondBased:
         material: A pairwise material, such as Bimodular.
         horizon: Horizon in spacings of the sheet [-], at least 1.
         state: "plane stress", or "line" for a sheet of one row of points.
+        micromoduli: "published" (IM eq. 4), or "corrected" on an uncut rectangle of one material.
         fast: Whether a CPU computes each bond of a lattice once; False takes the reference kernel.
     """
 
     material: PairwiseMaterial
     horizon: float = 3.0
     state: str = "plane stress"
+    micromoduli: str = "published"
     fast: bool = True
 
     weights: ClassVar[str] = "pairwise"
@@ -61,6 +66,7 @@ class BondBased:
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         one_of("state", self.state, STIFFNESS)
+        one_of("micromoduli", self.micromoduli, MICROMODULI)
         check_material(self.material, "pairwise")
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
@@ -94,11 +100,16 @@ class BondBasedForce(FamilyLaw):
                 f"expected {'line' if line else 'plane stress'!r}"
             )
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
-        weights = families.stiffened(_bond_weights(families, STIFFNESS[law.state]))
+        weights = _bond_weights(families, STIFFNESS[law.state])
+        if law.micromoduli == "corrected":
+            weights = _corrected(families, sheet, weights)
+        weights = families.stiffened(weights)
         super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
         self.kernels = bond_based(context.layout, context.bits, law.material.pairwise, breakable, context.module)
         self.earlier_energy = self.kernels.earlier_energy
+        # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
+        self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
         self.once: tuple[Kernel, Kernel] | None = None
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
         if law.fast and context.layout == "lattice" and not context.device.is_cuda:
@@ -193,3 +204,26 @@ def _bond_weights(families: Families, stiffness: float) -> np.ndarray:
     length = np.where(families.exists, families.lengths, 0.0)
     share = length * families.member_areas
     return np.asarray(0.5 * stiffness * families.areas[:, None] * share / share.sum(axis=1, keepdims=True))
+
+
+def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.ndarray:
+    """Weights of corrected micro-moduli, as `_bond_weights`.
+
+    Raises:
+        InputError: for a sheet that is no uncut rectangle of one material, or has fewer than four rows or columns.
+    """
+    from ..weights import balanced_micromoduli
+
+    lattice = sheet.lattice
+    if lattice is None or sheet.cuts or sheet.stiffness is not None or min(lattice.rows, lattice.columns) < 4:
+        raise InputError(
+            "micromoduli = 'corrected': expected an uncut rectangle of one material, of at least 4 x 4 points"
+        )
+    assert families.steps is not None and families.family_class is not None
+    shape = (lattice.rows, lattice.columns)
+    cell = lattice.dx * lattice.dy / families.reference_area
+    return cell * balanced_micromoduli(
+        published / cell, families.family_class.reshape(shape), sheet.areas.reshape(shape) / (lattice.dx * lattice.dy),
+        offsets=families.steps, reverse=families.reverses, dx=lattice.dx, dy=lattice.dy,
+        stiffness=STIFFNESS["plane stress"],
+    )  # fmt: skip

@@ -91,6 +91,7 @@ class FamilyLaw(BuiltLaw):
     earlier_energy: wp.Function | None = None
     breaks_at_rest: bool = False
     coarsens: bool = False
+    slack_frequency: float | None = None
     depends_on_time: bool = False
     offered_fields: Sequence[str] = ()
     shown_stress: Material | None = None

@@ -44,6 +44,11 @@ class Bimodular:
         return self.compression == 0.0
 
     @property
+    def one_modulus(self) -> bool:
+        """Whether compressed bonds are as stiff as stretched ones."""
+        return self.compression is None or self.compression == self.tension
+
+    @property
     def pairwise(self) -> PairwiseFactory:
         """See `kernels.pairwise.bimodular`."""
         from ..kernels.pairwise import bimodular

@@ -59,6 +59,7 @@ class Capabilities:
         volume: Factory of (G, constants) -> J^2 - 1, for the Cauchy stress.
         wrinkle_width: Factory of the width that decides whether it wrinkles, of a material of tension field theory.
         goes_slack: Whether it carries nothing in compression.
+        one_modulus: Whether a pairwise material is as stiff in compression as in tension.
     """
 
     near: FunctionFactory | None
@@ -72,6 +73,7 @@ class Capabilities:
     volume: FunctionFactory | None
     wrinkle_width: FunctionFactory | None
     goes_slack: bool
+    one_modulus: bool
 
 
 def capabilities(material: Any) -> Capabilities:
@@ -88,6 +90,7 @@ def capabilities(material: Any) -> Capabilities:
         volume=getattr(material, "volume", None),
         wrinkle_width=getattr(material, "wrinkle_width", None),
         goes_slack=getattr(material, "goes_slack", False),
+        one_modulus=getattr(material, "one_modulus", False),
     )
 
 

@@ -44,9 +44,9 @@ class Relaxation:
     that stiff and soft points move at one rate; the damping of every step is critical by Rayleigh's quotient
     (HE eqs. 94 to 97, with the tangent along the motion in place of a diagonal). Where HE take a unit step,
     stable by Gershgorin's bound, the largest frequency is estimated instead, which allows a step almost four
-    times as long (docs/solvers.md). The true mass takes no part: relaxation with it is the special
-    case of equal points. A law without a tangent, a material without `response`, and a sheet with rigid
-    inclusions, whose bodies have true masses, keep it.
+    times as long (docs/solvers.md); bonds of two moduli keep it to that bound. The true mass takes no part:
+    relaxation with it is the special case of equal points. A law without a tangent, a material without
+    `response`, and a sheet with rigid inclusions, whose bodies have true masses, keep it.
 
     With a rupture criterion every load step relaxes, breaks what exceeds it, and relaxes again until nothing breaks.
 
@@ -132,14 +132,13 @@ class BuiltRelaxation(BuiltSolver):
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
             measure_motion, set_damping = adaptive_damping(context.bits, following, context.module)
-            own = context.own
-            stage.launch(
-                OWNER, measure_motion, self._blocks,
-                mass=own(self.inertia()), held_mask=None if state.held_mask is None else own(state.held_mask),
-                velocity=own(state.velocity), force=own(state.force),
-                external=None if state.external is None else own(state.external), block=BLOCK,
-                previous=own(self._previous), sums=self._sums,
-            )  # fmt: skip
+            arrays = {
+                "mass": self.inertia(), "held_mask": state.held_mask, "velocity": state.velocity, "force": state.force,
+                "external": state.external, "previous": self._previous,
+            }  # fmt: skip
+            context.launch_on_blocks(
+                stage, OWNER, measure_motion, arrays, {"sums": self._sums}, ["previous"], block=BLOCK
+            )
             sums = context.all_blocks(stage, self._sums, "motion_sums_of_all", OWNER)
             stage.launch(OWNER, set_damping, 1, sums=sums, step=state.step, damping=state.damping)
 
@@ -174,6 +173,9 @@ class BuiltRelaxation(BuiltSolver):
         """Renew the fictitious mass and set the step; the stable step [s]."""
         self._mass_launches.run()
         omega = self.stable_step.omega(FIRST_ITERATIONS if self._dt == 0.0 else LATER_ITERATIONS)
+        if self._inertia is not self.context.state.mass:
+            # What is slack now may be taut a step later, and the step of the slack sheet then too long.
+            omega = max(omega, self.law.slack_frequency or 0.0)
         stable = 2.0 / omega if omega > 0.0 else math.inf
         self._dt = self.solver.safety * stable if omega > 0.0 else 1.0
         assert self.context.state.step is not None

@@ -45,15 +45,14 @@ class StableStep:
         plus = context.array("force_plus", OWNER, types.vec3, shape=n)
         response = context.array("response", OWNER, types.vec3, shape=n)
         self._earlier = context.array("earlier_direction", OWNER, types.vec3, shape=n)
-        blocks = context.own_blocks
-        sums = context.array("sums", OWNER, wp.float64, shape=(4, blocks), per="block")
+        sums = context.array("sums", OWNER, wp.float64, shape=(4, context.own_blocks), per="block")
         scale = context.array("scale", OWNER, types.real, shape=1, per="once")
         momentum = context.array("momentum", OWNER, types.real, shape=1, per="once")
         reach = context.array(
             "reach", OWNER, types.real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once"
         )  # fmt: skip
         self._squared = context.array("squared_frequency", OWNER, wp.float64, shape=2, per="once")
-        kernels, own = power_iteration(types.bits, context.module), context.own
+        kernels = power_iteration(types.bits, context.module)
         stage = context.stage("estimate", "each iteration of the stable step")
         for sign, force in ((1.0, plus), (-1.0, response)):
             stage.launch(
@@ -62,12 +61,13 @@ class StableStep:
             )  # fmt: skip
             system.law.add_force(stage, trial, force)
             system.external.add_following(stage, trial, force)
-        stage.launch(
-            OWNER, kernels.respond, blocks,
-            mass=own(inertia), held_mask=None if state.held_mask is None else own(state.held_mask), plus=own(plus),
-            reach=reach, direction=own(self.direction), block=BLOCK, response=own(response),
-            sums=sums,
-        )  # fmt: skip
+        arrays = {
+            "mass": inertia, "held_mask": state.held_mask, "plus": plus, "direction": self.direction,
+            "response": response,
+        }  # fmt: skip
+        context.launch_on_blocks(
+            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach, block=BLOCK
+        )
         everything = context.all_blocks(stage, sums, "sums_of_all", OWNER)
         stage.launch(
             OWNER, kernels.summarise, 1, sums=everything, scale=scale, momentum=momentum,
@@ -80,12 +80,24 @@ class StableStep:
 
     def _random(self) -> np.ndarray:
         held, share = self.context.held, self.context.share
-        noise = self._noise.uniform(-1.0, 1.0, (self.context.whole.size, 3))
-        if share is not None:
-            noise = noise[share.points]
+        noise = self._noise_at(None if share is None else share.points)
         for c in range(3):
             noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
         return noise
+
+    def _noise_at(self, points: np.ndarray | None) -> np.ndarray:
+        """Random numbers from -1 to 1 of all points or some, shape (n, 3); those of a point are the same."""
+        size = self.context.whole.size
+        if points is None:
+            return self._noise.uniform(-1.0, 1.0, (size, 3))
+        # The generator takes one step for a number.
+        begin, end = int(points.min()), int(points.max()) + 1
+        steps = self._noise.bit_generator
+        assert isinstance(steps, np.random.PCG64)
+        steps.advance(3 * begin)
+        found = self._noise.uniform(-1.0, 1.0, (end - begin, 3))
+        steps.advance(3 * (size - end))
+        return np.asarray(found[points - begin])
 
     def host_state(self) -> dict[str, Any]:
         """State of the generator of the noise, for a restart."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import hashlib
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,7 @@ from .network import check_network, torch_module
 
 # Bonds that Torch takes at once on a CPU.
 CACHED_ROWS = 8192
+_graphs: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
 class TorchStep:
@@ -89,6 +91,7 @@ def capture(device: wp.Device, warm_up: Callable[[], None], body: Callable[[], N
     wp.synchronize_device(device)
     stream: Any = torch.cuda.Stream(device=wp.device_to_torch(device))
     graph = torch.cuda.CUDAGraph()
+    _graphs.add(graph)
     with wp.ScopedStream(wp.stream_from_torch(stream)), torch.cuda.graph(graph, stream=stream):
         wp.capture_begin(device=device, force_module_load=False, external=True)
         try:
@@ -101,3 +104,9 @@ def capture(device: wp.Device, warm_up: Callable[[], None], body: Callable[[], N
             graph.replay()
 
     return replay
+
+
+def release_graphs() -> None:
+    """Free all graphs that were captured here, at the end of a process."""
+    for graph in list(_graphs):
+        graph.reset()

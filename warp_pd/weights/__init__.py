@@ -36,11 +36,13 @@ from .balance import (
     reached_points,
     rim_vectors,
 )
+from .micromoduli import balanced_micromoduli
 from .rectangle import RectangleWeights, rectangle_corrected
 
 __all__ = [
     "CorrectedWeights",
     "RectangleWeights",
+    "balanced_micromoduli",
     "corrected_weights",
     "edge_vectors",
     "edge_vectors_of",

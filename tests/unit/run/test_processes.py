@@ -18,7 +18,7 @@ pytest.importorskip("torch.distributed")
 
 FILE = Path(shared_scenes.__file__)
 # Processes, and the scenes that so many run: more kinds are in `shared_scenes`.
-RUNS = {2: ("torn", "cloud"), 3: ("loads", "relaxed"), 4: ("torn", "energy")}
+RUNS = {2: ("torn", "cloud"), 3: ("loads", "relaxed", "scattered"), 4: ("torn", "energy")}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def alone(tmp_path_factory):
 
 @pytest.mark.parametrize("processes", RUNS)
 def test_several_processes_leave_the_same_bits(processes, alone, tmp_path):
-    done = started(processes, FILE, tmp_path, *RUNS[processes])
+    done = started(processes, FILE, "cpu", tmp_path, *RUNS[processes])
     assert done.returncode == 0, done.stderr
     for name in RUNS[processes]:
         (arrays, history, size), (others, other_history, other_size) = map(arrays_of, (alone(name), tmp_path / name))
