@@ -122,6 +122,29 @@ def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> Bond
 
 
 @functools.cache
+def pull_of_bond(layout: str, bits: int, pairwise: PairwiseFactory, module: str) -> wp.Function:
+    """Function (constants, W_ik + W_ki, xi, U) -> force of a bond over h a_ref / horizon [Pa]."""
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    bond = bond_functions(layout, bits, False, module)
+    image, growth, Chord = bond.image, bond.growth, bond.chord
+    tension_of, _, _ = pairwise(bits)
+    tiny = TINY
+
+    @wp.func(module=module)
+    def pull(constants: parameters, weight: real, xi: Chord, U: vec3):
+        Y = image(xi, U)
+        length = wp.length(xi)
+        stretched = wp.length(Y)
+        # On a CPU the cost of a bond is its two divisions and two square roots.
+        share = real(1.0) / (length * wp.max(stretched, real(tiny)))
+        s = growth(xi, U) / (length * (length + stretched))
+        return (weight * tension_of(s, constants) * share) * Y
+
+    return pull
+
+
+@functools.cache
 def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, module: str) -> BondBasedKernels:
     """Kernels of the bond-based law.
 
@@ -137,20 +160,14 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
     f = family_functions(layout, bits, module)
     Family = f.struct
     bond = bond_functions(layout, bits, breakable, module)
-    is_intact, strain, image, growth, Chord = bond.is_intact, bond.strain, bond.image, bond.growth, bond.chord
+    is_intact, strain, image, Chord = bond.is_intact, bond.strain, bond.image, bond.chord
     tension_of, slope_of, energy_of = pairwise(bits)
-    tiny = TINY
+
+    pull = pull_of_bond(layout, bits, pairwise, module)
 
     @wp.func(module=module)
     def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
-        Y = image(xi, U)
-        length = wp.length(xi)
-        stretched = wp.length(Y)
-        # On a CPU the cost of a bond is its two divisions and two square roots.
-        share = real(1.0) / (length * wp.max(stretched, real(tiny)))
-        s = growth(xi, U) / (length * (length + stretched))
-        weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
-        return (weight * tension_of(s, constants) * share) * Y
+        return pull(constants, f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k)), xi, U)
 
     @wp.func(module=module)
     def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):

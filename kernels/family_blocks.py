@@ -17,16 +17,18 @@ import functools
 
 import warp as wp
 
+from .bits import bit_in_word
+from .block_functions import block_functions
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
-from .kinematics import kinematics
+from .families import WORD, family_functions, is_curved
 from .numeric import numeric
+from .rupture import Breaking
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
-MAX_THREADS = 128
+MAX_THREADS, WARP = 128, 32
 RESIDENT_THREADS = {32: 896, 64: 448}
 
 
@@ -36,8 +38,10 @@ def threads_of_family(members: int) -> int:
 
 
 def families_together(members: int) -> int:
-    """Number of families that share a block, a power of two."""
-    return 1 << ((MAX_THREADS // threads_of_family(members)).bit_length() - 1)
+    """Number of families that share a block, a power of two; twice as many if that leaves less of a warp idle."""
+    threads = threads_of_family(members)
+    together = 1 << ((MAX_THREADS // threads).bit_length() - 1)
+    return 2 * together if threads * together % WARP else together
 
 
 @functools.cache
@@ -47,6 +51,7 @@ def block_force(
     material: PairFactory,
     near: FunctionFactory,
     breakable: str | None,
+    breaking: Breaking | None,
     members: int,
     listed: bool,
     module: str,
@@ -64,6 +69,7 @@ def block_force(
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
         breakable: None, "redistribute" or "drop".
+        breaking: What breaks bonds before the forces are found, or None. Each family is told by its own bonds alone.
         members: Maximum number of members of a family.
         listed: Whether the points are those on the list `others`, instead of `start` to `stop` - 1.
         module: Name of the Warp module of the law.
@@ -74,99 +80,23 @@ def block_force(
     f = family_functions(layout, bits, module)
     Family = f.struct
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    intact_members, is_undamaged, is_intact = law.intact_members, law.is_undamaged, law.is_intact
-    green, damaged_inverse = law.green, law.damaged_inverse
-    tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
-    area_weight, family_scale = law.area_weight, law.family_scale
-    stress_near, stress_on_members = near(bits), law.stress_on_members
-    damaged, redistribute = breakable is not None, breakable == "redistribute"
-    by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
-    n, half, word_size = members, threads_of_family(members), WORD
+    family_scale = law.family_scale
+    damaged, redistribute, curved = breakable is not None, breakable == "redistribute", is_curved(layout)
+    n, half, word_size, words = members, threads_of_family(members), WORD, -(-members // WORD)
     together = families_together(n)
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
-    words = -(-n // WORD)
-    Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
+    functions = block_functions(layout, bits, material, near, breakable, breaking, members, module, fast_module)
+    Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
+    arrive, answer = functions.arrive, functions.answer
+    missing_shapes, break_family = functions.missing_shapes, functions.break_family
+    breaks = breaking is not None
+    gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
 
-    @wp.func(module=fast_module)
-    def arrive(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        moments: wp.array2d(dtype=vec3),
-        displacement: wp.array(dtype=vec3),
-        inverse_horizon: real,
-        i: int,
-        k: int,
-        here: bool,
-    ):
-        """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
-
-        On a curved sheet U_k is in the frame of the point.
-        """
-        intact_here = bool(False)
-        stretch = vec3(real(0.0), real(0.0), real(0.0))
-        moment = vec3(real(0.0), real(0.0), real(0.0))
-        common = Words()
-        if here and k < wp.static(n):
-            if is_intact(family, intact, i, k):
-                intact_here = True
-                row = i
-                if wp.static(by_row):
-                    row = family.family_class[i]
-                moment = moments[k, row]
-                if wp.static(gradual):
-                    share = f.share(family, i, k)
-                    moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
-                stretch = f.to_frame(
-                    family, i, inverse_horizon * (displacement[f.neighbour(family, i, k)] - displacement[i])
-                )
-                for word in range(wp.static(words)):
-                    common[word] = f.common(family, i, k, wp.static(word)) & intact_members(
-                        family, intact, i, wp.static(word)
-                    )
-        return intact_here, vec4(stretch[0], stretch[1], stretch[2], moment[0]), vec2(moment[1], moment[2]), common
-
-    @wp.func(module=fast_module)
-    def answer(
-        family: Family,
-        constants: parameters,
-        i: int,
-        k: int,
-        intact_here: bool,
-        undamaged: bool,
-        shape: vec3,
-        size: real,
-        rises: vec2,
-        G1: vec3,
-        G2: vec3,
-    ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family."""
-        A1 = vec3(real(0.0), real(0.0), real(0.0))
-        A2 = vec3(real(0.0), real(0.0), real(0.0))
-        weight = real(0.0)
-        if intact_here:
-            inverse = f.shape(family, i, k)
-            tilt = f.tilt(family, i, k)
-            if wp.static(damaged):
-                if not undamaged:
-                    inverse, size = damaged_inverse(shape, inverse, size)
-                    if wp.static(curved):
-                        slope = vec2(
-                            inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
-                        )
-                        tilt = tilt_of(slope)
-            if inverse[0] > real(0.0):
-                H1 = G1 * inverse[0] + G2 * inverse[1]
-                H2 = G1 * inverse[1] + G2 * inverse[2]
-                if wp.static(curved):
-                    H1, H2 = level(H1, H2, tilt)
-                S, _guess = stress_near(green(H1, H2, tilt), constants, real(0.0))
-                weight = area_weight(family, i, k, undamaged, size)
-                A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-        return A1, A2, weight
-
-    @kernel(fast_module, per="list", gathers=("displacement",), launch_bounds=(threads, resident))
+    @kernel(
+        fast_module, per="list", gathers=("displacement", "velocity", *gathered), launch_bounds=(threads, resident)
+    )  # fmt: skip
     def family_block_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -180,7 +110,16 @@ def block_force(
         inverse_horizon: real,
         unit_force: real,
         blocks: int,
+        breaks_now: int,
+        criterion: Constants,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        unit_volume: real,
         first: int,
+        remaining: wp.array2d(dtype=wp.uint32),
+        released: wp.array(dtype=wp.float64),
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
@@ -199,15 +138,61 @@ def block_force(
             i = start + wp.min(place, count - 1)
             if wp.static(listed):
                 i = others[wp.min(place, count - 1)]
-            undamaged = is_undamaged(family, intact, i)
-            intact_here, u, m, common = arrive(family, intact, moments, displacement, inverse_horizon, i, k, here)
-            far_intact_here, far_u, far_m, far_common = arrive(
-                family, intact, moments, displacement, inverse_horizon, i, far_k, here
+            undamaged = bool(True)
+            if wp.static(damaged):
+                for word in range(wp.static(words)):
+                    undamaged = undamaged and intact[word, i] == f.initial(family, i, word)
+            intact_here, u, m, common, breaks_here, inverse, weight = arrive(
+                family,
+                intact,
+                moments,
+                displacement,
+                inverse_horizon,
+                breaks_now,
+                criterion,
+                horizon,
+                spared_mask,
+                i,
+                k,
+                here,
+            )
+            far_intact_here, far_u, far_m, far_common, far_breaks_here, far_inverse, far_weight = arrive(
+                family,
+                intact,
+                moments,
+                displacement,
+                inverse_horizon,
+                breaks_now,
+                criterion,
+                horizon,
+                spared_mask,
+                i,
+                far_k,
+                here,
             )
             stretches = wp.tile(u, preserve_type=True)
             far_stretches = wp.tile(far_u, preserve_type=True)
             arms = wp.tile(m, preserve_type=True)
             far_arms = wp.tile(far_m, preserve_type=True)
+            gone = Words()
+            if wp.static(breaks):
+                gone_here = Words()
+                for word in range(wp.static(words)):
+                    gone_here[word] = wp.where(breaks_here, bit_in_word(k, word), wp.uint32(0)) | wp.where(
+                        far_breaks_here, bit_in_word(far_k, word), wp.uint32(0)
+                    )
+                parts = wp.tile(gone_here, preserve_type=True)
+                any_gone = wp.uint32(0)
+                for other in range(wp.static(half)):
+                    lost_bits = parts[wp.static(other * together) + slot]
+                    for word in range(wp.static(words)):
+                        gone[word] = gone[word] | lost_bits[word]
+                        any_gone = any_gone | lost_bits[word]
+                if any_gone != wp.uint32(0):
+                    undamaged = False
+                    for word in range(wp.static(words)):
+                        common[word] = common[word] & ~gone[word]
+                        far_common[word] = far_common[word] & ~gone[word]
             G1 = vec3(real(0.0), real(0.0), real(0.0))
             G2 = vec3(real(0.0), real(0.0), real(0.0))
             far_G1 = vec3(real(0.0), real(0.0), real(0.0))
@@ -235,40 +220,46 @@ def block_force(
             if wp.static(damaged):
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
-                    for word in range(wp.static(words)):
-                        for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
-                            other = wp.static(word * word_size) + at
-                            x = real(0.0)
-                            arm = vec2(real(0.0), real(0.0))
-                            if other < half:
-                                x = stretches[other * together + slot][3]
-                                arm = arms[other * together + slot]
-                            else:
-                                x = far_stretches[(other - half) * together + slot][3]
-                                arm = far_arms[(other - half) * together + slot]
-                            part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
-                            area = real(0.0)
-                            near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
-                            far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
-                            if wp.static(redistribute):
-                                if (near_bit | far_bit) != wp.uint32(0):
-                                    area = f.area(family, f.neighbour(family, i, other))
-                            moment = vec2(real(0.0), real(0.0))
-                            if wp.static(curved):
-                                if (near_bit | far_bit) != wp.uint32(0):
-                                    moment = f.rise(family, i, other) * vec2(x, arm[0])
-                            if near_bit != wp.uint32(0):
-                                shape += part
-                                size += area
-                                rises += moment
-                            if far_bit != wp.uint32(0):
-                                far_shape += part
-                                far_size += area
-                                far_rises += moment
-            A1, A2, weight = answer(family, constants, i, k, intact_here, undamaged, shape, size, rises, G1, G2)
-            far_A1, far_A2, far_weight = answer(
-                family, constants, i, far_k, far_intact_here, undamaged, far_shape, far_size, far_rises, far_G1, far_G2
+                    if wp.static(by_missing):
+                        shape, far_shape = missing_shapes(family, intact, moments, gone, i, k, far_k)
+                    else:
+                        for word in range(wp.static(words)):
+                            for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
+                                other = wp.static(word * word_size) + at
+                                x = real(0.0)
+                                arm = vec2(real(0.0), real(0.0))
+                                if other < half:
+                                    x = stretches[other * together + slot][3]
+                                    arm = arms[other * together + slot]
+                                else:
+                                    x = far_stretches[(other - half) * together + slot][3]
+                                    arm = far_arms[(other - half) * together + slot]
+                                part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
+                                area = real(0.0)
+                                near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                                far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
+                                if wp.static(redistribute):
+                                    if (near_bit | far_bit) != wp.uint32(0):
+                                        area = f.area(family, f.neighbour(family, i, other))
+                                moment = vec2(real(0.0), real(0.0))
+                                if wp.static(curved):
+                                    if (near_bit | far_bit) != wp.uint32(0):
+                                        moment = f.rise(family, i, other) * vec2(x, arm[0])
+                                if near_bit != wp.uint32(0):
+                                    shape += part
+                                    size += area
+                                    rises += moment
+                                if far_bit != wp.uint32(0):
+                                    far_shape += part
+                                    far_size += area
+                                    far_rises += moment
+            A1, A2, weight = answer(
+                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, size, rises, G1, G2
             )
+            far_A1, far_A2, far_weight = answer(
+                family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape, far_size,
+                far_rises, far_G1, far_G2,
+            )  # fmt: skip
             firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
             far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
             seconds = wp.tile(vec2(A2[1], A2[2]), preserve_type=True)
@@ -313,6 +304,13 @@ def block_force(
                     for other in range(half):
                         total_pull += pulls[other * together + slot]
                     force[i] = total_pull
+            if wp.static(breaks):
+                # Last, when no registers are needed for anything else.
+                if any_gone != wp.uint32(0) and k == 0 and here:
+                    break_family(
+                        family, intact, displacement, velocity, step, constants, inverse_horizon, unit_volume, i,
+                        gone, remaining, released,
+                    )  # fmt: skip
             block += blocks
 
     return family_block_force

@@ -21,6 +21,9 @@ It has a pole where a bond is rotated by 90 degrees from the direction given by 
 lambda (and its square), so that the force remains finite and pushes the bond back.
 
 Broken bonds are removed from F and C33 but not from tr K, so that the intact bonds keep their stiffness.
+
+With `corrected` weights, h W_ik 2 / |X| takes the place of h a_i c_k |X| 2 / tr K_i. The published force is that of
+W_ik = a_i c_k |X|^2 / tr K_i, of which a uniform stress is in balance inside a lattice only (warp_pd/weights).
 """
 
 import functools
@@ -64,6 +67,7 @@ def neural(
     bits: int,
     membrane: PairFactory,
     breakable: bool,
+    corrected: bool,
     evaluation: str,
     layers: Layers | None,
     counted: bool,
@@ -77,6 +81,7 @@ def neural(
         bits: 32 or 64.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
         breakable: Whether bonds can break.
+        corrected: Whether the tables hold a corrected weight of each bond, in place of 2 / tr K of each family.
         evaluation: "torch", "fused" or "closed_form".
         layers: Numbers of the network, see `network_function`, for "fused", else None.
         counted: Whether to count the bonds outside a range of stretches.
@@ -88,7 +93,7 @@ def neural(
         types.real, types.vec2, types.vec3, types.parameters, types.mat32, types.parameters,
     )  # fmt: skip
     f = family_functions(layout, bits, module)
-    law = neural_functions(layout, bits, membrane, breakable, module)
+    law = neural_functions(layout, bits, membrane, breakable, corrected, module)
     Family = law.struct
     exact = closed_form(bits, membrane)
 
@@ -153,7 +158,9 @@ def neural(
     ):
         i = wp.tid() + first
         R = frame[i]
-        scale = unit_force * f.area(family, i) * f.weight(family, i, 0)
+        scale = unit_force
+        if not wp.static(corrected):
+            scale = unit_force * f.area(family, i) * f.weight(family, i, 0)
         # A family that determines no frame carries no force.
         if wp.ddot(R, R) == real(0.0):
             scale = real(0.0)

@@ -31,7 +31,7 @@ class NeuralFunctions:
         bond_motion: (x, u, H, D, V) -> stretch and rotation of a bond.
         bond_vectors: (family, displacement, inverse_horizon, i, k) -> direction, relative displacement, weight.
         bond_seen: The same, and the input of a network for the bond.
-        family_scale: (family, V, unit_force, i) -> force per T c_k |X| / horizon.
+        family_scale: (family, V, unit_force, i) -> force per T and weight.
         logarithms: Inputs of the layers from the input of the network.
         pull: (x, u, direction, R, T) -> the pair T in space.
     """
@@ -173,7 +173,9 @@ def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
 
 
 @functools.cache
-def neural_functions(layout: str, bits: int, membrane: PairFactory, breakable: bool, module: str) -> NeuralFunctions:
+def neural_functions(
+    layout: str, bits: int, membrane: PairFactory, breakable: bool, corrected: bool, module: str
+) -> NeuralFunctions:
     """Functions of a configuration; arguments as for `neural`."""
     types = numeric(bits)
     real, vec2, vec3, vec4, mat32, mat22 = (
@@ -186,12 +188,15 @@ def neural_functions(layout: str, bits: int, membrane: PairFactory, breakable: b
 
     @wp.func(module=module)
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, i: int, k: int):
-        """Unit vector of the bond, relative displacement divided by its length, c_k |X| / horizon."""
+        """Unit vector of the bond, relative displacement divided by its length, c_k |X| / horizon or 2 W / |X|."""
         xi = f.bond(family, i, k)
         length = wp.length(xi)
         m = f.neighbour(family, i, k)
         u = (inverse_horizon / length) * (displacement[m] - displacement[i])
-        return xi / length, u, length * f.influence(family, i, k) * f.area(family, m)
+        if wp.static(corrected):
+            return xi / length, u, real(2.0) * f.weight(family, i, k) / length
+        else:
+            return xi / length, u, length * f.influence(family, i, k) * f.area(family, m)
 
     @wp.func(module=module)
     def pull(x: vec2, u: vec3, direction: vec2, R: mat32, T: vec2):
@@ -220,10 +225,13 @@ def neural_functions(layout: str, bits: int, membrane: PairFactory, breakable: b
 
     @wp.func(module=module)
     def family_scale(family: Family, V: mat22, unit_force: real, i: int):
-        """Force per T c_k |X| / horizon; zero for a family that determines no frame."""
+        """Force per T and weight of `bond_vectors`; zero for a family that determines no frame."""
         if V[0, 0] == real(0.0):
             return real(0.0)
-        return unit_force * f.area(family, i) * f.weight(family, i, 0)
+        if wp.static(corrected):
+            return unit_force
+        else:
+            return unit_force * f.area(family, i) * f.weight(family, i, 0)
 
     is_intact = point_family(layout, bits, breakable, module).is_intact
     return NeuralFunctions(

@@ -90,11 +90,15 @@ def spread_points(stage: Pointwise, run: int, module: str) -> wp.Kernel:
 
 
 @functools.cache
-def every_point(stage: Pointwise, run: int, module: str) -> wp.Kernel:
-    """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them."""
+def every_point(stage: Pointwise, run: int, module: str, launch_bounds: tuple[int, int] | None = None) -> wp.Kernel:
+    """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them.
+
+    Without launch bounds the compiler takes few registers, so that many threads fit a multiprocessor, and a thread then
+    has few loads under way. Bounds (maximum threads per block, minimum blocks per multiprocessor) allow more.
+    """
     Arguments, function = stage.arguments, stage.function
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False, launch_bounds=launch_bounds)
     def every_point(arguments: Arguments, first: int, stop: int):
         begin = first + wp.tid() * wp.static(run)
         if wp.static(run == 1):

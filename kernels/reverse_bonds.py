@@ -80,12 +80,16 @@ def gather_reverse_bonds(
                         push += a.bond_force[wp.static(reverses[k]), column]
             if not deep:
                 for k in range(wp.static(n)):
-                    members_here = f.initial(a.family, i, wp.static(k // word_size))
-                    there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
                     if wp.static(lattice):
+                        # A bond across an edge of the lattice leads to a point whose reverse bond is not there either
+                        # and carries zero: no table is needed, for which the loads of all members would have to wait.
+                        shift = wp.static(up[k]) * a.columns + wp.static(right[k])
+                        there = i + shift >= 0 and i + shift < a.force.shape[0]
                         row = wp.static(reverses[k])
-                        column = place + wp.where(there, wp.static(up[k]) * a.columns + wp.static(right[k]), 0)
+                        column = place + wp.where(there, shift, 0)
                     else:
+                        members_here = f.initial(a.family, i, wp.static(k // word_size))
+                        there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
                         row = wp.where(there, f.reverse(a.family, i, wp.static(k)), 0)
                         column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
                     if wp.static(turns_over):

@@ -1,8 +1,11 @@
 """Power iteration for the largest natural frequency, by finite differences of the force.
 
 trial(s) = u + s e v, with e such that the largest component of v moves by `reach`; the stiffness times v is the central
-difference of the force; v <- M^-1 K v. A thread of `respond` sums one block of points, in order, so the sums repeat
-bit for bit.
+difference of the force; v <- M^-1 K v - b v', with v' the direction before and b = (SHARE lambda / 2)^2, lambda the
+estimate so far. What has an eigenvalue of at most SHARE lambda then grows at one rate, and lambda's own direction 1.15
+times as fast as that; without momentum, b = 0, a neighbour at 0.99 lambda falls behind by a hundredth an iteration.
+Source: De Sa, He, Mitliagkas, Re, Xu, "Accelerated stochastic power iteration", AISTATS 2018 (without its sampling). A
+thread of `respond` sums one block of points, in order, so the sums repeat bit for bit.
 """
 
 import functools
@@ -14,6 +17,10 @@ from .effects import Kernel, kernel
 from .integrate import RIGID
 from .numeric import numeric
 
+# Eigenvalues up to this share of the largest found so far are damped alike. A larger one would come nearer to lambda,
+# and more slowly.
+SHARE = 0.99
+
 
 @dataclass(frozen=True)
 class PowerIteration:
@@ -21,9 +28,10 @@ class PowerIteration:
 
     Attributes:
         trial: Displacement plus or minus a small multiple of the direction.
-        respond: Response M^-1 K v, and per block: v M v, v K v, |response|^2 weighted by mass, max |response|.
-        summarise: Squared frequency from the sums of the blocks, and the scale of the next direction.
-        renew: The next direction.
+        respond: Response M^-1 K v, in place of the second force; per block: v M v, v K v, |response|^2 weighted by
+            mass, max |response|.
+        summarise: Squared frequency from the sums of the blocks, the scale of the next direction, and b.
+        renew: The next direction, and the last one in its scale.
     """
 
     trial: Kernel
@@ -38,6 +46,7 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
+    quarter = wp.constant(wp.float64(0.25 * SHARE**2))
 
     @kernel(module)
     def trial(
@@ -56,7 +65,6 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
         mass: wp.array(dtype=real),
         held_mask: wp.array(dtype=wp.uint8),
         plus: wp.array(dtype=vec3),
-        minus: wp.array(dtype=vec3),
         reach: wp.array(dtype=real),
         direction: wp.array(dtype=vec3),
         block: int,
@@ -70,7 +78,7 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
         image = wp.float64(0.0)
         largest = real(0.0)
         for i in range(b * block, wp.min((b + 1) * block, direction.shape[0])):
-            r = (minus[i] - plus[i]) / (real(2.0) * reach[0] * mass[i])
+            r = (response[i] - plus[i]) / (real(2.0) * reach[0] * mass[i])
             if held_mask:
                 for c in range(3):
                     if (wp.int32(held_mask[i]) & ((1 << c) | rigid)) != 0:
@@ -92,6 +100,7 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
         sums: wp.array2d(dtype=wp.float64),
         first: int,
         scale: wp.array(dtype=real),
+        momentum: wp.array(dtype=real),
         squared_frequency: wp.array(dtype=wp.float64),
     ):
         norm = wp.float64(0.0)
@@ -106,15 +115,26 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
         scale[0] = real(0.0)
         if largest > wp.float64(0.0):
             scale[0] = real(wp.float64(1.0) / largest)
+        momentum[0] = real(0.0)
         squared_frequency[0] = wp.float64(0.0)
         squared_frequency[1] = wp.float64(0.0)
         if norm > wp.float64(0.0):
             squared_frequency[0] = product / norm
             squared_frequency[1] = wp.sqrt(image / norm)
+            momentum[0] = real(quarter * image / norm)
 
     @kernel(module)
-    def renew(response: wp.array(dtype=vec3), scale: wp.array(dtype=real), first: int, direction: wp.array(dtype=vec3)):
+    def renew(
+        response: wp.array(dtype=vec3),
+        scale: wp.array(dtype=real),
+        momentum: wp.array(dtype=real),
+        first: int,
+        earlier: wp.array(dtype=vec3),
+        direction: wp.array(dtype=vec3),
+    ):
         i = wp.tid() + first
-        direction[i] = scale[0] * response[i]
+        v = direction[i]
+        direction[i] = scale[0] * (response[i] - momentum[0] * earlier[i])
+        earlier[i] = scale[0] * v
 
     return PowerIteration(trial, respond, summarise, renew)

@@ -2,8 +2,11 @@
 
 They are identical, so all data of their reference configuration are constants in the code. With
     F_ij = I + sum_k U_ik (x) b_jk,    b_jk = c_k K_ij^-1 X_ik,    t_ik = h sum_j W_ij P_ij b_jk
-a member of an intersection costs twelve multiplications and additions. If an intersection contains more than
-half of a large family, the sum runs over the members outside it and is subtracted from the sum over all.
+a member of an intersection costs twelve multiplications and additions. Neighbouring intersections of a large family
+differ in a few members. The kernel therefore goes from bond to bond along a closed path and carries two sums: the
+moments sum c_k U_k (x) X_k over the present intersection, and the sum R of W P K^-1 over all bonds so far. A member
+that leaves gets c_k R X_k, one that enters gets minus that. The sums over an intersection then cost no more than what
+it differs in from the one before.
 
 A rotation by 90 degrees maps the stencil of a square lattice onto itself. The kernel therefore unrolls the bonds of one
 quarter and repeats them four times, each time with displacements and forces in axes rotated by 90 degrees. The family
@@ -22,8 +25,11 @@ from .factories import FunctionFactory
 from .kinematics import kinematics
 from .numeric import numeric
 
-# Above this number of members, sums over the members outside an intersection are faster (measured on an H200).
+# Above this number of members a family is large: sums are then carried from bond to bond.
 LARGE = 16
+# Share of the squared critical stretch from which on the kernel of all others looks whether a bond breaks: it finds the
+# same for both ends.
+NEARLY = 0.9999
 # Maximum number of registers, of 255, that displacements and forces of a family may take together.
 MAX_REGISTERS = 200
 
@@ -36,8 +42,10 @@ class Stencil:
         steps: Lattice steps to each member.
         turns: 4 if a rotation by 90 degrees maps the family onto itself, 2 if only one by 180 degrees does.
         turned: Member onto which that rotation maps each member.
+        bonds: X_ik of each member.
         moments: w_ik X_ik of each member.
-        part: Members of one quarter or half; rotations give all others.
+        part: Members of one quarter or half; rotations give all others. Those of a large family are in the order of a
+            path along which intersections differ little; the rotation of the first one follows the last one.
         inside: Whether each member (second index) belongs to the intersection of each bond of the part.
         inverse: K_ij^-1 (11, 12, 22) of each bond of the part.
         weights: W_ij of each bond of the part.
@@ -46,6 +54,7 @@ class Stencil:
     steps: tuple[tuple[int, int], ...]
     turns: int
     turned: tuple[int, ...]
+    bonds: tuple[tuple[float, float], ...]
     moments: tuple[tuple[float, float], ...]
     part: tuple[int, ...]
     inside: tuple[tuple[bool, ...], ...]
@@ -55,7 +64,13 @@ class Stencil:
 
 @functools.cache
 def undamaged_lattice_force(
-    bits: int, near: FunctionFactory, stencil: Stencil, gridded: bool, breakable: bool, module: str
+    bits: int,
+    near: FunctionFactory,
+    stencil: Stencil,
+    gridded: bool,
+    breakable: bool,
+    breaking: bool,
+    module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
 
@@ -70,6 +85,7 @@ def undamaged_lattice_force(
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
         breakable: Whether families may be damaged; those count as others.
+        breaking: Whether those with a bond whose squared stretch reaches nearly `squared_stretch` count as others, too.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -82,7 +98,17 @@ def undamaged_lattice_force(
     up = [step[1] for step in stencil.steps]
     turned, inside, half = stencil.turned, stencil.inside, stencil.turns == 2
     large = n > LARGE
-    most = [large and 2 * sum(members) > n for members in inside]
+    ahead = [*inside[1:], tuple(inside[0][turned.index(k)] for k in range(n))]
+    enters = [
+        [late and not early for early, late in zip(*pair, strict=True)] for pair in zip(inside, ahead, strict=True)
+    ]
+    leaves = [
+        [early and not late for early, late in zip(*pair, strict=True)] for pair in zip(inside, ahead, strict=True)
+    ]
+    summed = [[not large and here for here in members] for members in inside]
+    x1 = [real(bond[0]) for bond in stencil.bonds]
+    x2 = [real(bond[1]) for bond in stencil.bonds]
+    per_square = [real(1.0 / (x * x + y * y)) for x, y in stencil.bonds]
     c1 = [real(moment[0]) for moment in stencil.moments]
     c2 = [real(moment[1]) for moment in stencil.moments]
     K11, K12, K22 = ([real(K[c]) for K in stencil.inverse] for c in range(3))
@@ -105,11 +131,11 @@ def undamaged_lattice_force(
 
     @wp.func(module=module)
     def turn_moments(first: vec3, second: vec3):
-        """Sums of c_k X_k1 v_k and c_k X_k2 v_k in those axes."""
+        """Sums of c_k X_k1 v_k and c_k X_k2 v_k with X_k in those axes."""
         if wp.static(half):
-            return -turn(first), -turn(second)
+            return -first, -second
         else:
-            return turn(second), -turn(first)
+            return second, -first
 
     @wp.func(module=module)
     def seen(v: vec3, cosine: int, sine: int):
@@ -117,6 +143,15 @@ def undamaged_lattice_force(
         c = real(cosine)
         s = real(sine)
         return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
+
+    @wp.func(module=module)
+    def rotated(displacement: wp.array(dtype=vec3), places: Places, i: int, x: int, y: int, cosine: int, sine: int):
+        """Displacement of the member (x, y) steps away in axes rotated by a multiple of 90 degrees."""
+        across = cosine * x - sine * y
+        if wp.static(gridded):
+            return displacement[places[wp.static(reach) + cosine * y + sine * x, i] + across]
+        else:
+            return displacement[i + (cosine * y + sine * x) * places + across]
 
     @kernel(module, gathers=("displacement",))
     def undamaged_family_force(
@@ -129,6 +164,7 @@ def undamaged_lattice_force(
         constants: parameters,
         inverse_horizon: real,
         unit_force: real,
+        squared_stretch: real,
         first: int,
         others: wp.array(dtype=wp.int32),
         other_count: wp.array(dtype=wp.int32),
@@ -144,11 +180,12 @@ def undamaged_lattice_force(
             others[wp.atomic_add(other_count, 0, 1)] = i
             return
         origin = displacement[i]
+        stretched = real(0.0)
         T = Vectors()
-        U1 = vec3(real(0.0), real(0.0), real(0.0))
-        U2 = vec3(real(0.0), real(0.0), real(0.0))
-        T1 = vec3(real(0.0), real(0.0), real(0.0))
-        T2 = vec3(real(0.0), real(0.0), real(0.0))
+        M1 = vec3(real(0.0), real(0.0), real(0.0))
+        M2 = vec3(real(0.0), real(0.0), real(0.0))
+        R1 = vec3(real(0.0), real(0.0), real(0.0))
+        R2 = vec3(real(0.0), real(0.0), real(0.0))
         if wp.static(held):
             U = Vectors()
         if wp.static(held or large):
@@ -161,11 +198,19 @@ def undamaged_lattice_force(
                     u = inverse_horizon * (displacement[centre + wp.static(right[k])] - origin)
                 else:
                     u = inverse_horizon * (displacement[i + wp.static(up[k]) * places + wp.static(right[k])] - origin)
+                if wp.static(breaking):
+                    x = wp.static(x1[k]) + u[0]
+                    y = wp.static(x2[k]) + u[1]
+                    stretched = wp.max(stretched, wp.static(per_square[k]) * (x * x + y * y + u[2] * u[2]))
                 if wp.static(held):
                     U[k] = u
-                if wp.static(large):
-                    U1 += wp.static(c1[k]) * u
-                    U2 += wp.static(c2[k]) * u
+                if wp.static(large and inside[0][k]):
+                    M1 += wp.static(c1[k]) * u
+                    M2 += wp.static(c2[k]) * u
+        if wp.static(breaking):
+            if stretched > real(wp.static(NEARLY)) * squared_stretch:
+                others[wp.atomic_add(other_count, 0, 1)] = i
+                return
         guess = real(0.0)
         cosine = wp.int32(1)
         sine = wp.int32(0)
@@ -174,51 +219,50 @@ def undamaged_lattice_force(
                 G1 = vec3(real(0.0), real(0.0), real(0.0))
                 G2 = vec3(real(0.0), real(0.0), real(0.0))
                 for k in range(wp.static(n)):
-                    if wp.static(inside[j][k] != most[j]):
+                    if wp.static(summed[j][k]):
                         if wp.static(held):
                             u = U[k]
-                        elif wp.static(gridded):
-                            line = wp.static(reach) + cosine * wp.static(up[k]) + sine * wp.static(right[k])
-                            across = cosine * wp.static(right[k]) - sine * wp.static(up[k])
-                            u = inverse_horizon * (displacement[places[line, i] + across] - origin)
                         else:
-                            ahead = wp.static(up[k]) * places + wp.static(right[k])
-                            aside = wp.static(right[k]) * places - wp.static(up[k])
-                            u = inverse_horizon * (displacement[i + cosine * ahead + sine * aside] - origin)
-                        if wp.static(most[j]):
-                            G1 -= wp.static(c1[k]) * u
-                            G2 -= wp.static(c2[k]) * u
-                        else:
-                            G1 += wp.static(b1[j][k]) * u
-                            G2 += wp.static(b2[j][k]) * u
+                            u = inverse_horizon * (
+                                rotated(displacement, places, i, wp.static(right[k]), wp.static(up[k]), cosine, sine)
+                                - origin
+                            )
+                        G1 += wp.static(b1[j][k]) * u
+                        G2 += wp.static(b2[j][k]) * u
+                if wp.static(large):
+                    G1 = wp.static(K11[j]) * M1 + wp.static(K12[j]) * M2
+                    G2 = wp.static(K12[j]) * M1 + wp.static(K22[j]) * M2
                 if wp.static(not held):
                     G1 = seen(G1, cosine, sine)
                     G2 = seen(G2, cosine, sine)
-                H1 = G1
-                H2 = G2
-                if wp.static(most[j]):
-                    G1 += U1
-                    G2 += U2
-                    H1 = wp.static(K11[j]) * G1 + wp.static(K12[j]) * G2
-                    H2 = wp.static(K12[j]) * G1 + wp.static(K22[j]) * G2
-                S, guess = stress_near(green(H1, H2), constants, guess)
-                F1 = H1 + vec3(real(1.0), real(0.0), real(0.0))
-                F2 = H2 + vec3(real(0.0), real(1.0), real(0.0))
+                S, guess = stress_near(green(G1, G2), constants, guess)
+                F1 = G1 + vec3(real(1.0), real(0.0), real(0.0))
+                F2 = G2 + vec3(real(0.0), real(1.0), real(0.0))
                 W = wp.static(weights[j])
                 P1 = (W * S[0, 0]) * F1 + (W * S[1, 0]) * F2
                 P2 = (W * S[0, 1]) * F1 + (W * S[1, 1]) * F2
-                if wp.static(most[j]):
-                    A1 = wp.static(K11[j]) * P1 + wp.static(K12[j]) * P2
-                    A2 = wp.static(K12[j]) * P1 + wp.static(K22[j]) * P2
-                    T1 += A1
-                    T2 += A2
-                    for k in range(wp.static(n)):
-                        if wp.static(not inside[j][k]):
-                            T[k] = T[k] - (wp.static(c1[k]) * A1 + wp.static(c2[k]) * A2)
-                else:
-                    for k in range(wp.static(n)):
-                        if wp.static(inside[j][k]):
-                            T[k] = T[k] + (wp.static(b1[j][k]) * P1 + wp.static(b2[j][k]) * P2)
+                if wp.static(large):
+                    R1 += wp.static(K11[j]) * P1 + wp.static(K12[j]) * P2
+                    R2 += wp.static(K12[j]) * P1 + wp.static(K22[j]) * P2
+                for k in range(wp.static(n)):
+                    if wp.static(summed[j][k]):
+                        T[k] = (T[k] + wp.static(b1[j][k]) * P1) + wp.static(b2[j][k]) * P2
+                    if wp.static(large and (enters[j][k] or leaves[j][k])):
+                        if wp.static(held):
+                            u = U[k]
+                        else:
+                            u = inverse_horizon * (
+                                rotated(displacement, places, i, wp.static(right[k]), wp.static(up[k]), cosine, sine)
+                                - origin
+                            )
+                        if wp.static(enters[j][k]):
+                            M1 += wp.static(c1[k]) * u
+                            M2 += wp.static(c2[k]) * u
+                            T[k] = (T[k] - wp.static(c1[k]) * R1) - wp.static(c2[k]) * R2
+                        else:
+                            M1 -= wp.static(c1[k]) * u
+                            M2 -= wp.static(c2[k]) * u
+                            T[k] = (T[k] + wp.static(c1[k]) * R1) + wp.static(c2[k]) * R2
             T_seen = Vectors()
             for k in range(wp.static(n)):
                 T_seen[k] = turn(T[wp.static(turned[k])])
@@ -236,14 +280,17 @@ def undamaged_lattice_force(
                     cosine = -sine
                     sine = before
             if wp.static(large):
-                U1, U2 = turn_moments(U1, U2)
-                T1, T2 = turn_moments(T1, T2)
+                if wp.static(held):
+                    M1, M2 = turn_moments(turn(M1), turn(M2))
+                else:
+                    M1, M2 = turn_moments(M1, M2)
+                R1, R2 = turn_moments(turn(R1), turn(R2))
         slot = i % bond_force.shape[1]
         pull = vec3(real(0.0), real(0.0), real(0.0))
         for k in range(wp.static(n)):
             t = T[k]
-            if wp.static(large):
-                t += wp.static(c1[k]) * T1 + wp.static(c2[k]) * T2
+            if wp.static(large and inside[0][k]):
+                t = (t + wp.static(c1[k]) * R1) + wp.static(c2[k]) * R2
             t = unit_force * t
             bond_force[wp.static(k), slot] = t
             pull += t

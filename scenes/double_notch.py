@@ -63,7 +63,7 @@ def build(
         min(positive("duration", duration), finite("slow_to", slow_to)),
     )
     slow = [t for t in np.arange(begin, end, 1e-3).round(9).tolist() if 0.0 < t < duration]
-    times = sorted({*slow, *(duration * np.arange(1, frames + 1) / frames).tolist()})
+    times = sorted({*slow, *(duration * (np.arange(1, frames + 1) / frames)).tolist()})
     middle = 0.5 * height
     sheet = sheet.cut((0.0, middle), (notch, middle)).cut((width - notch, middle), (width, middle))
     top = sheet.where(lambda x, y: y > height - 1e-9)

@@ -9,7 +9,7 @@ the paper, are rigid; edges move as in visco_hole. Without failure, dynamic rela
 (viscous: in time, at `rate`, with exaggerated density).
 Failure: Gc 6.69 N/m and a stretch rate of 1 per microsecond, shown from 150 to 190 microseconds, would mean stretches
 above 150, at 170 times the speed of sound and more. Here it is as in visco_crack, 205 /s or 159.4 /s, and Gc is read as
-6.69 MN/m.
+6.69 MN/m. `wrinkles` is that of visco_crack.
 """
 
 import math
@@ -30,6 +30,7 @@ from warp_pd import (
     Yeoh,
 )
 from warp_pd.checks import InputError, one_of, positive
+from warp_pd.materials import WRINKLES, with_wrinkles
 from warp_pd.measures import time_above
 from warp_pd.parts import stretching_edges
 from warp_pd.solvers import Solver
@@ -53,6 +54,7 @@ def build(
     density: float | None = None,
     tolerance: float | None = None,
     safety: float | None = None,
+    wrinkles: str = "auto",
 ) -> Simulation:
     if stretch is None:
         stretch = 6.0 if failure else 1.2 if viscous and crack else 1.5
@@ -80,15 +82,21 @@ def build(
         sheet = sheet.cut((-0.5 * CRACK, 0.0), (0.5 * CRACK, 0.0))
     for centre in CENTRES:
         sheet = sheet.inclusion(centre, RADIUS)
+    if one_of("wrinkles", wrinkles, ("auto", *WRINKLES)) == "auto":
+        wrinkles = "relaxed" if failure and not published and not viscous else "resolved"
+    if wrinkles == "relaxed" and (published or viscous):
+        raise InputError("wrinkles = 'relaxed': expected 'resolved' with law 'published' or a Prony term")
     if safety is None:
-        safety = 0.02 if failure else 0.5
+        crushed = failure and not published and wrinkles == "resolved"
+        safety = 0.005 if crushed else 0.02 if failure else 0.5
+    material = with_wrinkles(POLYUREA, wrinkles)
     prony = (TERM,) if viscous else ()
     solver: Solver = Relaxation(tolerance=tolerance, load_steps=2, ramp_steps=10 * points)
     if moving:
         damping = 0.0 if failure else 2.0 * rate
         solver = Explicit(duration, frames=40 if failure else 20, damping=damping, safety=safety)
     force = (
-        ViscoBondBased(POLYUREA, horizon, prony=prony) if published else Visco(POLYUREA, horizon=horizon, prony=prony)
+        ViscoBondBased(POLYUREA, horizon, prony=prony) if published else Visco(material, horizon=horizon, prony=prony)
     )  # fmt: skip
     velocity = rate * sheet.points
     for members in sheet.inclusions:

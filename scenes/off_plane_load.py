@@ -11,7 +11,8 @@ the plain ones by 0.89, and A = 1e16 keeps both below 0.04. The corrected weight
 moved by 44 mm; then a corner point leaves by 0.33. At 2.015 spacings they need none at all (0.07, at the start).
 
 The paper does not give its damping (here 200 /s: the published weights blow up with less) or its step; it says that
-a smaller step needs no force.
+with a smaller step the run converges without the force. Here it does so at any stable step, and corners leave by as
+much at an eighth of it. Ten times as fast the end is the same, and corners leave by 0.40 in place of 0.33.
 """
 
 import numpy as np

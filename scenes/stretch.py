@@ -54,14 +54,17 @@ ELEMENTS = {
     "hole": {
         "equibiaxial": {1.5: 202.989e3, 2.0: 301.244e3, 2.5: 383.708e3, 3.0: 462.646e3},
         "planar": {1.5: 176.584e3, 2.0: 282.806e3, 2.5: 371.988e3, 3.0: 455.026e3},
+        "uniaxial": {1.5: 158.435e3, 2.0: 266.067e3, 2.5: 358.133e3, 3.0: 443.769e3},
     },
     "crack": {
         "equibiaxial": {1.5: 224.788e3, 2.0: 328.240e3, 2.5: 416.542e3, 3.0: 501.741e3},
         "planar": {1.5: 194.404e3, 2.0: 309.358e3, 2.5: 405.159e3, 3.0: 494.512e3},
+        "uniaxial": {1.5: 171.207e3, 2.0: 288.238e3, 2.5: 388.196e3, 3.0: 481.055e3},
     },
     "inclusion": {
         "equibiaxial": {1.5: 267.664e3, 2.0: 390.422e3, 2.5: 500.324e3, 3.0: 607.952e3},
         "planar": {1.5: 239.798e3, 2.0: 375.293e3, 2.5: 491.787e3, 3.0: 602.748e3},
+        "uniaxial": {1.5: 214.282e3, 2.0: 355.243e3, 2.5: 476.959e3, 3.0: 591.566e3},
     },
 }
 # The uniaxial sheet without defect in grips that hold its width, likewise.
@@ -136,6 +139,7 @@ def build(
                 even if defect == "none" and grip == "roller" else None,
                 "exact, incompressible neo-Hookean",
             ),
+            *openings(sheet, defect),
         ],
         section="HE 5",
         pictures=pictures,
@@ -143,6 +147,22 @@ def build(
         if mode == "uniaxial" and defect != "none"
         else [],
     )
+
+
+def openings(sheet: Sheet, defect: str) -> list[Measure]:
+    """How far the rim of a hole on the x and the y axis, or a face and the tip of a crack, move from the centre [m].
+
+    On a sheet of cells they are those of the nearest points, up to 0.7 spacings away.
+    """
+    if defect not in ("hole", "crack"):
+        return []
+    side, top = (RADIUS if defect == "hole" else 0.0, 0.0), (0.0, RADIUS if defect == "hole" else 0.5 * CRACK)
+    apart = np.hypot(*(sheet.points - np.array(side)).T)
+    near, tip = np.flatnonzero(apart < apart.min() + 1e-3 * sheet.spacing), sheet.nearest(*top)
+    return [
+        Measure("opening_x", "m", lambda built, frame: frame.displacement[near, 0].max()),
+        Measure("opening_y", "m", lambda built, frame: frame.displacement[tip, 1]),
+    ]
 
 
 def whole_sheet(points: int, horizon: float, mode: str) -> Sheet:

@@ -39,7 +39,7 @@ def build(
     stretch: float = 2.5,
     rate: float = 0.15,
     density: float = 2e6,
-    safety: float | None = None,
+    safety: float = 0.5,
 ) -> Simulation:
     if positive("stretch", stretch) <= 1.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1")

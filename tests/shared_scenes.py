@@ -49,6 +49,7 @@ SCENES = {
     "torn": 32,
     "wide": 32,
     "cloud": 32,
+    "scattered": 64,
     "hole": 32,
     "tube": 32,
     "energy": 32,
@@ -62,6 +63,9 @@ SCENES = {
 def sheet_of(name, points):
     if name == "cloud":
         return Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE)
+    if name == "scattered":
+        places = Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE).points
+        return Sheet.from_points(np.random.default_rng(1).permutation(places), **SIZE)
     if name == "tube":
         return Sheet.tube(0.3, 1.0, points=(40, 22), **SIZE)
     sheet = Sheet.rectangle(1.0, 1.0, points=points, **SIZE)
@@ -106,7 +110,7 @@ def scene(name, points=33, frames=2, duration=DURATION):
         way = BodyPath([0.0, duration], [(0.5, 0.5, 0.16), (0.52, 0.5, 0.0)])
         contact = RigidBody(Sphere(0.15), way, friction=0.3)
     solver = Explicit(duration, frames=frames, damping=2.0, history_every=duration / 9 if name == "cloud" else None)
-    if name == "relaxed":
+    if name in ("relaxed", "scattered"):
         loads = [Fixed(low), Motion(high, [0.0, 1.0], x=[0.0, 0.1], y=0.0, z=0.0)]
         solver = Relaxation(load_steps=1)
     pulled = Measure("pull", "N", lambda built, frame: -built.to_numpy(built.state.force)[high, 0].sum())
@@ -130,6 +134,9 @@ class OneOfMany(Crew):
     def exchange(self, fields, share):
         names = ", ".join(stored.name for stored in fields)
         return Call(f"exchange {names}", "", 0, lambda: None, None, Touched())
+
+    def bring(self, pairs, share):
+        return Call("bring blocks", "", 0, lambda: None, None, Touched())
 
     def gather_blocks(self, mine, everything, share):
         return Call("gather blocks", "", 0, lambda: None, None, Touched())

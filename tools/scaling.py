@@ -2,16 +2,18 @@
 
     python tools/scaling.py --processes 1 2 --points 301 --horizon 2.015 [--weak] [--in-line] [--device cpu]
 
-A square lattice under pressure. With --weak every process has a square of so many points along x; otherwise all share
-one. On GPUs exchanges run beside the interior, with --in-line one after the other; `bits` is the same in all runs of
-one sheet. The page docs/scaling.md has the results.
+A square lattice under pressure, or with --cloud a jittered cloud. With --weak every process has a square of so many
+points along x; otherwise all share one. On GPUs exchanges run beside the interior, with --in-line one after the other;
+`bits` is the same in all runs of one sheet. The page docs/scaling.md has the results.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import hashlib
 import json
+import resource
 import subprocess
 import sys
 from time import perf_counter, process_time
@@ -20,16 +22,18 @@ import warp as wp
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, MooneyRivlin, Pressure, Sheet, Simulation
 from warp_pd.built import compose
+from warp_pd.cores import start_warp
 from warp_pd.device import exchange
 from warp_pd.device.launches import Call
 from warp_pd.run.processes import crew_here, processes_here
 from warp_pd.scene_context import share_of
 
 
-def scene(points: int, rows: int, horizon: float, tears: bool) -> Simulation:
-    """A rectangle of square cells, held at its left edge."""
-    spacing = 1.0 / (points - 1)
-    sheet = Sheet.rectangle(1.0, (rows - 1) * spacing, thickness=1e-3, density=1000.0, points=(points, rows))
+def scene(points: int, rows: int, horizon: float, tears: bool, cloud: bool) -> Simulation:
+    """A rectangle of square cells, held at its left edge, or a jittered cloud."""
+    height = (rows - 1) / (points - 1)
+    made = functools.partial(Sheet.filled, jitter=0.2) if cloud else Sheet.rectangle
+    sheet = made(1.0, height, thickness=1e-3, density=1000.0, points=(points, rows))
     law = BondAssociated(MooneyRivlin(5e4, 0.0), horizon=horizon, weights="plain")
     damage = CriticalStretch(5.0) if tears else None
     return Simulation(sheet, law, Explicit(1.0), loads=[Fixed(sheet.edges("left")), Pressure(1.0)], damage=damage)
@@ -40,15 +44,17 @@ def measure(arguments: argparse.Namespace) -> None:
     if arguments.in_line:
         exchange.has_streams = lambda device: False
     crew, device = crew_here(arguments.device)
+    start_warp()
+    begun = _most_memory()
     many = processes_here()
     rows = (arguments.points - 1) * (many if arguments.weak else 1) + 1
-    made = scene(arguments.points, rows, arguments.horizon, arguments.tears)
+    made = scene(arguments.points, rows, arguments.horizon, arguments.tears, arguments.cloud)
     begin = perf_counter()
     if many > 1:
         crew.divide(crew.together(lambda: share_of(made, crew)))
     built = compose(made, device, crew=crew)
     crew.in_turn(built.context.compile)
-    setup = perf_counter() - begin
+    setup, memory = perf_counter() - begin, _most_memory() - begun
     built.context.run("setup")
     built.solver._set_step(1e-6, 0.0)  # type: ignore[attr-defined]
     steps = built.context.sequence("step", repeat=10)
@@ -77,11 +83,18 @@ def measure(arguments: argparse.Namespace) -> None:
         "bytes": sum(getattr(call.function, "nbytes", 0) for call in calls),
         "own": made.sheet.size if share is None else share.own.stop - share.own.start,
         "here": built.context.sheet.size, "device_bytes": built.context.fields.nbytes,
+        # On a CPU with the arrays of the device.
+        "host_bytes": -crew.least(-memory),
     }  # fmt: skip
     found = crew.lead(lambda: built.to_host(built.state.displacement))
     if found is not None:
         row["bits"] = hashlib.sha1(found.tobytes()).hexdigest()[:12]
         print(json.dumps(row), flush=True)
+
+
+def _most_memory() -> int:
+    """Most memory that this process has had [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def main() -> None:
@@ -95,6 +108,7 @@ def main() -> None:
     parser.add_argument("--weak", action="store_true")
     parser.add_argument("--in-line", action="store_true")
     parser.add_argument("--tears", action="store_true")
+    parser.add_argument("--cloud", action="store_true")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()

@@ -35,6 +35,7 @@ RUNS_OF_VE: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
     ("visco_sheet", "VE 6.5, published law", "", {"law": "published"}),
     ("visco_sheet", "VE 6.5 a hundred times as fast", "", {"rate": 15.0, "density": 1100.0}),
     ("visco_hole", "VE 6.2 hole, stretch 4", "displacement_x.png", {}),
+    ("visco_hole", "VE 6.2 hole, stretch 4, staircase", "", {"rim": "staircase"}),
     ("visco_hole", "VE 6.2 hole, stretch 4, published law", "", {"law": "published"}),
     ("visco_hole", "VE 6.2 hole, stretch 7", "", {"stretch": 7.0, "load_steps": 24}),
     ("visco_hole", "VE 6.6 hole, 0.15 /s to 2.5", "displacement_x.png", {"viscous": True, "stretch": 2.5}),
@@ -45,11 +46,16 @@ RUNS_OF_VE: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
     ("visco_crack", "VE 6.7 crack, 0.15 /s to 2.5", "", {"viscous": True, "stretch": 2.5}),
     ("visco_crack", "VE 6.3 crack that runs, Gc as printed", "", {"failure": True, "energy": 6.69, "law": "published"}),
     ("visco_crack", "VE 6.3 crack that runs, published law", "damage.png", {"failure": True, "law": "published"}),
-    ("visco_crack", "VE 6.3 crack that runs, stress-free law", "", {"failure": True}),
+    ("visco_crack", "VE 6.3 crack that runs, stress-free law", "damage.png", {"failure": True}),
+    (
+        "visco_crack", "VE 6.3 crack that runs, stress-free law that resists compression", "",
+        {"failure": True, "wrinkles": "resolved"},
+    ),
     (
         "visco_crack", "VE 6.7 crack that runs, published law", "damage.png",
         {"failure": True, "viscous": True, "law": "published"},
     ),
+    ("visco_crack", "VE 6.7 crack that runs, stress-free law", "", {"failure": True, "viscous": True}),
     ("metamaterial", "VE 6.4 inclusions, stretch 1.5", "displacement_x.png", {}),
     ("metamaterial", "VE 6.4 inclusions and crack", "displacement_y.png", {"crack": True}),
     ("metamaterial", "VE 6.8 inclusions, 0.15 /s", "", {"viscous": True}),
@@ -57,6 +63,11 @@ RUNS_OF_VE: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
     (
         "metamaterial", "VE 6.4 inclusions and a crack that runs", "damage.png",
         {"crack": True, "failure": True, "law": "published"},
+    ),
+    ("metamaterial", "VE 6.4 inclusions and a crack that runs, stress-free law", "", {"crack": True, "failure": True}),
+    (
+        "metamaterial", "VE 6.8 inclusions and a crack that runs", "damage.png",
+        {"crack": True, "failure": True, "viscous": True, "law": "published"},
     ),
 )  # fmt: skip
 # Points along a side as in the paper, where they are not 100.

@@ -20,10 +20,10 @@ class Region(np.ndarray):
     `np.array(region)`, is never checked.
 
     Attributes:
-        of: Positions of those points [m], shape (N, 2), or None.
+        of: Positions of those points [m], shape (N, 2), or what computes them; or None.
     """
 
-    of: np.ndarray | None
+    of: Any
 
     def __array_finalize__(self, obj: Any) -> None:
         """A view or a copy is of the same points."""
@@ -40,13 +40,13 @@ class Region(np.ndarray):
         same = all(region.of is given[0].of for region in given)
         return region_of(result, given[0].of) if given and same and given[0].of is not None else np.asarray(result)
 
-    def fits(self, points: np.ndarray) -> bool:
+    def fits(self, points: Any) -> bool:
         """Whether it was taken from these points, shape (N, 2), or from the same ones."""
         return self.of is None or self.of is points or bool(np.array_equal(self.of, points))
 
 
-def region_of(indices: np.ndarray, points: np.ndarray) -> Region:
-    """Indices as a region of points, shape (N, 2)."""
+def region_of(indices: np.ndarray, points: Any) -> Region:
+    """Indices as a region of points, shape (N, 2), or of what computes them."""
     region = np.asarray(indices, np.int32).view(Region)
     region.of = points
     return region

@@ -54,7 +54,7 @@ class Sheet(SelectableShape):
         Raises:
             InputError: for a thickness or density that is not above zero.
         """
-        arrays = {each.name: getattr(shape, each.name) for each in fields(shape)}
+        arrays = {each.name: vars(shape)[each.name] for each in fields(shape)}
         return Sheet(**arrays, thickness=positive("thickness", thickness), density=positive("density", density))
 
     @staticmethod

@@ -42,25 +42,28 @@ def test_a_uniform_gradient_is_a_patch_without_inner_forces(defect):
 def test_the_sheet_without_a_defect_is_exact(mode):
     quarter = membrane_fe.Quarter(membrane_fe.grid("none", 2), "none", mode)
     quarter.stretch_to(2.0)
-    third = 0.25 if mode == "equibiaxial" else 0.5
+    third = {"equibiaxial": 0.25, "planar": 0.5, "uniaxial": 0.5**0.5}[mode]
     exact = membrane_fe.MU * 2.0 * membrane_fe.HALF * membrane_fe.THICKNESS * (2.0 - third**2 / 2.0)
     assert quarter.forces()[0] == pytest.approx(exact, rel=1e-10)
 
 
-def test_stress_is_the_derivative_of_the_energy():
+@pytest.mark.parametrize("stiffening", [0.0, 0.085])
+def test_stress_is_the_derivative_of_the_energy(stiffening):
     rng = np.random.default_rng(1)
     at = np.eye(2) + 0.3 * rng.normal(size=(2, 2))
     towards, step = rng.normal(size=(2, 2)), 1e-6
 
     def energy(f):
-        return 0.5 * ((f**2).sum() + np.linalg.det(f) ** -2)
+        first = (f**2).sum() + np.linalg.det(f) ** -2 - 3.0
+        return 0.5 * (first + stiffening * first**2)
 
     slope = (energy(at + step * towards) - energy(at - step * towards)) / (2.0 * step)
-    assert (membrane_fe.stress(at) * towards).sum() == pytest.approx(slope, rel=1e-8)
+    assert (membrane_fe.stress(at, stiffening) * towards).sum() == pytest.approx(slope, rel=1e-8)
 
 
-def test_the_tangent_is_the_derivative_of_the_residual():
-    quarter = membrane_fe.Quarter(membrane_fe.grid("hole", 2), "hole", "planar")
+@pytest.mark.parametrize("stiffening", [0.0, 0.085])
+def test_the_tangent_is_the_derivative_of_the_residual(stiffening):
+    quarter = membrane_fe.Quarter(membrane_fe.grid("hole", 2), "hole", "planar", stiffening=stiffening)
     rng = np.random.default_rng(2)
     at = uniform(quarter, np.array([[0.5, 0.2], [0.0, 0.3]]))
     at += 1e-3 * membrane_fe.RADIUS * rng.normal(size=len(at))
@@ -80,6 +83,15 @@ def test_nodes_of_the_hole_lie_on_its_circle():
     assert np.log2(errors[:2] / errors[1:]) == pytest.approx(4.0, abs=0.2)
 
 
+def test_a_clamped_sheet_of_yeohs_material_is_exact():
+    quarter = membrane_fe.Quarter(membrane_fe.grid("none", 2), "none", "equibiaxial", "clamp", run.C20 / run.C10)
+    quarter.stretch_to(2.0)
+    scale = 2.0 * run.C10 / membrane_fe.MU
+    first = 2.0 * 2.0**2 + 2.0**-4 - 3.0
+    stress = 2.0 * (run.C10 + 2.0 * run.C20 * first) * (2.0 - 2.0**-5)
+    assert scale * quarter.forces()[0] == pytest.approx(stress * 0.5 * 0.01, rel=1e-10)
+
+
 @pytest.mark.parametrize(("defect", "mode"), [("hole", "planar"), ("crack", "planar"), ("inclusion", "equibiaxial")])
 def test_coarse_meshes_find_the_stored_force_within_their_own_estimate(defect, mode):
     solved = membrane_fe.converged(defect, mode, (2, 4, 8), [1.5], step=0.25)
@@ -94,7 +106,7 @@ def test_stored_forces_and_openings_are_converged():
     quantities = [
         (defect, name, q)
         for defect in membrane_fe.DEFECTS[1:]
-        for mode in membrane_fe.MODES
+        for mode in ("equibiaxial", "planar")
         for names in SHEET[defect][mode].values()
         for name, q in names.items()
     ]
@@ -102,6 +114,12 @@ def test_stored_forces_and_openings_are_converged():
     for defect, name, q in quantities:
         # The tip of the crack moves by as little as 0.1 mm.
         assert q["error"] < (1e-6 * q["value"] if name.startswith("force") else 1e-6), (defect, name)
+
+
+def test_stored_forces_of_uniaxial_sheets_are_converged_to_four_digits():
+    forces = [q["force_x"] for d in membrane_fe.DEFECTS[1:] for q in SHEET[d]["uniaxial"].values()]
+    assert len(forces) == 3 * 4
+    assert all(force["error"] < 2e-4 * force["value"] for force in forces)
 
 
 def test_stored_forces_are_those_of_the_older_elements():

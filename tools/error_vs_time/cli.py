@@ -3,6 +3,7 @@
     python tools/error_vs_time                              # this CPU; takes long, see --points
     python tools/error_vs_time --fast                       # a minute: a few small cases
     python tools/error_vs_time --device cuda:0 --scenes pressure tension --repeats 3
+    OMP_NUM_THREADS=1 taskset -c 0 python tools/error_vs_time --cpu-time --scenes pressure --points 13 26 51 101
     python tools/error_vs_time --only-page                  # from the numbers that exist
 
 Time is that of a whole run without files, with set-up and without compilation: the median of repeated runs.
@@ -19,6 +20,7 @@ from pathlib import Path
 
 from study import DOCS, provenance, study_parser, write_page
 
+from warp_pd.cores import available_cores
 from warp_pd.device.context import find_device
 
 from .page import FOLDER, page
@@ -44,6 +46,7 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--limit", type=float, default=120.0, help="seconds that a run may take; finer sheets are left out"
     )
+    parser.add_argument("--cpu-time", action="store_true", help="CPU time on one core, for a machine that others use")
     parser.add_argument("--fast", action="store_true", help="a few small cases")
     parser.add_argument("--numbers", type=Path, default=DOCS / FOLDER, help="folder of the numbers")
     parser.add_argument("--missing", action="store_true", help="run only what the numbers do not have yet")
@@ -54,6 +57,8 @@ def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         options.laws = options.laws or ["published", "corrected", "bond_based"]
     if options.out is None and options.numbers == DOCS / FOLDER:
         options.out = DOCS / f"{FOLDER}.md"
+    if options.cpu_time and available_cores() != 1:
+        parser.error("--cpu-time: start it with OMP_NUM_THREADS=1 taskset -c 0 python tools/error_vs_time --cpu-time")
     return options
 
 

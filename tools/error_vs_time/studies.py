@@ -16,6 +16,8 @@ from .references import Errors, Frames, dynamic_errors, hole_errors, pressure_er
 
 WEIGHTS = ("published", "plain", "corrected")
 STRETCH_LAWS = {"bonds": {"force": "bond_based"}, "bonds refitted": {"force": "bond_based_refitted"}}
+# Finite elements instead of a law: nodes of an element. They have no horizon.
+ELEMENTS = {"membrane_q4": 4, "membrane_q9": 9}
 SOLVERS = {"newton": Newton, "relaxation": Relaxation, "explicit": Explicit}
 
 
@@ -26,8 +28,8 @@ class Configuration:
     Attributes:
         scene: Name of the scene.
         law: Name of the law.
-        horizon: Over the spacing.
-        points: Along a side.
+        horizon: Over the spacing; 0 of finite elements.
+        points: Along a side; nodes of finite elements.
         precision: In bits.
         solver: Name of the solver.
     """
@@ -72,7 +74,7 @@ STUDIES = (
         "Sheet under static follower pressure (BA 6.2): deflection of the centre, and the displacement field. "
         "Reference: Q9 membrane, 1e-6. Nodal correspondence finds no equilibrium because of its zero-energy modes "
         "([neural law](neural-law.md)).",
-        (*WEIGHTS, "closed_form", "bond_based"),
+        (*WEIGHTS, "closed_form", "bond_based", *ELEMENTS),
         ("newton", "relaxation", "explicit"),
         pressure_errors,
     ),
@@ -80,7 +82,7 @@ STUDIES = (
         "tension",
         "Sheet pulled to twice its length (BA 6.1): contraction of the free edge, and the displacement field. "
         "Reference: Q9 membrane, 1e-5.",
-        (*WEIGHTS, "closed_form", "bond_based"),
+        (*WEIGHTS, "closed_form", "bond_based", *ELEMENTS),
         ("newton", "relaxation", "explicit"),
         tension_errors,
     ),
@@ -101,7 +103,7 @@ STUDIES = (
         "edge, and the displacement field. `bonds` and `bonds refitted` are the bond laws made for this mode, with "
         "layers of points outside the sheet. Reference: Q9 membrane, 1e-4. With published weights there was no "
         "equilibrium (26 points: float32 diverged, float64 did not converge in 150 s).",
-        ("plain", "corrected", "bonds", "bonds refitted"),
+        ("plain", "corrected", "bonds", "bonds refitted", *ELEMENTS),
         ("newton", "relaxation"),
         hole_errors,
         {"stretch": 2.0, "defect": "hole"},
@@ -158,7 +160,11 @@ def applies(study: Study, run: Configuration) -> bool:
 
 def configurations(study: Study, horizons: Sequence[float], precisions: Sequence[int]) -> Iterator[Configuration]:
     """All runs of a study, with 0 for the number of points."""
-    for law, solver, precision, horizon in itertools.product(study.laws, study.solvers, precisions, horizons):
+    laws = [law for law in study.laws if law not in ELEMENTS]
+    for law, solver, precision, horizon in itertools.product(laws, study.solvers, precisions, horizons):
         run = Configuration(study.scene, law, horizon, 0, precision, solver)
         if applies(study, run):
             yield run
+    for law in ELEMENTS:
+        if law in study.laws and 64 in precisions:
+            yield Configuration(study.scene, law, 0.0, 0, 64, "newton")

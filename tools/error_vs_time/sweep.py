@@ -7,6 +7,7 @@ import statistics
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from time import process_time
 
 from warp_pd import Frame, InputError
 from warp_pd.device.context import find_device
@@ -15,10 +16,12 @@ from warp_pd.run.divergence import DivergedError
 from warp_pd.run.runner import FINISHED, STOPPED
 
 from .results import Row, load, save
-from .studies import Configuration, Study, configurations, simulation_of
+from .studies import ELEMENTS, Configuration, Study, configurations, simulation_of
 
 # A finer sheet is expected to take so many times longer. It is left out if that is over the limit.
 GROWTH = 6.0
+# What --cpu-time adds to the name of the device.
+ONE_CORE = ", one core"
 
 
 class Collector(Writer):
@@ -35,17 +38,41 @@ class Collector(Writer):
                 self.frames[time] = frame
 
 
+def measure_elements(run: Configuration, device: str, repeats: int, enough: float, made: str) -> Row:
+    """Solve with finite elements; times are CPU time."""
+    from .elements import SCENES
+
+    times: list[float] = []
+    while len(times) < repeats and sum(times) < enough:
+        begin = process_time()
+        solved = SCENES[run.scene](run.points, ELEMENTS[run.law] == 9)
+        times.append(process_time() - begin)
+    scalar, field = solved.errors()
+    median = statistics.median(times)
+    sheet = solved.membrane
+    return Row(
+        run, FINISHED, scalar, field, median, (max(times) - min(times)) / median, 0.0, 0.0,
+        float(len(sheet.nodes) * sheet.iterations), device, made,
+    )  # fmt: skip
+
+
 def measure(
-    study: Study, run: Configuration, device: str, repeats: int, enough: float, made: str, finer: History
-) -> Row:
-    """Run once, and again up to `repeats` times until that has taken more than `enough` seconds."""
+    study: Study, run: Configuration, device: str, repeats: int, enough: float, made: str, finer: History,
+    cpu_time: bool = False,
+) -> Row:  # fmt: skip
+    """Run once, and again up to `repeats` times until that has taken more than `enough` seconds.
+
+    CPU time has the scene's own set-up in it, and a run before the counted ones, which compiles or loads the kernels.
+    """
+    if cpu_time:
+        simulation_of(study, run).run(device=device, precision=run.precision)
     times: list[float] = []
     compiling = 0.0
     while len(times) < repeats and sum(times) < enough:
-        collector = Collector(study.times)
+        collector, begin = Collector(study.times), process_time()
         result = simulation_of(study, run).run(device=device, precision=run.precision, writers=[collector])
         summary = result.summary
-        times.append(summary["wall_s"] - summary["compile_s"])
+        times.append(process_time() - begin if cpu_time else summary["wall_s"] - summary["compile_s"])
         compiling = max(compiling, summary["compile_s"])
     scalar = field = None
     if result.status == FINISHED:
@@ -64,14 +91,14 @@ def measure(
         setup=summary["setup_s"],
         compile=compiling,
         point_steps=float(summary["points"]) * float(evaluations),
-        device=summary["device"],
+        device=summary["device"] + (ONE_CORE if cpu_time else ""),
         made=made,
     )
 
 
 def sweep(study: Study, options: argparse.Namespace, device: str, made: str) -> list[Row]:
     """Run every configuration from coarse to fine, until the next one would pass the limit; saves them in groups."""
-    name, rows = find_device(device).name, []
+    name, rows = find_device(device).name + (ONE_CORE if options.cpu_time else ""), []
     known = {row.case for row in load(options.numbers) if row.device == name} if options.missing else set()
     finer: History = []
     if study.finer is not None:
@@ -88,7 +115,12 @@ def sweep(study: Study, options: argparse.Namespace, device: str, made: str) -> 
             if run in known:
                 continue
             try:
-                row = measure(study, run, device, options.repeats, options.enough, made, finer)
+                if run.law in ELEMENTS:
+                    row = measure_elements(run, name, options.repeats, options.enough, made)
+                else:
+                    row = measure(
+                        study, run, device, options.repeats, options.enough, made, finer, options.cpu_time
+                    )  # fmt: skip
             except (InputError, DivergedError) as error:
                 row = Row(run, str(error), None, None, 0.0, 0.0, 0.0, 0.0, 0.0, name, made)
             if row.status == STOPPED:

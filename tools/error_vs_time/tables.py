@@ -9,11 +9,13 @@ import numpy as np
 from study import table
 
 from .results import Row
-from .studies import STUDIES, Configuration
+from .studies import ELEMENTS, STUDIES, Configuration
 
 # The publications' own choice, which the page compares with.
 PUBLISHED = {"law": "published", "horizon": 3.15, "points": 101}
 TARGETS = (0.03, 0.01, 0.003, 0.001)
+# Errors at which finite elements and this code are compared.
+ELEMENT_TARGETS = (0.01, 0.001, 0.0001)
 
 
 def with_errors(rows: Sequence[Row]) -> list[Row]:
@@ -49,6 +51,8 @@ def front(rows: Sequence[Row], error: Callable[[Row], float], cost: Callable[[Ro
 
 def name_of(run: Configuration) -> str:
     """A run in words, without its scene."""
+    if run.law in ELEMENTS:
+        return f"finite elements, {ELEMENTS[run.law]} nodes each, {run.points} along a side"
     return f"{run.law}, {run.horizon:g}, {run.points} points, {run.solver}, float{run.precision}"
 
 
@@ -116,6 +120,24 @@ def choices(rows: Sequence[Row]) -> list[str]:
                 best = min(reached, key=seconds_of)
                 cells.append([study.scene, device, f"{100 * target:g} %", name_of(best.case), f"{best.seconds:.3g}"])
     return table(["scene", "device", "error", "fastest", "time s"], cells)
+
+
+def against_elements(rows: Sequence[Row]) -> list[str]:
+    """The fastest run of this code and of finite elements to some errors of the field, where a device has both."""
+    cells = []
+    for study, device in itertools.product(STUDIES, sorted({row.device for row in rows})):
+        here = [row for row in with_errors(rows) if row.case.scene == study.scene and row.device == device]
+        kinds = [[r for r in here if (r.case.law in ELEMENTS) == wanted] for wanted in (True, False)]
+        if not all(kinds):
+            continue
+        for target in ELEMENT_TARGETS:
+            found = [[r for r in kind if field_of(r) <= target] for kind in kinds]
+            best = [min(some, key=seconds_of) if some else None for some in found]
+            times = ["-" if row is None else f"{name_of(row.case)}: {row.seconds:.3g} s" for row in best]
+            both = best[0] is not None and best[1] is not None
+            factor = f"{best[1].seconds / best[0].seconds:.1f}" if both else "-"  # type: ignore[union-attr]
+            cells.append([study.scene, device, f"{100 * target:g} %", *times, factor])
+    return table(["scene", "device", "error", "finite elements", "this code", "times as long"], cells)
 
 
 def failures(rows: Sequence[Row]) -> list[str]:

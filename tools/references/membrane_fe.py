@@ -1,9 +1,12 @@
-"""Plane finite elements of a stretched neo-Hookean sheet with a hole, a crack or a rigid inclusion.
+"""Plane finite elements of a stretched neo-Hookean or Yeoh sheet with a hole, a crack or a rigid inclusion.
 
-The sheet of scene `stretch`, edges on rollers: a quarter of it with its origin at the centre, unknown displacements in
-the plane, total-Lagrangian. The material is exactly incompressible and in plane stress, with the energy per volume
+The sheet of scene `stretch`, edges on rollers or clamped: a quarter of it with its origin at the centre, unknown
+displacements in the plane, total-Lagrangian. The material is exactly incompressible and in plane stress, with the
+energy per volume
 
-    W(F) = mu / 2 (F : F + J^-2 - 3),   P = dW/dF = mu (F - J^-2 F^-T),   J = det F.
+    W(F) = mu / 2 (I + c I^2),   P = dW/dF = mu (1 + 2 c I) (F - J^-2 F^-T),   I = F : F + J^-2 - 3,   J = det F,
+
+with c = 0 for the neo-Hookean sheet and c20 / c10 for Yeoh's, whose mu is 2 c10 (scenes `visco_hole`, `visco_crack`).
 
 Elements are Q9 of scikit-fem, with all nodes of the hole on its circle. At a crack the rows of elements are graded
 towards the tip with the power 4, which keeps the order 4 of the forces next to the singularity r^1/2. Newton's method
@@ -25,7 +28,7 @@ from skfem.helpers import ddot, det, inv, mul, transpose
 Array = npt.NDArray[np.float64]
 HALF, RADIUS, CRACK, THICKNESS, MU = 0.25, 0.08, 0.16, 0.01, 0.109e9 / 3.0
 GRADING = 4.0
-DEFECTS, MODES = ("none", "hole", "crack", "inclusion"), ("equibiaxial", "planar")
+DEFECTS, MODES = ("none", "hole", "crack", "inclusion"), ("equibiaxial", "planar", "uniaxial")
 
 
 # Meshes: a tensor grid of parameters, and where it lies in the sheet -------------------------------------------
@@ -86,17 +89,18 @@ class Grid:
         return found
 
 
-def grid(defect: str, cells: int) -> Grid:
+def grid(defect: str, cells: int, crack: float = CRACK) -> Grid:
     """A quarter of the sheet, with `cells` elements along the radius of the defect or of the sheet.
 
     Args:
         defect: One of DEFECTS. A crack lies along y.
         cells: Number of elements along the first direction; twice as many lie along the second.
+        crack: Its length [m].
     """
     if defect in ("hole", "inclusion"):
         return Grid((np.linspace(0.0, 1.0, cells + 1), np.linspace(0.0, 2.0, 2 * cells + 1)), around_circle)
     if defect == "crack":
-        tip, ahead = 0.5 * CRACK, HALF - 0.5 * CRACK
+        tip, ahead = 0.5 * crack, HALF - 0.5 * crack
         along = np.concatenate([tip - tip * graded(cells)[::-1], tip + ahead * graded(cells)[1:]])
         return Grid((HALF * graded(cells), along), np.asarray)
     even = np.linspace(0.0, HALF, cells + 1)
@@ -106,15 +110,30 @@ def grid(defect: str, cells: int) -> Grid:
 # The material ----------------------------------------------------------------------------------------------------
 
 
-def stress(gradient: Array) -> Array:
-    """First Piola stress over mu, of deformation gradients (2, 2, ...)."""
+def stress(gradient: Array, stiffening: float = 0.0) -> Array:
+    """First Piola stress over mu, of deformation gradients (2, 2, ...).
+
+    Args:
+        gradient: Deformation gradients.
+        stiffening: c20 / c10 of Yeoh's energy.
+    """
+    return _factor(gradient, stiffening) * _neo_hookean(gradient)
+
+
+def stress_change(gradient: Array, change: Array, stiffening: float = 0.0) -> Array:
+    """Derivative of the stress over mu at `gradient` in the direction `change`."""
+    across, squeeze = transpose(inv(gradient)), 1.0 / det(gradient) ** 2
+    base = _neo_hookean(gradient)
+    first = change + squeeze * (2.0 * ddot(across, change) * across + mul(across, mul(transpose(change), across)))
+    return _factor(gradient, stiffening) * first + 4.0 * stiffening * ddot(base, change) * base
+
+
+def _neo_hookean(gradient: Array) -> Array:
     return gradient - transpose(inv(gradient)) / det(gradient) ** 2
 
 
-def stress_change(gradient: Array, change: Array) -> Array:
-    """Derivative of the stress over mu at `gradient` in the direction `change`."""
-    across, squeeze = transpose(inv(gradient)), 1.0 / det(gradient) ** 2
-    return change + squeeze * (2.0 * ddot(across, change) * across + mul(across, mul(transpose(change), across)))
+def _factor(gradient: Array, stiffening: float) -> Array:
+    return 1.0 + 2.0 * stiffening * (ddot(gradient, gradient) + 1.0 / det(gradient) ** 2 - 3.0)
 
 
 @LinearForm
@@ -126,7 +145,7 @@ def internal_force(v, w):
 @BilinearForm
 def tangent(u, v, w):
     """Derivative of `internal_force`."""
-    return ddot(stress_change(np.asarray(w.deformation), np.asarray(u.grad)), v.grad)
+    return ddot(stress_change(np.asarray(w.deformation), np.asarray(u.grad), w.stiffening), v.grad)
 
 
 # Equilibrium -----------------------------------------------------------------------------------------------------
@@ -140,12 +159,18 @@ class Quarter:
         grid: Its elements.
         defect: One of DEFECTS.
         mode: One of MODES.
+        grip: "roller", or "clamp": edges move as in a uniform stretch in both directions; not uniaxial.
+        stiffening: c20 / c10 of Yeoh's energy.
+        crack: Its length [m], that of the grid.
         displacement: [m], of all degrees of freedom.
     """
 
     grid: Grid
     defect: str
     mode: str
+    grip: str = "roller"
+    stiffening: float = 0.0
+    crack: float = CRACK
     displacement: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -158,7 +183,7 @@ class Quarter:
         place, near = self.grid.basis.doflocs, 1e-9 * HALF
         middle = x[place[0, x] < near]
         if self.defect == "crack":
-            middle = middle[place[1, middle] > 0.5 * CRACK - near]
+            middle = middle[place[1, middle] > 0.5 * self.crack - near]
         held = [middle, y[place[1, y] < near]]
         if self.defect == "inclusion":
             held.append(np.flatnonzero(np.hypot(*place) < RADIUS + near))
@@ -171,11 +196,12 @@ class Quarter:
 
     def residual(self, displacement: Array) -> Array:
         """Internal forces over mu [m^2], without the thickness."""
-        return internal_force.assemble(self.grid.basis, stress=stress(self.deformation(displacement)))
+        now = stress(self.deformation(displacement), self.stiffening)
+        return internal_force.assemble(self.grid.basis, stress=now)
 
     def stiffness(self, displacement: Array):
         """Derivative of the residual, sparse."""
-        return tangent.assemble(self.grid.basis, deformation=self.deformation(displacement))
+        return tangent.assemble(self.grid.basis, deformation=self.deformation(displacement), stiffening=self.stiffening)
 
     def stretch_to(self, stretch: float, tolerance: float = 1e-11, limit: int = 40) -> None:
         """Move the edges to a stretch, and iterate to equilibrium.
@@ -191,8 +217,18 @@ class Quarter:
         held, right, top = self.supports
         goal = self.displacement.copy()
         goal[held], goal[right] = 0.0, (stretch - 1.0) * HALF
-        goal[top] = (stretch - 1.0) * HALF if self.mode == "equibiaxial" else 0.0
-        fixed = np.unique(np.concatenate([held, right, top]))
+        fixed = [held, right]
+        if self.mode != "uniaxial":
+            goal[top] = (stretch - 1.0) * HALF if self.mode == "equibiaxial" else 0.0
+            fixed.append(top)
+        if self.grip == "clamp":
+            place = self.grid.basis.doflocs
+            rim = place.max(axis=0) > HALF - 1e-9 * HALF
+            for c, dofs in enumerate(self.grid.components):
+                along = dofs[rim[dofs]]
+                goal[along] = (stretch - 1.0) * place[c, along] if c == 0 or self.mode == "equibiaxial" else 0.0
+                fixed.append(along)
+        fixed = np.unique(np.concatenate(fixed))
         for _ in range(limit):
             u = self.displacement
             change = np.where(np.isin(np.arange(len(u)), fixed), goal - u, 0.0)
@@ -216,10 +252,12 @@ class Quarter:
     def quantities(self) -> dict[str, float]:
         """Forces on the edges [N], and how far the defect opens along x and y, from the middle [m]."""
         found = dict(zip(("force_x", "force_y"), self.forces(), strict=True))
+        if self.mode == "uniaxial":
+            del found["force_y"]
         if self.defect == "hole":
             found["opening_x"], found["opening_y"] = self.moved((RADIUS, 0.0))[0], self.moved((0.0, RADIUS))[1]
         if self.defect == "crack":
-            found["opening_x"], found["opening_y"] = self.moved((0.0, 0.0))[0], self.moved((0.0, 0.5 * CRACK))[1]
+            found["opening_x"], found["opening_y"] = self.moved((0.0, 0.0))[0], self.moved((0.0, 0.5 * self.crack))[1]
         return found
 
     def moved(self, point: Sequence[float]) -> tuple[float, float]:
@@ -233,7 +271,14 @@ class Quarter:
 
 
 def converged(
-    defect: str, mode: str, meshes: Sequence[int], stretches: Sequence[float], step: float = 0.1
+    defect: str,
+    mode: str,
+    meshes: Sequence[int],
+    stretches: Sequence[float],
+    step: float = 0.1,
+    grip: str = "roller",
+    stiffening: float = 0.0,
+    crack: float = CRACK,
 ) -> dict[float, dict[str, list[float]]]:
     """Quantities of the stretched sheet on meshes that double, by stretch and name.
 
@@ -243,7 +288,7 @@ def converged(
     known: list[Array] = []
     coarser: Grid | None = None
     for cells in meshes:
-        quarter = Quarter(grid(defect, cells), defect, mode)
+        quarter = Quarter(grid(defect, cells, crack), defect, mode, grip, stiffening, crack)
         reached: list[Array] = []
         before = 1.0
         for k, stretch in enumerate(stretches):

@@ -1,8 +1,9 @@
-"""Solve the references anew, and write tests/references/stretch.json and tests/references/disc.json.
+"""Solve the references anew, and write stretch.json, visco.json and disc.json in tests/references.
 
-    python tools/references                            # both; the sheets take two minutes
+    python tools/references                            # all; the sheets take some minutes
     python tools/references --only disc
     python tools/references --meshes 4 8 16 --out FOLDER
+    python tools/references --only lifted --cells 200 --out tests/physics/references/data    # half an hour
 
 scikit-fem is needed: `pip install -e .[references]`. Other solvers than ours, so that a test can tell an error of the
 law from an error of the reference:
@@ -10,7 +11,9 @@ law from an error of the reference:
 - membrane_fe.py: `stretch.json`, the sheet of scene `stretch` with a hole, a crack or a rigid inclusion. Each quantity
   has its values on the meshes, Richardson's limit, the error estimate and the observed order. Forces in N, `opening_x`
   and `opening_y` in m: how far the rim of the hole, or the middle and the tip of the crack, move from the centre.
+  `visco.json`, the clamped sheets of Yeoh's material in scenes `visco_hole` and `visco_crack`, likewise.
 - shooting.py: `disc.json`, the inflated circular membrane. Tests may also call its functions.
+- membrane_dynamics.py: `out_of_plane.npz`, fields of the lifted sheet of NN 6.2, only where it is asked for.
 """
 
 from __future__ import annotations
@@ -24,18 +27,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from study import ROOT, at_least_one, current_commit, study_parser
 
-from . import membrane_fe, shooting
+from . import membrane_dynamics, membrane_fe, shooting
 
 FOLDER = ROOT / "tests" / "references"
 STRETCHES = (1.5, 2.0, 2.5, 3.0)
 MESHES = (8, 16, 32)
+# Uniaxial sheets are compressed across: on finer meshes the rim of the hole finds no equilibrium at 2.5 and more.
+COARSE = (2, 4, 8)
+# Polyurea of VE table 2 [Pa]; stretches of the figures 9, 10, 12, 13 and 23 and some between.
+C10, C20, CRACK = 0.1996e6, 0.0170e6, 0.1
+VISCO = {"hole": (1.5, 2.0, 2.5, 3.0, 4.0, 7.0), "crack": (1.5, 2.5, 4.0)}
 MATERIALS = {
     "neo-Hookean": shooting.NEO_HOOKEAN,
     "Mooney-Rivlin": shooting.Material(share=0.1),
     "Gent": shooting.Material(limit=30.0),
 }
+# When fields of the lifted sheet are kept [s], and the elements along a side between whose nodes they are.
+SHOWN, KEPT = (1.5, 2.5, 3.5, 4.5), 50
 CENTRES = (1.01, 1.05, 1.1, 1.2, 1.3, 1.5, 1.7, 2.0, 2.5, 3.0, 4.0)
 
 
@@ -61,12 +72,29 @@ def sheets(meshes: Sequence[int]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for defect in membrane_fe.DEFECTS[1:]:
         for mode in membrane_fe.MODES:
-            solved = membrane_fe.converged(defect, mode, meshes, STRETCHES)
+            compressed = mode == "uniaxial"
+            chosen, step = (COARSE, 0.05) if compressed else (meshes, 0.1)
+            solved = membrane_fe.converged(defect, mode, chosen, STRETCHES, step)
             cases = {f"{s:g}": {name: quantity(v) for name, v in names.items()} for s, names in solved.items()}
             found.setdefault(defect, {})[mode] = cases
             for stretch, names in cases.items():
                 force = names["force_x"]
                 print(f"{defect} {mode} {stretch}: {force['value']:.3f} +- {force['error']:.1e} N", flush=True)
+    return found
+
+
+def visco(meshes: Sequence[int]) -> dict[str, Any]:
+    """The clamped sheets of Yeoh's material, stretched equally along x and y, by defect, stretch and quantity."""
+    scale = 2.0 * C10 / membrane_fe.MU
+    found: dict[str, Any] = {}
+    for defect, stretches in VISCO.items():
+        solved = membrane_fe.converged(
+            defect, "equibiaxial", meshes, stretches, step=0.25, grip="clamp", stiffening=C20 / C10, crack=CRACK
+        )
+        found[defect] = {
+            f"{s:g}": {n: quantity([scale * x if n.startswith("force") else x for x in v]) for n, v in names.items()}
+            for s, names in solved.items()
+        }
     return found
 
 
@@ -89,16 +117,29 @@ def numbers(disc: shooting.Disc) -> dict[str, float]:
     return {name: getattr(disc, name) for name in ("pressure", "stretch", "deflection", "volume", "energy")}
 
 
+def lifted(cells: int) -> dict[str, Any]:
+    """Displacements of the lifted sheet [m], (3, along x, along y), by time; those of the relaxed energy too."""
+    found: dict[str, Any] = {"x": np.linspace(0.0, membrane_dynamics.SIDE, KEPT + 1)}
+    for name, relaxed in (("", False), ("relaxed_", True)):
+        fields = membrane_dynamics.snapshots(membrane_dynamics.lifted(cells, relaxed), SHOWN)
+        every, found[f"{name}cells"] = cells // KEPT, cells
+        found |= {f"{name}u_t{t:g}": u[:, ::every, ::every].astype("f4") for t, u in zip(SHOWN, fields, strict=True)}
+    return found
+
+
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = study_parser(__doc__, commit=None)
-    parser.add_argument("--only", choices=("stretch", "disc"), help="solve only these")
+    parser.add_argument("--only", choices=("stretch", "visco", "disc", "lifted"), help="solve only these")
     parser.add_argument("--meshes", type=at_least_one, nargs="+", default=MESHES, help="cells; each twice the last")
+    parser.add_argument("--cells", type=at_least_one, default=200, help="of the lifted sheet along a side")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the numbers")
     options = parser.parse_args(arguments)
     doubled = all(b == 2 * a for a, b in zip(options.meshes, options.meshes[1:], strict=False))
     if len(options.meshes) < 3 or not doubled:
         parser.error("--meshes: expected three or more, each twice the last")
+    if options.cells % KEPT:
+        parser.error(f"--cells: expected a multiple of {KEPT}")
     return options
 
 
@@ -106,13 +147,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Solve and write."""
     options = parsed(arguments)
     options.out.mkdir(parents=True, exist_ok=True)
+    if options.only == "lifted":
+        np.savez_compressed(options.out / "out_of_plane.npz", **lifted(options.cells))
+        return
     sheet = {
         "side": 2.0 * membrane_fe.HALF, "thickness": membrane_fe.THICKNESS, "mu": membrane_fe.MU,
         "radius": membrane_fe.RADIUS, "crack": membrane_fe.CRACK, "meshes": [*options.meshes],
+        "uniaxial_meshes": COARSE,
     }  # fmt: skip
-    if options.only != "disc":
+    if options.only in (None, "stretch"):
         write(options.out / "stretch.json", {"made": made(options.commit), **sheet, **sheets(options.meshes)})
-    if options.only != "stretch":
+    if options.only in (None, "visco"):
+        content = {"made": made(options.commit), "c10": C10, "c20": C20, "crack": CRACK, "meshes": [*options.meshes]}
+        write(options.out / "visco.json", content | visco(options.meshes))
+    if options.only in (None, "disc"):
         write(options.out / "disc.json", {"made": made(options.commit), **discs()})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from ..checks import InputError
 from ..cores import start_warp
 from ..families.share import BLOCK as SUM_BLOCK
 from ..families.share import Share
+from ..kernels.effects import Kernel
 from ..kernels.families import CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
 from ..sheet import Sheet
@@ -187,9 +188,52 @@ class Context:
 
     @property
     def own_blocks(self) -> int:
-        """Number of blocks of own points, by which sums go."""
-        points = self.sheet.size if self.share is None else self.share.own.stop - self.share.own.start
+        """Number of own blocks of points, by which sums go."""
+        points = self.sheet.size if self.share is None else self.share.block_points
         return -(-points // SUM_BLOCK)
+
+    def launch_on_blocks(
+        self,
+        stage: Stage,
+        owner: str,
+        kernel: Kernel,
+        arrays: Mapping[str, Array | None],
+        sums: Mapping[str, Array],
+        outputs: Sequence[str] = (),
+        **others: Any,
+    ) -> None:
+        """Add the launch of a kernel that sums over blocks of points.
+
+        Args:
+            stage: Where to add it.
+            owner: The part that adds it.
+            kernel: The kernel.
+            arrays: Its arrays of points, by argument.
+            sums: What it writes for each block, by argument.
+            outputs: Those of `arrays` that it writes.
+            others: Its other arguments.
+        """
+        share = self.share
+        given: dict[str, Any] = {**sums, **others}
+        own: dict[str, Any] = {name: None if array is None else self.own(array) for name, array in arrays.items()}
+        if share is None or share.owners is None:
+            stage.launch(owner, kernel, self.own_blocks, **own, **given)
+            return
+        # Where points are scattered, the processes bring those of their blocks together.
+        there = {name: array for name, array in arrays.items() if array is not None}
+        brought = {
+            name: self.array(f"{name}_in_blocks", owner, array.dtype, shape=share.block_points, per="table")
+            for name, array in there.items()
+        }
+        stage.call(self.crew.bring([(array, brought[name]) for name, array in there.items()], share))
+        if outputs:
+            blocks = -(-(share.own.stop - share.own.start) // SUM_BLOCK)
+            unused = {
+                name: self.array(f"unused_{name}", owner, made.dtype, shape=(*made.shape[:-1], blocks), per="table")
+                for name, made in sums.items()
+            }
+            stage.launch(owner, kernel, blocks, **own, **{**given, **unused})
+        stage.launch(owner, kernel, self.own_blocks, **{**own, **brought}, **given)
 
     def all_blocks(self, stage: Stage, sums: Array, name: str, owner: str) -> Array:
         """Sums [rows, blocks] of all processes, brought together in a stage; the array itself if there is one."""

@@ -84,6 +84,10 @@ class Crew:
         """A call that fills the halo of some fields with what its owners have."""
         raise NotImplementedError("one process alone has no halo")
 
+    def bring(self, pairs: Sequence[tuple[Array, Array]], share: Share) -> Call:
+        """A call that fills arrays of the points of own blocks with what their owners have of others."""
+        raise NotImplementedError("one process alone has all blocks")
+
     def gather_blocks(self, mine: Array, everything: Array, share: Share) -> Call:
         """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
         raise NotImplementedError("one process alone has all blocks")

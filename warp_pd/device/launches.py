@@ -13,12 +13,15 @@ from typing import Any, TypeAlias
 
 import warp as wp
 
+from ..cores import cores
 from ..kernels.effects import Effects, Kernel
 from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
 from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.
 POINT_RUN = 256
+# So many points do not fill a GPU: each thread may have the registers of a block of these per multiprocessor.
+FEW_POINTS, FEW_BLOCKS = 2**15, 4
 # Points of a thread of a GPU in a stage that does nothing at most points.
 SPREAD_RUN = 8
 
@@ -75,6 +78,21 @@ def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
     return Touched(frozenset(reads), frozenset(gathers), frozenset(writes))
 
 
+@dataclass(frozen=True)
+class Span:
+    """How the blocks of a launch share the points from its argument `start` to `stop` - 1.
+
+    Its argument `blocks` is the number of blocks, each of which goes on until all points are done.
+
+    Attributes:
+        together: Points that a block works on at once.
+        most: Maximum number of blocks.
+    """
+
+    together: int
+    most: int
+
+
 @dataclass(eq=False)
 class Launch:
     """One kernel launch with its arguments.
@@ -93,6 +111,7 @@ class Launch:
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
+        span: How blocks share points, where its threads do not stand for points.
     """
 
     name: str
@@ -108,6 +127,22 @@ class Launch:
     side_stream: bool = False
     alone: bool = False
     beside: bool = False
+    span: Span | None = None
+
+    @property
+    def points(self) -> tuple[int, int]:
+        """The first point that it works on, and the one after the last."""
+        if self.span is None:
+            return self.begin, self.begin + self.threads
+        return self.arguments["start"], self.arguments["stop"]
+
+    def on_points(self, begin: int, end: int) -> Launch:
+        """The same launch on the points begin to end - 1."""
+        if self.span is None:
+            return replace(self, begin=begin, threads=end - begin)
+        blocks = min(-(-(end - begin) // self.span.together), self.span.most)
+        arguments = {**self.arguments, "start": begin, "stop": end, "blocks": blocks}
+        return replace(self, threads=self.threads // self.arguments["blocks"] * blocks, arguments=arguments)
 
     @property
     def parts(self) -> list[str]:
@@ -118,8 +153,10 @@ class Launch:
     def kernel(self) -> wp.Kernel:
         """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
-            spread = self.run == SPREAD_RUN
-            return (spread_points if spread else every_point)(self.source, self.run, self.module)
+            if self.run == SPREAD_RUN:
+                return spread_points(self.source, self.run, self.module)
+            few = self.run == 1 and self.threads <= FEW_POINTS
+            return every_point(self.source, self.run, self.module, (self.block_dim, FEW_BLOCKS) if few else None)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
@@ -199,6 +236,7 @@ class Stage:
         begin: int = 0,
         block_dim: int | None = None,
         side_stream: bool = False,
+        span: Span | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -210,7 +248,7 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span,
         )  # fmt: skip
         self.items.append(made)
 
@@ -254,10 +292,15 @@ class Stage:
 
 
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
-    """Build or load every kernel now."""
-    for module, block_dim in {(launch.kernel.module, launch.block_dim) for launch in launches}:
+    """Build or load every kernel now; for a GPU several modules at once."""
+    modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
+    if device.is_cuda:
+        for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
+            loaded.result()
+        return
+    for module, _ in modules:
         # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
-        module.load(device, block_dim if device.is_cuda else 1)
+        module.load(device, 1)
 
 
 def _check_names(what: str, expected: set[str], given: set[str]) -> None:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import warp as wp
 
 from ..families.share import Share
-from .launches import Call, Item, Launch, Touched
+from .launches import Call, Item, Launch, Touched, arrays_in
 
 
 def has_streams(device: wp.Device) -> bool:
@@ -47,7 +47,7 @@ def overlapped(
             parts = _parts(launch, share)
             if not parts or not _may_go_first(launch, item.touched.writes, before, of_points):
                 break
-            before.append(launch.touched)
+            before.append(by_point(launch))
             beside += parts
             left.pop(0)
         found += [replace(item, side_stream=True, beside=True), *beside] if beside else [item]
@@ -56,15 +56,16 @@ def overlapped(
 
 def _parts(launch: Launch, share: Share) -> list[Launch]:
     """The points near the borders of a launch, and those inside, beside them; nothing if none is inside."""
-    begin, end = launch.begin, launch.begin + launch.threads
+    if launch.source.effects.per != "point" and launch.span is None:
+        return []
+    begin, end = launch.points
     first, last = max(begin, share.inner.start), min(end, share.inner.stop)
     if first >= last:
         return []
     # The interior last: what waits for the exchange is on its way before the device is full.
     ranges = [(begin, first, True), (last, end, True), (first, last, False)]
     return [
-        replace(launch, begin=a, threads=b - a, side_stream=border, beside=True)
-        for a, b, border in ranges if a < b
+        replace(launch.on_points(a, b), side_stream=border, beside=True) for a, b, border in ranges if a < b
     ]  # fmt: skip
 
 
@@ -77,11 +78,20 @@ def _may_go_first(launch: Launch, sent: Set[int], before: Sequence[Touched], of_
         before: What the earlier launches touch.
         of_points: Arrays of which a launch touches its own point, unless it gathers.
     """
-    mine = launch.touched
-    if launch.source.effects.per != "point" or launch.side_stream or mine.writes & sent:
+    mine = by_point(launch)
+    if launch.side_stream or mine.writes & sent:
         return False
     for earlier in before:
         meet = mine.writes & (earlier.reads | earlier.writes) | mine.reads & earlier.writes
         if mine.writes & earlier.gathers or mine.gathers & earlier.writes or not meet <= of_points:
             return False
     return True
+
+
+def by_point(launch: Launch) -> Touched:
+    """What a launch touches; one on a span of points gathers what its kernel names, and reads all else at its point."""
+    touched = launch.touched
+    if launch.span is None:
+        return touched
+    named = {int(a.ptr) for name, a in arrays_in(launch.arguments) if name in launch.source.effects.gathers}
+    return Touched(touched.reads | touched.gathers - named, touched.gathers & named, touched.writes)

@@ -37,7 +37,7 @@ def build_families(
     ratio = finite("horizon", horizon)
     if ratio < 1.0:
         raise InputError(f"horizon = {horizon!r}: expected at least 1 spacing, and 1.42 on a lattice")
-    across = float(np.ptp(sheet.points, axis=0).max()) / sheet.spacing * (1.0 + TOLERANCE)
+    across = float(sheet.extent.max()) / sheet.spacing * (1.0 + TOLERANCE)
     if ratio > min(across, MAX_HORIZON):
         raise InputError(
             f"horizon = {horizon!r}: expected at most {min(across, MAX_HORIZON):.4g} spacings, "

@@ -29,24 +29,25 @@ def lattice_families(
 
     # Points whose neighbourhoods are the same up to `reach` share a row.
     reach = max(reach_x, reach_y, depth) + 1
-    ix, iy = np.arange(lattice.columns), np.arange(lattice.rows)
     near_x = _edge_code(lattice.columns, reach)
     near_y = _edge_code(lattice.rows, reach)
-    code = near_y[:, None].astype(np.int64) * (near_x.max() + 1) + near_x[None, :]
-    column, row = (grid.ravel() for grid in np.meshgrid(ix, iy))
-    code = code.ravel()
-    severed = _severed(sheet, column, row, ox, oy)
-    if severed is not None:
-        touched, lost = severed
-        patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
-        code = code * (len(patterns) + 1)
-        code[touched] += 1 + which.ravel()
-    if sheet.stiffness is not None:
-        factors, which = np.unique(sheet.stiffness, return_inverse=True)
-        code = code * len(factors) + which.ravel()
-    _, first, family_class = np.unique(code, return_index=True, return_inverse=True)
+    severed = _severed(sheet, ox, oy)
+    if severed is None and sheet.stiffness is None:
+        first, family_class = _classes(near_x, near_y)
+    else:
+        code = (near_y[:, None].astype(np.int64) * (near_x.max() + 1) + near_x[None, :]).ravel()
+        if severed is not None:
+            touched, lost = severed
+            patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
+            code = code * (len(patterns) + 1)
+            code[touched] += 1 + which.ravel()
+        if sheet.stiffness is not None:
+            factors, which = np.unique(sheet.stiffness, return_inverse=True)
+            code = code * len(factors) + which.ravel()
+        _, first, family_class = np.unique(code, return_index=True, return_inverse=True)
 
-    to_x, to_y = column[first, None] + ox, row[first, None] + oy
+    row, column = np.divmod(first, lattice.columns)
+    to_x, to_y = column[:, None] + ox, row[:, None] + oy
     exists = (to_x >= 0) & (to_x < lattice.columns) & (to_y >= 0) & (to_y < lattice.rows)
     severed_rows = np.zeros(len(first), bool)
     if severed is not None:
@@ -56,7 +57,7 @@ def lattice_families(
         here = position[first]
         exists[here >= 0] &= ~lost[here[here >= 0]]
         severed_rows[here >= 0] = lost[here[here >= 0]].any(axis=1)
-    reference_area = float(sheet.areas.mean())
+    areas, reference_area = sheet.stored("areas"), float(sheet.areas.mean())
     member = np.where(exists, to_y * lattice.columns + to_x, 0)
     return Families(
         horizon=horizon,
@@ -65,10 +66,10 @@ def lattice_families(
         bonds=offsets / horizon,
         influence=function(r),
         common=pack(apart <= horizon * (1.0 + TOLERANCE)) if intersections else np.zeros((0, 0), np.uint32),
-        member_areas=np.where(exists, sheet.areas[member], 0.0) / reference_area,
-        areas=sheet.areas[first] / reference_area,
+        member_areas=np.where(exists, areas[member.ravel()].reshape(member.shape), 0.0) / reference_area,
+        areas=areas[first] / reference_area,
         reverses=reverses,
-        family_class=family_class.ravel().astype(np.int32),
+        family_class=family_class.ravel().astype(np.int32, copy=False),
         shift=(oy * lattice.columns + ox).astype(np.int32),
         steps=np.column_stack([ox, oy]),
         first=first,
@@ -85,9 +86,17 @@ def _edge_code(length: int, reach: int) -> np.ndarray:
     return np.where(index < reach, index, np.where(index >= length - reach, index - length + 2 * reach + 1, reach))
 
 
-def _severed(
-    sheet: Sheet, column: np.ndarray, row: np.ndarray, ox: np.ndarray, oy: np.ndarray
-) -> tuple[np.ndarray, np.ndarray] | None:
+def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First point of each pair of codes, and the number of the pair at each point, without a table of all codes."""
+    _, first_x, of_x = np.unique(near_x, return_index=True, return_inverse=True)
+    _, first_y, of_y = np.unique(near_y, return_index=True, return_inverse=True)
+    first = (len(near_x) * first_y[:, None] + first_x).ravel()
+    found = np.empty((len(near_y), len(near_x)), np.int32)
+    np.add((len(first_x) * of_y)[:, None], of_x, out=found, casting="same_kind")
+    return first, found.ravel()
+
+
+def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Points near a cut and which of their members lie across it; None without cuts."""
     if not sheet.cuts or sheet.lattice is None:
         return None

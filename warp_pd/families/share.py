@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..checks import InputError
+from ..shapes.on_demand import CHUNK, OnDemand, Stored
 from ..sheet import Sheet
 
-# Points are divided in whole blocks: sums over points go by blocks, and then are the same on any number of processes.
+# Sums over points go by whole blocks, and then are the same on any number of processes.
 BLOCK = 256
 # Width of the halo in horizons: forces on the own points need the families of the first horizon outside, and these
 # families need the displacements of the second.
@@ -22,13 +26,16 @@ class Share:
 
     Attributes:
         rank: Number of the process, from 0.
-        bounds: First point of each process in the whole sheet, and the number of its points, shape (processes + 1,).
-        points: Index in the whole sheet of each point that is here, rising, shape (n,).
+        bounds: First point of the blocks of each process in the whole sheet, and the number of its points, shape
+            (processes + 1,). Sums over points go by these blocks.
+        points: Index in the whole sheet of each point that is here, shape (n,); rising, unless points are scattered.
         own: The own points among them.
         near: Points whose families are whole here: the own ones and one horizon around them, bool, shape (n,). The
             others have empty families.
         faces: Index in the whole sheet of each triangle that is here; they are all own, shape (F,).
         inner: Own points whose families are all own, the longest run of them.
+        owners: Process that owns each point of the whole sheet, shape (N,), if points are scattered: own points are
+            then not those of the own blocks, but neighbours in space. None: they are.
     """
 
     rank: int
@@ -38,21 +45,41 @@ class Share:
     near: np.ndarray
     faces: np.ndarray
     inner: slice
+    owners: np.ndarray | None = None
 
     @property
     def size(self) -> int:
         """Number of processes."""
         return len(self.bounds) - 1
 
+    @property
+    def block_points(self) -> int:
+        """Number of points of the own blocks."""
+        return int(self.bounds[self.rank + 1] - self.bounds[self.rank])
+
+    @functools.cached_property
+    def _order(self) -> np.ndarray:
+        """Points here by their index in the whole sheet."""
+        return np.argsort(self.points, kind="stable")
+
     def here(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which of some points of the whole sheet are here, positions in `points`, and their indices here."""
-        found = np.searchsorted(self.points, points)
-        found = np.minimum(found, len(self.points) - 1)
+        if self.owners is None:
+            # They follow each other.
+            places = np.asarray(points, np.int64) - self.points[0]
+            at = np.flatnonzero((places >= 0) & (places < len(self.points)))
+            return at, places[at].astype(np.int32)
+        found = np.searchsorted(self.points, points, sorter=self._order)
+        found = self._order[np.minimum(found, len(self.points) - 1)]
         at = np.flatnonzero(self.points[found] == points)
         return at, found[at].astype(np.int32)
 
     def owner_of(self, points: np.ndarray) -> np.ndarray:
         """Process that owns each of some points of the whole sheet."""
+        return self.summer_of(points) if self.owners is None else np.asarray(self.owners[points])
+
+    def summer_of(self, points: np.ndarray) -> np.ndarray:
+        """Process whose blocks each of some points of the whole sheet belongs to."""
         return np.asarray(np.searchsorted(self.bounds, points, side="right") - 1)
 
 
@@ -81,37 +108,105 @@ def divided(sheet: Sheet, horizon: float, rank: int, processes: int) -> Share:
             f"processes = {processes!r}: expected at most {most} on a sheet of {sheet.size} points, as each takes "
             f"whole blocks of {BLOCK}"
         )
+    if sheet.lattice is None:
+        return _scattered(sheet, horizon, rank, bounds)
     begin, end = int(bounds[rank]), int(bounds[rank + 1])
-    # The triangles of a point go with it: each belongs to the owner of its lowest corner.
-    lowest = sheet.triangles.min(axis=1)
-    faces = np.flatnonzero((lowest >= begin) & (lowest < end))
-    reached = _lattice_reach(sheet, horizon) if sheet.lattice is not None else None
-    if reached is not None:
-        ranges = [(max(begin - k * reached, 0), min(end + k * reached, sheet.size)) for k in range(1, HALO + 1)]
-        points = np.arange(*ranges[-1])
-        near = (points >= ranges[0][0]) & (points < ranges[0][1])
-    else:
-        points, near = _around(sheet, horizon, begin, end, np.unique(sheet.triangles[faces]))
-    own = slice(first := int(np.searchsorted(points, begin)), first + end - begin)
-    if reached is not None:
-        inner = slice(own.start + (reached if own.start else 0), own.stop - (reached if own.stop < len(points) else 0))
-    else:
-        inner = _inner(sheet, horizon, points, own)
-    return Share(rank, bounds, points, own, near, faces, inner)
+    reach = _lattice_reach(sheet, horizon)
+    ranges = [(max(begin - k * reach, 0), min(end + k * reach, sheet.size)) for k in range(1, HALO + 1)]
+    points = np.arange(*ranges[-1])
+    near = (points >= ranges[0][0]) & (points < ranges[0][1])
+    own = slice(begin - ranges[-1][0], end - ranges[-1][0])
+    inner = slice(own.start + (reach if own.start else 0), own.stop - (reach if own.stop < len(points) else 0))
+    return Share(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
 
 
-def _inner(sheet: Sheet, horizon: float, points: np.ndarray, own: slice) -> slice:
-    """The longest run of own points without a point of the halo within the horizon."""
+def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
+    """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
+    triangles, lattice = sheet.stored("triangles"), sheet.lattice
+    assert lattice is not None
+    first, last = 0, len(triangles)
+    if isinstance(triangles, OnDemand):
+        # Two for each cell; a cell has the number of its lowest corner, but for one less in each row before.
+        row = 2 * (lattice.columns - 1)
+        first, last = row * (begin // lattice.columns), min(row * (end // lattice.columns + 1), last)
+    found = []
+    for start in range(first, last, CHUNK):
+        lowest = triangles[np.arange(start, min(start + CHUNK, last))].min(axis=1)
+        found.append(start + np.flatnonzero((lowest >= begin) & (lowest < end)))
+    return np.concatenate(found) if found else np.zeros(0, np.int64)
+
+
+def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
+    """What a process holds of a cloud or a grid with holes: points that are near each other, whatever their order.
+
+    Own points come first here, of a cloud the inner ones before those near the border.
+    """
+    cloud, processes = sheet.layout == "cloud", len(bounds) - 1
+    owners = bisected(sheet.points, processes) if cloud else banded(sheet.points, processes, sheet.spacing)
+    if np.bincount(owners, minlength=processes).min() == 0:
+        raise InputError(f"processes = {processes!r}: expected fewer than the rows of a grid of {sheet.size} points")
+    mine = owners == rank
+    own = np.flatnonzero(mine)
+    faces = np.flatnonzero(mine[sheet.triangles.min(axis=1)])
+    near, held = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
+    halo = np.flatnonzero(held & ~mine)
+    apart = _apart(sheet, horizon, own, halo)
+    if cloud:
+        own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]
+    points = np.concatenate([own, halo])
+    return Share(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
+
+
+def _longest_run(flags: np.ndarray) -> slice:
+    """The longest run of true flags."""
+    ends = np.flatnonzero(np.concatenate([[True], ~flags, [True]]))
+    longest = int(np.argmax(np.diff(ends)))
+    return slice(int(ends[longest]), int(ends[longest + 1]) - 1)
+
+
+def banded(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
+    """Part to which each point belongs, shape (N,): bands along x that divide no row of a grid.
+
+    Kernels know of the points of a row that they follow each other.
+    """
+    height = points[:, 1]
+    order = np.argsort(height, kind="stable")
+    begins = np.flatnonzero(np.diff(height[order]) > 1e-6 * spacing) + 1
+    wanted = len(points) * np.arange(1, parts) // parts
+    found = np.zeros(len(points), np.uint16)
+    for at in begins[np.minimum(np.searchsorted(begins, wanted), len(begins) - 1)]:
+        found[order[at:]] += 1
+    return found
+
+
+def bisected(points: np.ndarray, parts: int) -> np.ndarray:
+    """Part to which each point belongs, shape (N,): recursive bisection across the longest side of what is left."""
+    found = np.zeros(len(points), np.uint16)
+    pieces = [(np.arange(len(points)), 0, parts)]
+    while pieces:
+        piece, first, number = pieces.pop()
+        found[piece] = first
+        if number == 1:
+            continue
+        low = number // 2
+        at = len(piece) * low // number
+        places = points[piece]
+        along = places[:, np.argmax(np.ptp(places, axis=0))]
+        # Points side by side stay in their order, so that every process finds the same.
+        order = np.argsort(along, kind="stable")
+        pieces += [(np.sort(piece[order[:at]]), first, low), (np.sort(piece[order[at:]]), first + low, number - low)]
+    return found
+
+
+def _apart(sheet: Sheet, horizon: float, own: np.ndarray, halo: np.ndarray) -> np.ndarray:
+    """Which of some points have no point of a halo within the horizon."""
     from scipy.spatial import cKDTree
 
-    outside = np.delete(points, own)
-    if not len(outside):
-        return own
+    if not len(halo):
+        return np.ones(len(own), bool)
     distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
-    apart = cKDTree(sheet.points[outside]).query(sheet.points[points[own]], distance_upper_bound=distance)[0]
-    ends = np.flatnonzero(np.isfinite(np.concatenate([[0.0], apart, [0.0]])))
-    longest = int(np.argmax(np.diff(ends)))
-    return slice(own.start + int(ends[longest]), own.start + int(ends[longest + 1]) - 1)
+    found, _ = cKDTree(sheet.points[halo]).query(sheet.points[own], distance_upper_bound=distance)
+    return np.asarray(np.isinf(found))
 
 
 def _lattice_reach(sheet: Sheet, horizon: float) -> int:
@@ -122,20 +217,18 @@ def _lattice_reach(sheet: Sheet, horizon: float) -> int:
     return reach[0] + reach[1] * lattice.columns
 
 
-def _around(sheet: Sheet, horizon: float, begin: int, end: int, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points within two horizons of the points begin to end - 1, and which of them are within one, or are corners."""
+def _around(sheet: Sheet, horizon: float, own: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which points of a sheet are within one horizon of some, or are corners, and which within two, bool, (N,)."""
     from scipy.spatial import cKDTree
 
     distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
     near = np.zeros(sheet.size, bool)
-    near[begin:end] = True
+    near[own] = True
     for _ in range(HALO - 1):
         inside = cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0]
         near |= np.isfinite(inside)
     near[corners] = True
-    held = np.isfinite(cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0])
-    points = np.flatnonzero(held)
-    return points, near[points]
+    return near, np.isfinite(cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0])
 
 
 def part_of_sheet(sheet: Sheet, share: Share) -> Sheet:
@@ -144,15 +237,31 @@ def part_of_sheet(sheet: Sheet, share: Share) -> Sheet:
     It carries what parts and laws ask of points. Families are built of the whole sheet.
     """
     points = share.points
-    local = np.full(sheet.size, -1, np.int32)
-    local[points] = np.arange(len(points))
+    stored = {name: sheet.stored(name) for name in ("points", "areas", "triangles")}
+    if sheet.lattice is not None and not isinstance(stored["triangles"], np.ndarray):
+        arrays: dict[str, Any] = _rows_of(stored, points, share.faces)
+    else:
+        arrays = {name: values[points] for name, values in stored.items() if name != "triangles"}
+        corners = stored["triangles"][share.faces]
+        arrays["triangles"] = share.here(corners.ravel())[1].reshape(-1, 3)
 
     def of(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else values[points]
 
     return replace(
         sheet,
-        points=sheet.points[points], areas=sheet.areas[points], triangles=local[sheet.triangles[share.faces]],
+        **arrays,
         grid=of(sheet.grid), spacings=of(sheet.spacings), frames=of(sheet.frames), bodies=of(sheet.bodies),
         pieces=of(sheet.pieces), stiffness=of(sheet.stiffness), barriers=None, cuts=(), parts={}, inclusions=(),
     )  # fmt: skip
+
+
+def _rows_of(stored: Mapping[str, Stored], points: np.ndarray, faces: np.ndarray) -> dict[str, Stored]:
+    """Points that follow each other in a lattice whose arrays are computed on demand."""
+    first = int(points[0])
+    places, areas, triangles = stored["points"], stored["areas"], stored["triangles"]
+    return {
+        "points": OnDemand(len(points), lambda i: places[i + first]),
+        "areas": OnDemand(len(points), lambda i: areas[i + first]),
+        "triangles": OnDemand(len(faces), lambda i: triangles[faces[i]] - np.int32(first)),
+    }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
+from ..kernels.rupture import Breaking
 from .built_part import BuiltPart
 
 
@@ -77,6 +79,31 @@ class Tangent(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False)
+class BondBreaking:
+    """What breaks bonds before the forces of a step, for laws whose kernels of the force can do so.
+
+    Attributes:
+        kernel: The criterion, and what else decides the kernel.
+        values: Struct of the criterion.
+        spared: Whether the bonds of a point never break, (N,) uint8, or None.
+        released: Energy lost with broken bonds [J], (N,) float64, or None.
+        squared_stretch: Squared stretch |Y|^2/|X|^2 [-] up to which no bond breaks; None if there is none.
+        stages: Names of the stages in which the force breaks bonds.
+    """
+
+    kernel: Breaking
+    values: Any
+    spared: Array | None
+    released: Array | None
+    squared_stretch: float | None
+    stages: set[str] = field(default_factory=set)
+
+    def acts(self, stage: Stage) -> bool:
+        """Whether the force breaks bonds in a stage."""
+        return stage.name in self.stages
+
+
 class BuiltLaw(BuiltPart, Protocol):
     """A force law on a device.
 
@@ -122,6 +149,10 @@ class BuiltLaw(BuiltPart, Protocol):
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         ...
+
+    def break_with_force(self, breaking: BondBreaking) -> bool:
+        """Whether the force breaks the bonds in the stages that `breaking` names, so that no launch before has to."""
+        return False
 
     def bond_force(self) -> Array:
         """Force of the family of a point on each of its pairs [N], (members, N) vec3, updated with every force.

@@ -13,7 +13,7 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
-from ..interfaces import BuiltLaw, Tangent
+from ..interfaces import BondBreaking, BuiltLaw, Tangent
 from ..kernels.bond_associated import bond_associated
 from ..kernels.effects import Kernel
 from ..kernels.reference_force import reference_force
@@ -145,6 +145,7 @@ class BondAssociatedForce(FamilyLaw):
         self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
         self.kernels = bond_associated(*self.key, context.module)
         self.earlier_energy = self.kernels.earlier_energy
+        self._breaking: BondBreaking | None = None
         self.fast_path: FastForce | None = fast_path(self, inverse, weights)
 
     @functools.cached_property
@@ -165,10 +166,18 @@ class BondAssociatedForce(FamilyLaw):
             return super().bond_force()
         return self.pairs
 
+    def break_with_force(self, breaking: BondBreaking) -> bool:
+        """Whether the kernels of the force break bonds."""
+        alone = self.context.share is None and not self.context.features.gradual
+        found = alone and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
+        if found:
+            self._breaking = breaking
+        return found
+
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         if self.fast_path is not None:
-            self.fast_path.add_force(stage, displacement, out)
+            self.fast_path.add_force(stage, displacement, out, self._breaking)
             return
         self.add_reference_force(stage, displacement)
         self.add_gather(stage, self.kernels.gather, self.pairs, out)

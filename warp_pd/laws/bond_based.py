@@ -15,7 +15,8 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw, Tangent
-from ..kernels.bond_based import bond_based
+from ..kernels.bond_based import bond_based, pull_of_bond
+from ..kernels.bonds_once import bonds_once
 from ..kernels.effects import Kernel
 from ..materials import PairwiseMaterial, capabilities, check_material
 from ..phases import Phase
@@ -48,12 +49,14 @@ class BondBased:
         horizon: Horizon in spacings of the sheet [-], at least 1.
         state: "plane stress", or "line" for a sheet of one row of points.
         micromoduli: "published" (IM eq. 4), or "corrected" on an uncut rectangle of one material.
+        fast: Whether a CPU computes each bond of a lattice once; False takes the reference kernel.
     """
 
     material: PairwiseMaterial
     horizon: float = 3.0
     state: str = "plane stress"
     micromoduli: str = "published"
+    fast: bool = True
 
     weights: ClassVar[str] = "pairwise"
     has_energy: ClassVar[bool] = True
@@ -107,6 +110,13 @@ class BondBasedForce(FamilyLaw):
         self.earlier_energy = self.kernels.earlier_energy
         # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
         self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
+        self.once: tuple[Kernel, Kernel] | None = None
+        # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
+        if law.fast and context.layout == "lattice" and not context.device.is_cuda:
+            members = families.members
+            module = f"{context.module}_once_{members}"
+            pull = pull_of_bond("lattice", context.bits, law.material.pairwise, module)
+            self.once = bonds_once(context.bits, members, breakable, pull, module)
         self._shown: dict[str, Array] = {}
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -122,10 +132,31 @@ class BondBasedForce(FamilyLaw):
                 )  # fmt: skip
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launch that fills `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
+        if self.once is not None:
+            self._add_forces_once(stage, displacement, out, *self.once)
+            return
         stage.launch(
             self.owner, self.kernels.pair_force, self.points,
             **self.family_arguments(displacement), constants=self.constants,
+            unit_force=self.unit_volume * self.inverse_horizon, force=out,
+        )  # fmt: skip
+
+    def _add_forces_once(
+        self, stage: Stage, displacement: Array, out: Array, forces_ahead: Kernel, sum_both_halves: Kernel
+    ) -> None:
+        """Add the launches that compute each bond once."""
+        shape = (self.points, self.families.members // 2)
+        ahead = self.context.array("forces_ahead", self.owner, self.context.types.vec3, shape=shape)
+        s = self.struct
+        tables = {"shift": s.stencil_shift, "family_class": s.family_class, "initial": s.class_initial}
+        stage.launch(
+            self.owner, forces_ahead, self.points, **tables, bond=s.stencil_bond, weight=s.class_weight,
+            intact=self.intact, displacement=displacement, constants=self.constants,
+            inverse_horizon=self.inverse_horizon, ahead=ahead,
+        )  # fmt: skip
+        stage.launch(
+            self.owner, sum_both_halves, self.points, **tables, intact=self.intact, ahead=ahead,
             unit_force=self.unit_volume * self.inverse_horizon, force=out,
         )  # fmt: skip
 

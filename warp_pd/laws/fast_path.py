@@ -19,7 +19,8 @@ import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Span, Stage
+from ..interfaces import BondBreaking
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
@@ -35,7 +36,8 @@ MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
-MAX_BLOCKS = 8192
+# With a list most blocks would find nothing, and starting them takes time.
+MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
 # Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
 RING = 2**20
 # Number of bonds up to which all families of a sheet use the second kernel.
@@ -45,8 +47,15 @@ MAX_SHARED = 300_000
 class FastForce(Protocol):
     """Fast kernels on one sheet and device."""
 
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
-        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+    def breaks_bonds(self, breaking: BondBreaking) -> bool:
+        """Whether the kernels of the force can break the bonds."""
+        ...
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3.
+
+        In the stages of `breaking`, for which `breaks_bonds` must be true, bonds break before.
+        """
         ...
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
@@ -93,8 +102,13 @@ class RowSums:
             for energetic in (False, True)
         ]
 
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+    def breaks_bonds(self, breaking: BondBreaking) -> bool:
+        """They cannot."""
+        return False
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        assert breaking is None
         law = self.force
         stage.launch(
             law.owner, self.kernels[0], law.points, **law.family_arguments(displacement), constants=law.constants,
@@ -178,24 +192,31 @@ class FastPath:
             strips.append(Strip(begin, end, gathered, points if end == points else end - reach))
         return strips
 
-    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
-        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+    def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
         everything = Strip(0, self.force.points, 0, self.force.points)
         for strip in self.strips or [everything]:
             if self.stencil is not None:
-                self._add_undamaged(stage, strip, *self.stencil, displacement, force)
-            self._add_shared(stage, strip, displacement, force)
+                self._add_undamaged(stage, strip, *self.stencil, displacement, force, breaking)
+            self._add_shared(stage, strip, displacement, force, breaking)
+
+    def breaks_bonds(self, breaking: BondBreaking) -> bool:
+        """The kernel of undamaged families must know which of them stay so."""
+        return self.stencil is None or breaking.squared_stretch is not None
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family [J], (N,) float64: that of the reference kernels."""
         self.force.add_reference_energy(stage, displacement, energies)
 
     def _add_undamaged(
-        self, stage: Stage, strip: Strip, stencil: Stencil, inner: int, displacement: Array, force: Array
-    ) -> None:
+        self, stage: Stage, strip: Strip, stencil: Stencil, inner: int, displacement: Array, force: Array,
+        breaking: BondBreaking | None,
+    ) -> None:  # fmt: skip
         law = self.force
         _, bits, _, broken, _ = law.key
-        kernel = undamaged_lattice_force(bits, self.near, stencil, self.gridded, broken is not None, self.module)
+        kernel = undamaged_lattice_force(
+            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, self.module
+        )
         stage.launch(
             law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
@@ -203,25 +224,35 @@ class FastPath:
             # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
             turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
+            squared_stretch=breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
             other_count=self.other_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
 
-    def _add_shared(self, stage: Stage, strip: Strip, displacement: Array, force: Array) -> None:
+    def _add_shared(
+        self, stage: Stage, strip: Strip, displacement: Array, force: Array, breaking: BondBreaking | None,
+    ) -> None:  # fmt: skip
         law, w = self.force, self.force.context
         layout, bits, material, broken, _ = law.key
         members = law.families.members
         together, sharing = families_together(members), threads_of_family(members)
-        blocks = min(-(-(strip.end - strip.begin) // together), MAX_BLOCKS)
+        blocks = min(-(-(strip.end - strip.begin) // together), MAX_LISTED_BLOCKS if self.listed else MAX_BLOCKS)
         kernel = block_force(
-            layout, bits, material, self.near, broken, members, self.listed, w.module, self.shared_module
-        )
+            layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
+            self.listed, w.module, self.shared_module,
+        )  # fmt: skip
+        state, released = w.state, None if breaking is None else breaking.released
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
             intact=law.intact,
             others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
-            bond_force=self.bond_force, force=force,
+            breaks_now=int(breaking is not None and breaking.acts(stage)),
+            criterion=0 if breaking is None else breaking.values, horizon=law.families.horizon,
+            spared_mask=None if breaking is None else breaking.spared,
+            velocity=None if released is None else state.velocity, step=None if released is None else state.step,
+            unit_volume=law.unit_volume, remaining=None if breaking is None else law.intact, released=released,
+            bond_force=self.bond_force, force=force, span=None if self.listed else Span(together, MAX_BLOCKS),
         )  # fmt: skip
         steps = law.families.steps
         gather = gather_reverse_bonds(

@@ -25,6 +25,7 @@ from ..phases import Phase
 from .nodal import PointLaw
 
 EVALUATIONS = ("torch", "fused", "closed_form")
+WEIGHTS = ("published", "corrected")
 # Maximum number of network weights that are compiled into a kernel as constants; more compile slowly.
 MAX_WEIGHTS = 10_000
 
@@ -50,6 +51,8 @@ class Neural:
             precision and device of the run; any other callable gets tensors of that precision and device. It runs
             without gradients; on CUDA it is captured in a graph, so it must not read values on the host.
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
+        weights: "published", 2 / tr K of each family (NN eq. 36), which takes the families at edges for round ones; or
+            "corrected", one of each bond, so that a uniform stress is in balance up to the edges (`warp_pd.weights`).
 
     Raises:
         InputError: for a network that is missing, damaged, made for another material, or too large for "fused".
@@ -60,9 +63,9 @@ class Neural:
     evaluation: str = "torch"
     network: Network | Callable[[Any], Any] | str | Path | None = None
     influence: str | InfluenceFunction = "inverse"
+    weights: str = "published"
     loaded: Network | None = field(init=False, default=None)
 
-    weights: ClassVar[str] = "point"
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
@@ -72,6 +75,7 @@ class Neural:
         influence_function(self.influence)
         check_material(self.material, "functions")
         one_of("evaluation", self.evaluation, EVALUATIONS)
+        one_of("weights", self.weights, WEIGHTS)
         if capabilities(self.material).membrane is None:
             raise InputError(
                 f"material = {type(self.material).__name__}: expected a material with `membrane` and `ratios`, such as "
@@ -107,7 +111,8 @@ class Neural:
         """Everything that decides which kernels are compiled."""
         numbers = self.loaded.sigmoids() if self.loaded is not None and self.evaluation == "fused" else None
         return (
-            layout, capabilities(self.material).membrane, breakable, self.evaluation, numbers, self.loaded is not None,
+            layout, capabilities(self.material).membrane, breakable, self.weights, self.evaluation, numbers,
+            self.loaded is not None,
         )  # fmt: skip
 
     def build(self, context: Context) -> BuiltLaw:
@@ -130,7 +135,7 @@ class NeuralForce(PointLaw):
     has_energy = False
 
     def __init__(self, law: Neural, context: Context) -> None:
-        super().__init__(law, law.influence, context)
+        super().__init__(law, law.influence, context, corrected=law.weights == "corrected")
         self.law = law
         known = capabilities(law.material)
         assert known.membrane is not None and known.mu is not None
@@ -142,8 +147,8 @@ class NeuralForce(PointLaw):
             layers = law.loaded.sigmoids()
             context.use_fast_math(fused_module)
         self.kernels = neural(
-            context.layout, context.bits, known.membrane, context.features.breakable, law.evaluation, layers,
-            law.loaded is not None, context.module, fused_module,
+            context.layout, context.bits, known.membrane, context.features.breakable, law.weights == "corrected",
+            law.evaluation, layers, law.loaded is not None, context.module, fused_module,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None
         self.outside: Array | None = None

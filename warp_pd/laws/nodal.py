@@ -11,19 +11,13 @@ from ..checks import positive
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families import (
-    Families,
-    InfluenceFunction,
-    build_families,
-    influence_function,
-    inverse_shape,
-    require_diagonals,
-)
+from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
 from ..kernels.effects import Kernel
 from ..kernels.nodal import nodal
 from ..materials import Material, check_material, energy_density
 from .family_law import FamilyLaw, require_one_material, whole_sheet
+from .weight_tables import point_tables
 
 
 @dataclass(frozen=True)
@@ -70,7 +64,8 @@ class Nodal:
 class PointLaw(FamilyLaw):
     """Base class of laws with one deformation gradient per point.
 
-    The families have no intersections, and K_i^-1 and 2 / tr K_i of the undamaged sheet in place of K_ij^-1 and W_ij.
+    The families have no intersections, and K_i^-1 and 2 / tr K_i of the undamaged sheet in place of K_ij^-1 and W_ij;
+    with corrected weights W_ij of the bonds themselves.
 
     Attributes:
         pairs: Force of the family of a point on each of its pairs [N], (members, N).
@@ -78,11 +73,13 @@ class PointLaw(FamilyLaw):
 
     weights = "point"
 
-    def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context) -> None:
+    def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context, corrected: bool = False) -> None:
         require_one_material(context.sheet, f"the law {type(law).__name__}")
-        families = build_families(whole_sheet(law, context), law.horizon, influence, intersections=False)
-        require_diagonals(context.sheet, law.horizon)
-        super().__init__(law, context, families, *_shapes(families))
+        sheet = whole_sheet(law, context)
+        families, inverse, weights, self.correction = point_tables(sheet, law.horizon, influence, corrected)
+        if corrected:
+            self.weights = "corrected"
+        super().__init__(law, context, families, inverse, weights)
         shape = (families.members, context.sheet.size)
         self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
 
@@ -116,12 +113,3 @@ class NodalForce(PointLaw):
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""
         return self.kernels.strain_energy
-
-
-def _shapes(families: Families) -> tuple[np.ndarray, np.ndarray]:
-    """K_i^-1 of every row (11, 12, 22; zero where degenerate), shape (R, 1, 3), and 2 / tr K_i, shape (R, 1)."""
-    bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
-    c = families.member_shares
-    shape = np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], axis=-1)
-    inverse, _ = inverse_shape(shape)
-    return inverse[:, None], (2.0 / (shape[:, 0] + shape[:, 2]))[:, None]

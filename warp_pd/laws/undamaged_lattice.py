@@ -9,7 +9,7 @@ import numpy as np
 
 from ..families import Families, unpack
 from ..kernels.families import WORD
-from ..kernels.undamaged_lattice import Stencil
+from ..kernels.undamaged_lattice import LARGE, Stencil
 
 TOLERANCE = 1e-9
 
@@ -76,12 +76,15 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
     if not found:
         return None
     rotation = found[0]
+    inside, turned = unpack(common, n), rotation.turned(steps)
     part = rotation.part(steps)
-    inside = unpack(common, n)
+    if n > LARGE:
+        part = short_path(part, inside, turned)
     stencil = Stencil(
         steps=tuple(steps),
         turns=rotation.turns,
-        turned=tuple(rotation.turned(steps)),
+        turned=tuple(turned),
+        bonds=tuple((_even(x), _even(y)) for x, y in bonds),
         moments=tuple((_even(x), _even(y)) for x, y in influence[:, None] * bonds),
         part=tuple(part),
         inside=tuple(tuple(bool(b) for b in inside[j]) for j in part),
@@ -89,6 +92,34 @@ def undamaged_stencil(families: Families, inverse: np.ndarray, weights: np.ndarr
         weights=tuple(_even(w) for w in weight[part]),
     )
     return stencil, row
+
+
+def short_path(part: list[int], inside: np.ndarray, turned: list[int]) -> list[int]:
+    """The bonds of a part in an order in which each intersection has nearly the members of the one before.
+
+    The rotation of the first bond follows the last one. A short path is found from every bond by reversing sections of
+    one as long as it gets shorter.
+
+    Args:
+        part: The bonds.
+        inside: Whether each member (second index) belongs to the intersection of each bond.
+        turned: Member onto which the rotation maps each member.
+    """
+
+    def length(path: list[int]) -> int:
+        return int((inside[path] != inside[[*path[1:], turned[path[0]]]]).sum())
+
+    def shortened(path: list[int]) -> list[int]:
+        count = len(path)
+        sections = [(a, b) for a in range(1, count) for b in range(a + 2, count + 1)]
+        while True:
+            best = min([path, *([*path[:a], *path[a:b][::-1], *path[b:]] for a, b in sections)], key=length)
+            if length(best) == length(path):
+                return path
+            path = best
+
+    paths = [shortened([first, *(j for j in part if j != first)]) for first in part]
+    return min(paths, key=lambda path: (length(path), int(inside[path[0]].sum())))
 
 
 def _even(value: float) -> float:

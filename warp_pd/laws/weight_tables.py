@@ -1,4 +1,4 @@
-"""Families with the weights of the bond-associated law."""
+"""Families with the weights of the bond-associated law, and with those of laws that have one gradient a point."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import InputError
-from ..families import Families, InfluenceFunction, build_families, unpack
+from ..families import Families, InfluenceFunction, build_families, inverse_shape, require_diagonals, unpack
 from ..sheet import Sheet
 
 if TYPE_CHECKING:
@@ -55,10 +55,61 @@ def weight_tables(
     if sheet.lattice is None:
         at_rows, solved = _correction(families, sheet, plain)
         return families, inverse, at_rows / families.reference_area, _report(solved, sheet)
-    assert families.first is not None and families.severed is not None
-    columns = sheet.lattice.columns
-    corrected = rectangle.at(families.first % columns, families.first // columns) / families.reference_area
-    return families, inverse, np.where(families.severed[:, None], plain, corrected), _report(rectangle.solved, sheet)
+    return families, inverse, _of_rectangle(families, sheet, rectangle, plain), _report(rectangle.solved, sheet)
+
+
+def point_tables(
+    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, corrected: bool
+) -> tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]:
+    """Families without intersections and their tables.
+
+    Args:
+        sheet: The sheet.
+        horizon: Over the spacing of the sheet [-].
+        influence: Influence function, see `BondAssociated`.
+        corrected: Whether each bond gets a weight, so that a uniform stress is in balance.
+
+    Returns:
+        The families; K_i^-1 by row (11, 12, 22; zero where degenerate), shape (R, 1, 3); 2 / tr K_i, shape (R, 1), or
+        the corrected weights over the reference area, shape (R, n); what the correction did, or None.
+
+    Raises:
+        InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
+    """
+    if corrected:
+        _require_correctable(horizon)
+        if sheet.layout == "cloud":
+            _require_few(sheet.size)
+    apart = int(corrected and sheet.layout == "grid")
+    families = build_families(sheet, horizon, influence, apart, intersections=False)
+    require_diagonals(sheet, horizon)
+    if not corrected:
+        shape = _shapes(families)
+        return families, inverse_shape(shape)[0][:, None], (2.0 / _trace(shape))[:, None], None
+    rectangle = None
+    if sheet.lattice is not None:
+        rectangle = _rectangle(families, sheet, intersections=False)
+        families = build_families(sheet, horizon, influence, rectangle.depth, intersections=False)
+    shape = _shapes(families)
+    # The published force, as the share of the point's area that each bond stands for.
+    published = (families.areas / _trace(shape))[:, None] * families.member_shares * families.lengths**2
+    if rectangle is None:
+        at_rows, solved = _correction(families, sheet, published, intersections=False)
+        weights = at_rows / families.reference_area
+    else:
+        weights, solved = _of_rectangle(families, sheet, rectangle, published), rectangle.solved
+    return families, inverse_shape(shape)[0][:, None], weights, _report(solved, sheet)
+
+
+def _shapes(families: Families) -> np.ndarray:
+    """K_i of every row (11, 12, 22) over the horizon squared and the reference area, shape (R, 3)."""
+    bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
+    c = families.member_shares
+    return np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], axis=-1)
+
+
+def _trace(shape: np.ndarray) -> np.ndarray:
+    return np.asarray(shape[:, 0] + shape[:, 2])
 
 
 def _require_correctable(horizon: float) -> None:
@@ -69,7 +120,15 @@ def _require_correctable(horizon: float) -> None:
         )
 
 
-def _rectangle(families: Families, sheet: Sheet) -> RectangleWeights:
+def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights, plain: np.ndarray) -> np.ndarray:
+    """Weights by row over the reference area, shape (R, n): corrected, but plain where a cut severed the family."""
+    assert sheet.lattice is not None and families.first is not None and families.severed is not None
+    columns = sheet.lattice.columns
+    corrected = rectangle.at(families.first % columns, families.first // columns) / families.reference_area
+    return np.where(families.severed[:, None], plain, corrected)
+
+
+def _rectangle(families: Families, sheet: Sheet, intersections: bool = True) -> RectangleWeights:
     from ..weights import rectangle_corrected
 
     assert sheet.lattice is not None and families.steps is not None
@@ -80,11 +139,13 @@ def _rectangle(families: Families, sheet: Sheet) -> RectangleWeights:
         (lattice.dx, lattice.dy),
         offsets=families.steps,
         influence=families.influence,
-        common=unpack(families.common, families.members),
+        common=unpack(families.common, families.members) if intersections else None,
     )
 
 
-def _correction(families: Families, sheet: Sheet, plain: np.ndarray) -> tuple[np.ndarray, CorrectedWeights]:
+def _correction(
+    families: Families, sheet: Sheet, plain: np.ndarray, intersections: bool = True
+) -> tuple[np.ndarray, CorrectedWeights]:
     """Corrected weights by row [m^2], shape (R, n), of a cloud or grid.
 
     Points that share a row keep their plain weights: they and all around them are in balance. So the solve needs the
@@ -116,7 +177,7 @@ def _correction(families: Families, sheet: Sheet, plain: np.ndarray) -> tuple[np
         sheet.areas[at],
         neighbours,
         by_point(families.influence),
-        unpack(by_point(families.common), families.members),
+        unpack(by_point(families.common), families.members) if intersections else None,
         edge_vectors=_edges(sheet)[at],
         start=by_point(plain) * families.reference_area,
         frozen=severed | rigid | ~own[at],

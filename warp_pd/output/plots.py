@@ -305,7 +305,9 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
             corners, facecolors=edges[order], edgecolors=edges[order], linewidths=widths[order]
         )  # fmt: skip
         painted.set_rasterized(len(corners) > MOST_VECTORS)
-        axes.add_collection(painted)
+        # Limits and layout come from elsewhere, and asking every triangle for its extent takes long.
+        painted.set_in_layout(False)
+        axes.add_collection(painted, autolim=False)
     if frame.ball is not None:
         _dash_the_ball(axes, frame.ball, seen)
 

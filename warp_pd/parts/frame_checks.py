@@ -53,11 +53,10 @@ class FrameChecks(BuiltPart):
             damping=state.damping, force=state.force, external=state.external, out=self.kinetic_energy,
             half_step=self.half_step_kinetic,
         )  # fmt: skip
-        stage.launch(
-            OWNER, frame_checks(context.bits, context.module).watch_motion, self._blocks,
-            displacement=context.own(state.displacement), velocity=context.own(state.velocity),
-            not_finite=self.not_finite,
-            fastest=self.fastest,
+        context.launch_on_blocks(
+            stage, OWNER, frame_checks(context.bits, context.module).watch_motion,
+            {"displacement": state.displacement, "velocity": state.velocity},
+            {"not_finite": self.not_finite, "fastest": self.fastest},
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
@@ -77,7 +76,7 @@ class FrameChecks(BuiltPart):
         if share is None:
             return lowest
         begins = BLOCK * np.arange(len(lowest))
-        found = lowest + share.bounds[share.owner_of(begins)]
+        found = lowest + share.bounds[share.summer_of(begins)]
         return np.where(found < begins + BLOCK, found, points)
 
     def top_speed(self) -> float:
@@ -163,11 +162,10 @@ class Sums:
     def add(self, stage: Stage) -> None:
         """Add the launches, after those that fill the arrays."""
         checks, row = frame_checks(self.context.bits, self.context.module), 0
-        blocks = self._sums.shape[1]
         for values in self.arrays.values():
             scalar = values.dtype is wp.float64
             kernel = checks.sum_blocks if scalar else checks.sum_vectors
-            stage.launch(OWNER, kernel, blocks, values=self.context.own(values), row=row, sums=self._sums)
+            self.context.launch_on_blocks(stage, OWNER, kernel, {"values": values}, {"sums": self._sums}, row=row)
             row += 1 if scalar else 3
 
     def totals(self, kept: Array | None = None) -> dict[str, float]:

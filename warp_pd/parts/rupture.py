@@ -17,10 +17,10 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families.share import Share
-from ..interfaces import BuiltLaw, BuiltRupture, Rupture
+from ..interfaces import BondBreaking, BuiltLaw, BuiltRupture, Rupture
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.energy_release import energy_release
-from ..kernels.rupture import Criterion, breaking, critical_energy, critical_stretch
+from ..kernels.rupture import Breaking, Criterion, breaking, critical_energy, critical_stretch
 from ..phases import Phase
 from ..sheet import Sheet
 
@@ -30,6 +30,11 @@ MAX_STRETCH = 1e12
 
 class BondCriterion(Rupture):
     """A criterion that looks at one bond at a time."""
+
+    @property
+    def squared_stretch(self) -> float | None:
+        """Squared stretch |Y|^2/|X|^2 [-] up to which no bond exceeds the criterion, or None if there is none."""
+        return None
 
     def compile_key(self) -> tuple[object, ...]:
         """Whether some points are spared."""
@@ -75,6 +80,11 @@ class CriticalStretch(BondCriterion):
             raise InputError(
                 f"CriticalStretch.stretch = {self.stretch!r}: expected a stretch above 1 and below {MAX_STRETCH:g}"
             )
+
+    @property
+    def squared_stretch(self) -> float:
+        """The squared critical stretch."""
+        return self.stretch**2
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The squared critical stretch."""
@@ -228,12 +238,20 @@ class BreakingBonds(Damaged):
     def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
         super().__init__(owner, rupture, context, law)
         found, self.criterion = rupture.criterion(context, law)
+        self._breaking = BondBreaking(
+            Breaking(found, self.spared is not None, self.tracked_energy), self.criterion, self.spared, self.released,
+            rupture.squared_stretch,
+        )  # fmt: skip
+        self._with_force = law.break_with_force(self._breaking)
         self._kernel = breaking(
             context.layout, context.bits, found, self.spared is not None, self.tracked_energy, context.module
         )
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launch that breaks bonds."""
+        """Add the launch that breaks bonds, unless the force law does so on its own in a step."""
+        if self._with_force and stage.name == "step":
+            self._breaking.stages.add(stage.name)
+            return
         size = self.context.sheet.size
         stage.launch(self.owner, self._kernel, size, **self.arguments(), criterion=self.criterion)
 

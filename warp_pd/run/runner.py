@@ -234,7 +234,7 @@ def _add_files(
 def _room_of_a_frame(built: Built) -> int:
     """Room for two frames, restart files and the small files [bytes]."""
     context = built.context
-    frame = BYTES_OF_POINT * context.whole.size + 12 * len(context.whole.triangles)
+    frame = BYTES_OF_POINT * context.whole.size + 12 * len(context.whole.stored("triangles"))
     restarts = sum(array.capacity for array in context.fields.kept().values()) * context.crew.size
     return int(2 * frame + 2 * restarts + SMALL_FILES)
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..checks import InputError, count, counts, finite, one_of, positive, vector
 from .clouds import cloud
+from .on_demand import OnDemand
 from .shape import Shape
-from .triangulation import Lattice, cell_triangles, turned_grid
+from .triangulation import Lattice, lattice_triangles, turned_grid
 
 # Points are counted in 32 bits.
 MAX_POINTS = 2**31 - 1
+# Lattices of so many points do not store what follows from rows and columns.
+STORED_POINTS = 2**19
 
 
 def rectangle(
@@ -45,18 +50,19 @@ def rectangle(
         raise InputError(
             f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: expected {MAX_POINTS}"
         )
-    x, y = np.meshgrid(x0 + dx * np.arange(columns), y0 + dy * np.arange(rows))
+    x, y = x0 + dx * np.arange(columns), y0 + dy * np.arange(rows)
     share_x, share_y = np.full(columns, dx), np.full(rows, dy)
     if not centred:
         share_x[[0, -1]] *= 0.5
         share_y[[0, -1]] *= 0.5
-    return Shape(
-        points=np.column_stack([x.ravel(), y.ravel()]),
-        areas=np.outer(share_y, share_x).ravel(),
-        triangles=cell_triangles(columns, np.ones((rows - 1, columns - 1), bool)),
-        spacing=float(np.sqrt(dx * dy)),
-        lattice=Lattice(columns, rows, dx, dy),
-    )
+    arrays: dict[str, Any] = {
+        "points": OnDemand(columns * rows, lambda i: np.stack([x[i % columns], y[i // columns]], axis=-1)),
+        "areas": OnDemand(columns * rows, lambda i: share_y[i // columns] * share_x[i % columns]),
+        "triangles": OnDemand(2 * (columns - 1) * (rows - 1), lambda i: lattice_triangles(columns, i)),
+    }
+    if columns * rows < STORED_POINTS:
+        arrays = {name: array[np.arange(len(array))] for name, array in arrays.items()}
+    return Shape(**arrays, spacing=float(np.sqrt(dx * dy)), lattice=Lattice(columns, rows, dx, dy))
 
 
 def line(length: float, points: int) -> Shape:

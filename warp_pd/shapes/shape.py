@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
+from .on_demand import Stored, StoredField
 from .triangulation import Lattice, Segment
 
 
@@ -56,7 +58,20 @@ class Shape:
     @property
     def size(self) -> int:
         """Number of points."""
-        return len(self.points)
+        return len(self.stored("points"))
+
+    @property
+    def extent(self) -> np.ndarray:
+        """Size along each axis [m]."""
+        points = self.stored("points")
+        # The first and the last corner of a lattice.
+        return np.asarray(
+            np.ptp(points if isinstance(points, np.ndarray) else points[np.array([0, len(points) - 1])], axis=0)
+        )
+
+    def stored(self, name: str) -> Stored:
+        """The array `points`, `areas` or `triangles`; of a large lattice what computes its entries."""
+        return cast(Stored, vars(self)[name])
 
     @property
     def widest_spacing(self) -> float:
@@ -82,3 +97,7 @@ class Shape:
         if self.frames is None:
             return np.tile([0.0, 0.0, 1.0], (self.size, 1))
         return np.cross(self.frames[..., 0], self.frames[..., 1])
+
+
+for _name in ("points", "areas", "triangles"):
+    setattr(Shape, _name, StoredField(_name))

@@ -52,13 +52,24 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
 
 def cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
     """Two triangles for each whole cell, the diagonals alternating."""
-    row, column = np.nonzero(whole)
-    a = row * columns + column
-    b, c, d = a + 1, a + 1 + columns, a + columns
-    even = ((row + column) % 2 == 0)[:, None]
-    first = np.where(even, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
-    second = np.where(even, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
-    return np.stack([first, second], axis=1).reshape(-1, 3).astype(np.int32)
+    cells = np.flatnonzero(whole)
+    return lattice_triangles(columns, (2 * cells[:, None] + np.arange(2)).ravel())
+
+
+def lattice_triangles(columns: int, at: np.ndarray) -> np.ndarray:
+    """Some triangles of a lattice, int32, shape (F, 3): two for each cell, the diagonals alternating.
+
+    Args:
+        columns: Points along x.
+        at: Their numbers, shape (F,): twice that of the cell, and one more for the second.
+    """
+    row, column = np.divmod(at // 2, columns - 1)
+    a = (row * columns + column).astype(np.int32)
+    even, second = (row + column) % 2 == 0, at % 2 == 1
+    b, c, d = a + 1, a + np.int32(1 + columns), a + np.int32(columns)
+    odd_corner, last = np.where(even | ~second, a, b), np.where(second | ~even, d, c)
+    middle = np.where(second, c, b)
+    return np.stack([odd_corner, middle, last], axis=-1)
 
 
 def whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:

@@ -132,14 +132,13 @@ class BuiltRelaxation(BuiltSolver):
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
             measure_motion, set_damping = adaptive_damping(context.bits, following, context.module)
-            own = context.own
-            stage.launch(
-                OWNER, measure_motion, self._blocks,
-                mass=own(self.inertia()), held_mask=None if state.held_mask is None else own(state.held_mask),
-                velocity=own(state.velocity), force=own(state.force),
-                external=None if state.external is None else own(state.external), block=BLOCK,
-                previous=own(self._previous), sums=self._sums,
-            )  # fmt: skip
+            arrays = {
+                "mass": self.inertia(), "held_mask": state.held_mask, "velocity": state.velocity, "force": state.force,
+                "external": state.external, "previous": self._previous,
+            }  # fmt: skip
+            context.launch_on_blocks(
+                stage, OWNER, measure_motion, arrays, {"sums": self._sums}, ["previous"], block=BLOCK
+            )
             sums = context.all_blocks(stage, self._sums, "motion_sums_of_all", OWNER)
             stage.launch(OWNER, set_damping, 1, sums=sums, step=state.step, damping=state.damping)
 

@@ -6,11 +6,9 @@
 from __future__ import annotations
 
 import atexit
-import contextlib
 import os
 import pickle
-import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from datetime import timedelta
 from typing import Any, TypeVar
 
@@ -25,29 +23,13 @@ from ..device.crew import Crew, LostError
 from ..device.fields import Array, Stored, to_host
 from ..device.launches import Call, Touched
 from ..families.share import BLOCK, Share
+from .messages import Exchange, Kept, Message, stream_of, talking
 from .step import capture, release_graphs
 
 T = TypeVar("T")
 
 # A frame may be long, and the first process may draw pictures meanwhile: a process that died is noticed otherwise.
 PATIENCE = timedelta(hours=24)
-SIGNED = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: torch.int64}
-
-
-@contextlib.contextmanager
-def _talking() -> Iterator[None]:
-    """Context of what needs the other processes.
-
-    Raises:
-        LostError: if one of them has ended.
-    """
-    try:
-        yield
-    except (RuntimeError, dist.DistBackendError) as error:
-        text = re.sub(r"\[[^]]*\]:?\d*\s*", "", str(error).splitlines()[0])[:80].strip(" .")
-        raise LostError(
-            f"processes: another process of this run ended ({text}); --resume goes on from the last restart file"
-        ) from None
 
 
 def _part() -> None:
@@ -74,7 +56,7 @@ class TorchCrew(Crew):
             torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
             # An exchange goes before the launches of the interior that fill the device meanwhile.
             os.environ.setdefault("TORCH_NCCL_HIGH_PRIORITY", "1")
-        with _talking():
+        with talking():
             if not dist.is_initialized():
                 backend = "cpu:gloo,cuda:nccl" if cuda else "gloo"
                 dist.init_process_group(backend, timeout=PATIENCE)
@@ -94,7 +76,7 @@ class TorchCrew(Crew):
         except (Exception, KeyboardInterrupt) as caught:
             error = caught
         errors: list[Any] = [None] * self.size
-        with _talking():
+        with talking():
             dist.all_gather_object(errors, None if error is None else _sendable(error))
         first = next((rank for rank, text in enumerate(errors) if text is not None), None)
         if first is not None:
@@ -119,7 +101,7 @@ class TorchCrew(Crew):
     def _tell(self, message: Any) -> Any:
         """The message that the first process gives."""
         told = [message]
-        with _talking():
+        with talking():
             dist.broadcast_object_list(told, src=0)
         return told[0]
 
@@ -157,20 +139,22 @@ class TorchCrew(Crew):
         places: Any = None
         if per in ("point", "bond"):
             values = values[share.own] if per == "point" else values[:, share.own]
+            if share.owners is not None:
+                places = share.points[share.own]
         if per == "face":
             places = share.faces
         parts: Any = [None] * self.size if self.leads else None
-        with _talking():
+        with talking():
             dist.gather_object((np.ascontiguousarray(values), places), parts)
         if parts is None:
             return values
-        whole = np.concatenate([part for part, _ in parts], axis=-1 if per == "block" else int(per == "bond"))
-        if per == "face":
-            at = np.concatenate([where for _, where in parts])
-            found = np.empty_like(whole)
-            found[at] = whole
-            return found
-        return whole
+        axis = values.ndim - 1 if per == "block" else int(per == "bond")
+        whole = np.concatenate([part for part, _ in parts], axis=axis)
+        if places is None:
+            return whole
+        found = np.empty_like(whole)
+        found[(slice(None),) * axis + (np.concatenate([where for _, where in parts]),)] = whole
+        return found
 
     def in_turn(self, work: Callable[[], T]) -> T:
         """Do work in the first process, then in all others, which find what it left."""
@@ -187,7 +171,7 @@ class TorchCrew(Crew):
 
     def _reduced(self, value: float, operation: Any) -> float:
         number = torch.tensor([value], dtype=torch.float64)
-        with _talking():
+        with talking():
             dist.all_reduce(number, operation)
         return float(number[0])
 
@@ -198,11 +182,11 @@ class TorchCrew(Crew):
     def exchange(self, fields: Sequence[Stored], share: Share) -> Call:
         """A call that fills the halo of some fields with what its owners have."""
         messages = [
-            _Message(stored.array, rank, mine, theirs, tag)
+            Message(stored.array, stored.array, rank, mine, theirs, tag)
             for tag, stored in enumerate(fields)
             for rank, mine, theirs in self._routes[stored.field.per == "bond"]
         ]
-        exchange = _Exchange(messages, fields[0].array.device)
+        exchange = Exchange(messages, fields[0].array.device)
         addresses = frozenset(int(stored.array.ptr) for stored in fields)
         names = ", ".join(stored.name for stored in fields)
         threads = sum(message.points for message in messages)
@@ -219,17 +203,38 @@ class TorchCrew(Crew):
         outside = share.near.copy() if near else np.ones(len(share.points), bool)
         outside[share.own] = False
         halos: list[Any] = [None] * self.size
-        with _talking():
+        with talking():
             dist.all_gather_object(halos, share.points[outside])
         wanted, owner = np.flatnonzero(outside), share.owner_of(share.points[outside])
-        begin, end = share.bounds[share.rank], share.bounds[share.rank + 1]
         routes = []
         for rank, asked in enumerate(halos):
-            mine = asked[(asked >= begin) & (asked < end)] - begin + share.own.start
+            mine = share.here(asked[share.owner_of(asked) == share.rank])[1]
+            # Both sides in the order of the sheet.
             theirs = wanted[owner == rank]
             if len(mine) or len(theirs):
                 routes.append((rank, mine, theirs))
         return routes
+
+    def bring(self, pairs: Sequence[tuple[Array, Array]], share: Share) -> Call:
+        """A call that fills arrays of the points of own blocks with what their owners have of others."""
+        begin, own = int(share.bounds[share.rank]), share.points[share.own]
+        summers, order = share.summer_of(own), np.argsort(own)
+        owners = share.owner_of(np.arange(begin, begin + share.block_points))
+        routes = [
+            (rank, share.own.start + order[summers[order] == rank], np.flatnonzero(owners == rank))
+            for rank in range(self.size)
+        ]
+        messages = [
+            Message(source, target, rank, mine, theirs, tag)
+            for tag, (source, target) in enumerate(pairs)
+            for rank, mine, theirs in routes
+            if rank != share.rank and (len(mine) or len(theirs))
+        ]
+        _, mine, theirs = routes[share.rank]
+        kept = [Kept(source, target, mine, theirs) for source, target in pairs]
+        sources, targets = (frozenset(int(pair[k].ptr) for pair in pairs) for k in (0, 1))
+        exchange = Exchange(messages, pairs[0][0].device, kept)
+        return Call("bring blocks", "processes", len(own), exchange, capture, Touched(sources, frozenset(), targets))
 
     def gather_blocks(self, mine: Array, everything: Array, share: Share) -> Call:
         """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
@@ -240,7 +245,7 @@ class TorchCrew(Crew):
         parts = [torch.zeros_like(packed) for _ in range(self.size)]
 
         def gather() -> None:
-            with _talking(), _stream(mine.device):
+            with talking(), stream_of(mine.device):
                 packed[:, : source.shape[1]] = source
                 dist.all_gather(parts, packed)
                 for part, first, last in zip(parts, starts[:-1], starts[1:], strict=True):
@@ -248,89 +253,6 @@ class TorchCrew(Crew):
 
         touched = Touched(frozenset([int(mine.ptr)]), frozenset(), frozenset([int(everything.ptr)]))
         return Call("gather blocks", "processes", int(starts[-1]), gather, capture, touched)
-
-
-class _Message:
-    """What goes between this process and another one for one field."""
-
-    def __init__(self, array: Array, rank: int, mine: np.ndarray, theirs: np.ndarray, tag: int) -> None:
-        """Share the array with Torch.
-
-        Args:
-            array: The field, of points or [members, points].
-            rank: The other process.
-            mine: Own points that it needs.
-            theirs: Points here that it owns.
-            tag: Tells the fields of one exchange apart.
-        """
-        self.rank, self.tag, self.points = rank, tag, len(mine)
-        # The points last: bonds and words of bits are [members, points].
-        tensor = wp.to_torch(array)
-        # NCCL has no unsigned integers but bytes.
-        self._tensor = tensor.view(SIGNED.get(tensor.dtype, tensor.dtype))
-        self._leaving, self._arriving = (
-            (slice(None), part) if array.ndim == 2 else (part,) for part in (self._part(mine), self._part(theirs))
-        )
-        # Rows of points are sent and received where they lie.
-        self.outgoing, self.incoming = self._lying(self._leaving), self._lying(self._arriving)
-
-    def _part(self, points: np.ndarray) -> Any:
-        """Consecutive points as a slice, others as a tensor of indices."""
-        if len(points) and int(points[-1] - points[0]) == len(points) - 1:
-            return slice(int(points[0]), int(points[-1]) + 1)
-        return torch.from_numpy(np.asarray(points, np.int64)).to(self._tensor.device)
-
-    def _lying(self, place: Any) -> Any:
-        """The part of the field itself if it is in one piece, otherwise room for a copy of it."""
-        part = self._tensor[place]
-        return part if part.is_contiguous() and isinstance(place[0], slice) else torch.empty_like(part).contiguous()
-
-    def pack(self) -> list[Any]:
-        """The operations that send and receive."""
-        if not self._shares(self.outgoing):
-            self.outgoing.copy_(self._tensor[self._leaving])
-        found = []
-        if self.outgoing.numel():
-            found.append(dist.P2POp(dist.isend, self.outgoing, self.rank, tag=self.tag))
-        if self.incoming.numel():
-            found.append(dist.P2POp(dist.irecv, self.incoming, self.rank, tag=self.tag))
-        return found
-
-    def unpack(self) -> None:
-        """Put what came where it belongs."""
-        if not self._shares(self.incoming):
-            self._tensor[self._arriving] = self.incoming
-
-    def _shares(self, part: Any) -> bool:
-        return bool(part.untyped_storage().data_ptr() == self._tensor.untyped_storage().data_ptr())
-
-
-class _Exchange:
-    """Sends and receives the halo of some fields at once.
-
-    Attributes:
-        nbytes: What this process sends.
-    """
-
-    def __init__(self, messages: list[_Message], device: Any) -> None:
-        self.messages, self.device = messages, device
-        self.nbytes = sum(message.outgoing.nbytes for message in messages)
-
-    def __call__(self) -> None:
-        """Exchange, on Warp's stream."""
-        with _talking(), _stream(self.device):
-            operations = [operation for message in self.messages for operation in message.pack()]
-            for request in dist.batch_isend_irecv(operations) if operations else []:
-                request.wait()
-            for message in self.messages:
-                message.unpack()
-
-
-def _stream(device: Any) -> Any:
-    """Torch on the stream that Warp works on now, that of a capture included."""
-    if not device.is_cuda:
-        return contextlib.nullcontext()
-    return torch.cuda.stream(wp.stream_to_torch(wp.get_stream(device)))
 
 
 def _sendable(error: BaseException) -> bytes:

@@ -154,7 +154,7 @@ def corrected_weights(
     areas: np.ndarray,
     neighbours: np.ndarray,
     influence: np.ndarray,
-    common: np.ndarray,
+    common: np.ndarray | None,
     *,
     edge_vectors: np.ndarray,
     strip: np.ndarray | None = None,
@@ -177,7 +177,8 @@ def corrected_weights(
         areas: Area of each point [m^2], shape (N,).
         neighbours: Index of each family member, -1 where there is none, shape (N, n).
         influence: w_ij, shape (N, n), or (n,) for all points of a lattice.
-        common: Membership of the intersections, shape (N, n, n) [i, j, k], or (n, n) for a lattice.
+        common: Membership of the intersections, shape (N, n, n) [i, j, k], or (n, n) for a lattice. None for laws whose
+            bonds carry their own force, on flat sheets: G_ij,j = 2 X_ij / |X_ij|^2, and nothing on other members.
         edge_vectors: Force of a unit stress on each point [m], shape (N, 2), see `edge_vectors` and `rim_vectors`.
         strip: Points whose bonds may change, shape (N,); by default those that take part in a balance which
             the starting weights leave open: near edges and holes, and everywhere in an irregular cloud.
@@ -211,7 +212,7 @@ def corrected_weights(
     )
     table = _Table(points, areas, neighbours, influence, common, degenerate, frames)
     usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
-    start = plain_weights(areas, neighbours, common, usable) if start is None else np.where(usable, start, 0.0)
+    start = _start(table, usable) if start is None else np.where(usable, start, 0.0)
     length = float(np.sqrt(areas.mean())) if length is None else length
     gap = (edge_vectors - _forces(table, start)) / length
     asked = np.ones(size, bool) if unbalanced is None else ~unbalanced
@@ -248,6 +249,15 @@ def corrected_weights(
     )
 
 
+def _start(table: _Table, usable: np.ndarray) -> np.ndarray:
+    """Plain weights [m^2]; of bonds that carry their own force a_i c_ij |X_ij|^2 / tr K_i."""
+    if table.common is not None:
+        return plain_weights(table.areas, table.neighbours, table.common, usable)
+    bonds = table.points[table.neighbours] - table.points[:, None]
+    share = np.where(usable, table.influence * table.areas[table.neighbours] * (bonds**2).sum(axis=-1), 0.0)
+    return np.asarray(table.areas[:, None] * share / share.sum(axis=1, keepdims=True))
+
+
 class _Table(NamedTuple):
     """Arrays of the families, see `corrected_weights`."""
 
@@ -255,7 +265,7 @@ class _Table(NamedTuple):
     areas: np.ndarray
     neighbours: np.ndarray
     influence: np.ndarray
-    common: np.ndarray
+    common: np.ndarray | None
     degenerate: float
     frames: np.ndarray | None
 
@@ -286,6 +296,9 @@ def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if table.frames is not None:
         bonds = bonds @ table.frames[at]
         bonds, rises = bonds[..., :2], bonds[..., 2]
+    if table.common is None:
+        squared = np.where(exists, (bonds**2).sum(axis=-1), 1.0)
+        return np.eye(exists.shape[1])[:, :, None] * (2.0 * bonds / squared[..., None])[:, :, None], exists
     coefficient = np.where(exists, table.areas[member] * influence, 0.0)
     common = table.common[None] if table.common.ndim == 2 else table.common[at]
     inside = common & exists[:, :, None] & exists[:, None, :]

@@ -58,7 +58,7 @@ def rectangle_corrected(
     *,
     offsets: np.ndarray,
     influence: np.ndarray,
-    common: np.ndarray,
+    common: np.ndarray | None,
     depth: int | None = None,
     floor: float = FLOOR,
 ) -> RectangleWeights:
@@ -74,7 +74,8 @@ def rectangle_corrected(
         spacing: Distance of neighbouring points, or (along x, along y) [m].
         offsets: Lattice steps to each family member, int, shape (n, 2).
         influence: w of each member, shape (n,).
-        common: Whether member k belongs to the intersection of member j, shape (n, n) [j, k].
+        common: Whether member k belongs to the intersection of member j, shape (n, n) [j, k]; None for
+            bonds that carry their own force, see `corrected_weights`.
         depth: Layers of points along the edges that may change; by default twice the reach of
             the families, 3 at least.
         floor: Least ratio of corrected to plain weights.

@@ -1,8 +1,13 @@
 """Against finite elements: BA 6.1 and 6.2 (references and their sources stand in the scenes)."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from warp_pd.cli import build_scene
+
+DATA = Path(__file__).parent / "data"
 
 
 def error(scene, measure, **settings):
@@ -36,3 +41,25 @@ def test_published_weights_miss_by_what_the_prototype_found():
     assert error("pressure", "center_deflection", points=51, horizon=3.15, weights="published") == pytest.approx(
         0.0347, abs=2e-3
     )
+
+
+def lifted_error(wrinkles, stored):
+    """Relative distance from the elements at 1.5 s, and that of the mean deflection."""
+    settings = {"points": 51, "duration": 1.5, "frames": 1, "wrinkles": wrinkles, "safety": 0.8}
+    result = build_scene("out_of_plane", settings).run(device="cpu")
+    exact = np.load(DATA / "out_of_plane.npz")[f"{stored}_t1.5"]
+    found = result.frame.displacement.reshape(51, 51, 3).transpose(2, 1, 0)
+    return np.linalg.norm(found - exact) / np.linalg.norm(exact), found[2].mean() / exact[2].mean() - 1.0
+
+
+def test_the_lifted_sheet_meets_the_elements():
+    """NN 6.2 with the relaxed energy, which has a limit as the spacing shrinks; 4.4 % with 101 points."""
+    field, mean = lifted_error("relaxed", "relaxed_u")
+    assert field < 0.10
+    assert abs(mean) < 0.09
+
+
+def test_resolved_wrinkles_are_another_state_than_relaxed_ones():
+    """Same sheet, same pull: the compression that wrinkles carry makes the difference, not the method."""
+    assert lifted_error("resolved", "u")[0] < 0.15
+    assert lifted_error("relaxed", "u")[0] > 0.3

@@ -4,6 +4,7 @@ Streams are played on a CPU in the worst order: what is on the side stream runs 
 and halos hold no numbers until then.
 """
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -156,3 +157,22 @@ def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
         return Call("", "", 0, lambda: None, None, Touched(writes=frozenset(writes)), side_stream=True, beside=True)
 
     assert side_stream_waits([call(1), call(2)]) == [False, True, True]
+
+
+@pytest.mark.parametrize("name", ["cloud", "relaxed"])
+def test_blocks_that_share_points_are_divided_by_them(name, monkeypatch):
+    """Clouds, and sheets too small for a thread a point, have one kernel; declared on a CPU, not run."""
+    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
+    monkeypatch.setattr(exchange, "has_streams", lambda device: True)
+    context = process(scene(name), 1, 2, begin=False).context
+    parts = [i for i in context.stages["step"] if i.name == "family_block_force"]
+    assert all(part.beside for part in parts) and [part.side_stream for part in parts][-1] is False
+    ranges = sorted(part.points for part in parts)
+    assert ranges[0][0] == 0 and ranges[-1][1] == len(context.share.points)
+    assert all(one[1] == other[0] for one, other in itertools.pairwise(ranges))
+    inner = parts[-1]
+    assert inner.points == (context.share.inner.start, context.share.inner.stop)
+    for part in parts:
+        begin, end = part.points
+        assert part.arguments["blocks"] == -(-(end - begin) // part.span.together)
+        assert part.threads == part.arguments["blocks"] * part.block_dim

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from shared_scenes import SIZE, scene, sheet_of
+from shared_scenes import SIZE, composed, scene, sheet_of
 
 from warp_pd import InputError, Sheet
 from warp_pd.families import build_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
+from warp_pd.shapes import rectangles
 
-NAMES = ("torn", "cloud", "hole", "tube")
+NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -25,7 +26,9 @@ def test_every_point_has_one_owner_and_what_its_forces_need(name, horizon):
         own = share.points[share.own]
         owners[own] += 1
         faces[share.faces] += 1
-        assert own[0] % BLOCK == 0
+        assert share.owners is not None or own[0] % BLOCK == 0
+        inner = families.members_of(share.points[share.inner])
+        assert np.isin(inner[inner >= 0], own).all() and share.own.start <= share.inner.start <= share.inner.stop
         members = families.members_of(own)
         assert near[own].all() and near[members[members >= 0]].all() and near[sheet.triangles[share.faces]].all()
         around = families.members_of(np.flatnonzero(near))
@@ -61,3 +64,52 @@ def test_indices_of_points_here():
     asked = np.array([0, share.points[0], share.points[5], made.sheet.size - 1])
     at, here = share.here(asked)
     assert (share.points[here] == asked[at]).all() and set(at) >= {1, 2}
+
+
+@pytest.mark.parametrize("name", ["cloud", "scattered"])
+def test_a_cloud_in_no_order_has_as_small_a_halo_as_one_in_order(name):
+    """Two cuts of a square leave corners: 2 x 4.03 of 50 columns and rows, at most."""
+    sheet = sheet_of(name, 100)
+    for rank in range(4):
+        share = divided(sheet, 2.015, rank, 4)
+        own = share.own.stop - share.own.start
+        assert abs(own - sheet.size / 4) <= 1
+        assert len(share.points) / own < 1.17
+
+
+def test_an_outline_is_divided_between_its_rows():
+    sheet = Sheet.outline([(0, 0), (1, 0), (1, 1), (0.5, 1.2), (0, 1)], spacing=0.02, **SIZE)
+    assert sheet.layout == "grid"
+    on = np.flatnonzero(sheet.grid[:, 1] >= 0)
+    for rank in range(3):
+        share = divided(sheet, 2.015, rank, 3)
+        own = np.isin(on, share.points[share.own])
+        rows = sheet.grid[on, 1]
+        assert not set(rows[own]) & set(rows[~own])
+        assert len(share.points) < 1.5 * sheet.size / 3
+
+
+@pytest.mark.parametrize("rank", range(3))
+def test_a_lattice_on_demand_is_divided_like_a_stored_one(rank, monkeypatch):
+    stored = sheet_of("loads", 33)
+    monkeypatch.setattr(rectangles, "STORED_POINTS", 0)
+    computed = sheet_of("loads", 33)
+    assert not isinstance(computed.stored("points"), np.ndarray)
+    one, other = (divided(sheet, 2.015, rank, 3) for sheet in (stored, computed))
+    np.testing.assert_array_equal(one.faces, other.faces)
+    parts = part_of_sheet(stored, one), part_of_sheet(computed, other)
+    for name in ("points", "areas", "triangles"):
+        assert getattr(parts[0], name).dtype == getattr(parts[1], name).dtype
+        np.testing.assert_array_equal(*(getattr(part, name) for part in parts))
+
+
+def test_noise_of_some_points_is_that_of_all():
+    """Each process draws its own, and its generator goes on like that of one process."""
+    made = scene("cloud")
+    alone, several = made.build(device="cpu"), [composed(made, rank, 2) for rank in range(2)]
+    for _ in range(2):
+        whole = alone.solver.stable_step._noise_at(None)
+        for built in several:
+            points, step = built.context.share.points, built.solver.stable_step
+            np.testing.assert_array_equal(step._noise_at(points), whole[points])
+            assert step.host_state() == alone.solver.stable_step.host_state()

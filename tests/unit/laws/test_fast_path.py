@@ -224,24 +224,56 @@ def test_the_list_of_other_points_is_emptied(large_on_gpu):
     assert set(np.flatnonzero(~inner)) <= set(listed)
 
 
+def torn(sheet, horizon, bits, fast, **parts):
+    """A sheet that is pulled apart and tears, after 400 steps, with the bits of its bonds at the start."""
+    solver = Explicit(duration=0.02)
+    built = build(sheet, horizon=horizon, precision=bits, law={"fast": fast}, solver=solver, **parts)
+    assert (built.law.fast_path is not None) == fast
+    intact = built.law.intact.numpy().copy()
+    built.state.velocity.assign(np.column_stack([120.0 * sheet.points[:, 0], 0.0 * sheet.points]))
+    internal_force(built, np.zeros((sheet.size, 3)))
+    built.state.step.fill_(2e-5)
+    built.context.sequence("step", 400).run()
+    return built, intact
+
+
+def compare_torn(sheet, horizon, bits, **parts):
+    quick, intact = torn(sheet, horizon, bits, True, **parts)
+    reference, _ = torn(sheet, horizon, bits, False, **parts)
+    left, moved = quick.law.intact.numpy(), quick.to_numpy(quick.state.displacement)
+    assert (left == reference.law.intact.numpy()).all()
+    assert (left != intact).any()
+    expected = reference.to_numpy(reference.state.displacement)
+    assert np.abs(moved - expected).max() < (1e-9 if bits == 64 else 1e-3) * np.abs(expected).max()
+    return quick, reference
+
+
 def test_both_paths_break_the_same_bonds():
     """A sheet that tears breaks the same bonds at the same time on both paths."""
-    results = []
-    for fast in (True, False):
-        built = build(
-            square(15), horizon=2.015, law={"fast": fast}, damage=CriticalStretch(1.5), solver=Explicit(duration=0.02)
-        )
-        assert (built.law.fast_path is not None) == fast
-        sheet, intact = built.simulation.sheet, built.law.intact.numpy().copy()
-        built.state.velocity.assign(np.column_stack([120.0 * sheet.points[:, 0], 0 * sheet.points]))
-        internal_force(built, np.zeros((sheet.size, 3)))
-        built.state.step.fill_(2e-5)
-        built.context.sequence("step", 400).run()
-        results.append((built.law.intact.numpy().copy(), built.to_numpy(built.state.displacement)))
-    (left, moved), (reference_left, reference_moved) = results
-    assert (left == reference_left).all()
-    assert (left != intact).any()
-    assert np.abs(moved - reference_moved).max() < 1e-9 * np.abs(reference_moved).max()
+    quick, _ = compare_torn(square(15), 2.015, 64, damage=CriticalStretch(1.5))
+    assert "break_bonds" in launch_names(quick)
+
+
+@pytest.mark.parametrize("tracked", [False, True], ids=["untracked", "tracked"])
+@pytest.mark.parametrize("sheet", [square(13), jittered(13), holed(19)], ids=["lattice", "cloud", "grid"])
+def test_the_force_breaks_the_same_bonds(blocks, sheet, tracked):
+    """On a GPU the kernel of the force breaks bonds, and sums up the energy that this releases."""
+    quick, reference = compare_torn(
+        sheet, 2.015, 64, damage=CriticalStretch(1.5, spared=[0, 1, 2]), track_energy=tracked
+    )
+    assert "break_bonds" not in launch_names(quick)
+    if tracked:
+        released, expected = (built.rupture.released.numpy() for built in (quick, reference))
+        assert expected.max() > 0.0
+        assert np.abs(released - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("horizon", [2.015, 3.15])
+@pytest.mark.parametrize("sheet", [square(17), square((17, 15))], ids=["square", "oblong"])
+def test_the_force_of_large_sheets_breaks_the_same_bonds(large_on_gpu, sheet, horizon):
+    """The kernel of undamaged families leaves those to the other one in which a bond may break now."""
+    quick, _ = compare_torn(sheet, horizon, 64, damage=CriticalStretch(1.5))
+    assert "break_bonds" not in launch_names(quick) and "undamaged_family_force" in launch_names(quick)
 
 
 def test_scenes_without_fast_kernels():

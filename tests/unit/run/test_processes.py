@@ -18,7 +18,7 @@ pytest.importorskip("torch.distributed")
 
 FILE = Path(shared_scenes.__file__)
 # Processes, and the scenes that so many run: more kinds are in `shared_scenes`.
-RUNS = {2: ("torn", "cloud"), 3: ("loads", "relaxed"), 4: ("torn", "energy")}
+RUNS = {2: ("torn", "cloud"), 3: ("loads", "relaxed", "scattered"), 4: ("torn", "energy")}
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,252 @@
+"""Functions of the kernel of families that share a block of threads, see kernels/family_blocks.py."""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from .bits import bit_of, lowest_bit, without_lowest_bit
+from .bond_associated import bond_associated
+from .factories import FunctionFactory, PairFactory
+from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
+from .kinematics import kinematics
+from .numeric import numeric
+from .rupture import Breaking, released_part
+
+
+@dataclass(frozen=True)
+class BlockFunctions:
+    """Warp functions of one configuration.
+
+    Attributes:
+        Words: Type of the bits of a family.
+        Constants: Type of the argument `criterion`.
+        by_missing: Whether the shape tensor of what is left of an intersection is found from the members that are
+            missing, which are few.
+        arrive: What the thread of a bond knows before it has heard from the others.
+        missing_shapes: What intersections have lost of their shape tensors.
+        break_family: Breaks the bonds of a family.
+        answer: A_ik of a bond and its weight, from the sums over D_ik.
+    """
+
+    Words: Any
+    Constants: Any
+    by_missing: bool
+    arrive: wp.Function
+    missing_shapes: wp.Function
+    break_family: wp.Function
+    answer: wp.Function
+
+
+@functools.cache
+def block_functions(
+    layout: str,
+    bits: int,
+    material: PairFactory,
+    near: FunctionFactory,
+    breakable: str | None,
+    breaking: Breaking | None,
+    members: int,
+    module: str,
+    fast_module: str,
+) -> BlockFunctions:
+    """The functions, for the arguments of `block_force`."""
+    types = numeric(bits)
+    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    intact_members, is_intact = law.intact_members, law.is_intact
+    green, damaged_inverse = law.green, law.damaged_inverse
+    tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
+    area_weight, stress_near, stress_on_members = law.area_weight, near(bits), law.stress_on_members
+    damaged, redistribute = breakable is not None, breakable == "redistribute"
+    by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
+    by_missing = not (redistribute or gradual or curved)
+    n, word_size, words = members, WORD, -(-members // WORD)
+    Words = wp.types.vector(length=words, dtype=wp.uint32)
+    vec4 = wp.types.vector(length=4, dtype=real)
+    breaks = breaking is not None
+    Constants: Any = breaking.criterion.struct if breaking else int
+    exceeds = breaking.criterion.exceeds if breaking else None
+    spared = breaking is not None and breaking.spared
+    tracked = breaking is not None and breaking.earlier_energy is not None
+    if breaking is not None and breaking.earlier_energy is not None:
+        part_of_released = released_part(layout, bits, breaking.earlier_energy, module)
+
+    @wp.func(module=fast_module)
+    def arrive(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        moments: wp.array2d(dtype=vec3),
+        displacement: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        breaks_now: int,
+        criterion: Constants,
+        horizon: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        i: int,
+        k: int,
+        here: bool,
+    ):
+        """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
+
+        Then whether it breaks now; it then is not intact. Last, undamaged K_ik^-1 and W_ik. On a curved sheet U_k is in
+        the frame of the point. There are no branches, so that no load waits for another one without need: what is read
+        of a member that is not there does not count.
+        """
+        member = wp.min(k, wp.static(n - 1))
+        row = i
+        if wp.static(by_row):
+            row = family.family_class[i]
+        m = wp.clamp(f.neighbour(family, i, member), 0, displacement.shape[0] - 1)
+        moment = moments[member, row]
+        stretch = f.to_frame(family, i, inverse_horizon * (displacement[m] - displacement[i]))
+        inverse = f.shape(family, i, member)
+        weight = f.weight(family, i, member)
+        intact_here = here and k < wp.static(n) and is_intact(family, intact, i, member)
+        breaks_here = bool(False)
+        if wp.static(breaks):
+            over = exceeds(family, displacement, criterion, horizon, i, member, m)
+            if wp.static(spared):
+                over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
+            breaks_here = over and intact_here and breaks_now != 0
+            intact_here = intact_here and not breaks_here
+        if wp.static(gradual):
+            share = f.share(family, i, member)
+            moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
+        none = vec3(real(0.0), real(0.0), real(0.0))
+        moment = wp.where(intact_here, moment, none)
+        stretch = wp.where(intact_here, stretch, none)
+        common = Words()
+        for word in range(wp.static(words)):
+            together = f.common(family, i, member, wp.static(word)) & intact_members(family, intact, i, wp.static(word))
+            common[word] = wp.where(intact_here, together, wp.uint32(0))
+        exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
+        return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here, inverse, weight
+
+    @wp.func(module=fast_module)
+    def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
+        """c_k X_k (x) X_k (11, 12, 22)."""
+        row = i
+        if wp.static(by_row):
+            row = family.family_class[i]
+        m = moments[k, row]
+        return m[2] * vec3(m[0] * m[0], m[0] * m[1], m[1] * m[1])
+
+    @wp.func(module=fast_module)
+    def missing_shapes(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        moments: wp.array2d(dtype=vec3),
+        gone: Words,
+        i: int,
+        k: int,
+        far_k: int,
+    ):
+        """Sums of c_m X_m (x) X_m over the members that D_ik, and the intersection of the far bond, have lost."""
+        near_shape = vec3(real(0.0), real(0.0), real(0.0))
+        far_shape = vec3(real(0.0), real(0.0), real(0.0))
+        for word in range(wp.static(words)):
+            missing = (f.initial(family, i, word) & ~intact_members(family, intact, i, word)) | gone[word]
+            near_bits = f.common(family, i, wp.min(k, wp.static(n - 1)), word)
+            far_bits = f.common(family, i, wp.min(far_k, wp.static(n - 1)), word)
+            while missing != wp.uint32(0):
+                at = lowest_bit(missing)
+                missing = without_lowest_bit(missing)
+                part = shape_of(family, moments, i, wp.static(word * word_size) + at)
+                near_shape += wp.where(bit_of(near_bits, at), real(1.0), real(0.0)) * part
+                far_shape += wp.where(bit_of(far_bits, at), real(1.0), real(0.0)) * part
+        return near_shape, far_shape
+
+    @wp.func(module=fast_module)
+    def break_family(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        i: int,
+        gone: Words,
+        remaining: wp.array2d(dtype=wp.uint32),
+        released: wp.array(dtype=wp.float64),
+    ):
+        """Take bits from `remaining`, which is the array `intact`, and sum up the energy that this releases."""
+        lost = real(0.0)
+        stage = wp.int32(0)
+        # Not unrolled, as few families ever come here.
+        while stage < 6:
+            if stage == 3:
+                for word in range(wp.static(words)):
+                    remaining[word, i] = remaining[word, i] & ~gone[word]
+            if wp.static(tracked):
+                lost += part_of_released(
+                    family, intact, displacement, velocity, step[0], constants, inverse_horizon, i, stage
+                )
+            stage += 1
+        if wp.static(tracked):
+            released[i] = released[i] + wp.float64(unit_volume * lost)
+
+    @wp.func(module=fast_module)
+    def without_missing(missing: vec3, undamaged_inverse: vec3):
+        """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
+        inverse = undamaged_inverse
+        if missing[0] + missing[2] > real(0.0) and inverse[0] > real(0.0):
+            det = inverse[0] * inverse[2] - inverse[1] * inverse[1]
+            whole = vec3(inverse[2] / det, -inverse[1] / det, inverse[0] / det)
+            inverse, _size = damaged_inverse(whole - missing, undamaged_inverse, real(0.0))
+        return inverse
+
+    @wp.func(module=fast_module)
+    def answer(
+        family: Family,
+        constants: parameters,
+        i: int,
+        k: int,
+        intact_here: bool,
+        undamaged: bool,
+        inverse: vec3,
+        table_weight: real,
+        shape: vec3,
+        size: real,
+        rises: vec2,
+        G1: vec3,
+        G2: vec3,
+    ):
+        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family.
+
+        If `by_missing`, `shape` is of the members that are missing.
+        """
+        A1 = vec3(real(0.0), real(0.0), real(0.0))
+        A2 = vec3(real(0.0), real(0.0), real(0.0))
+        weight = real(0.0)
+        if intact_here:
+            tilt = f.tilt(family, i, k)
+            if wp.static(damaged):
+                if not undamaged:
+                    if wp.static(by_missing):
+                        inverse = without_missing(shape, inverse)
+                    else:
+                        inverse, size = damaged_inverse(shape, inverse, size)
+                    if wp.static(curved):
+                        slope = vec2(
+                            inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
+                        )
+                        tilt = tilt_of(slope)
+            if inverse[0] > real(0.0):
+                H1 = G1 * inverse[0] + G2 * inverse[1]
+                H2 = G1 * inverse[1] + G2 * inverse[2]
+                if wp.static(curved):
+                    H1, H2 = level(H1, H2, tilt)
+                S, _guess = stress_near(green(H1, H2, tilt), constants, real(0.0))
+                weight = table_weight
+                if wp.static(damaged and not by_missing):
+                    weight = area_weight(family, i, k, undamaged, size)
+                A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
+        return A1, A2, weight
+
+    return BlockFunctions(Words, Constants, by_missing, arrive, missing_shapes, break_family, answer)

@@ -1,0 +1,79 @@
+"""Each bond of a lattice once, on a CPU: the forces of the reference kernel, to the last bit."""
+
+import numpy as np
+import pytest
+from bond_based_cases import CRACK, LAWS
+from helpers import internal_force, jittered, sever, square
+
+from warp_pd import BondBased, CriticalStretch, Explicit, Sheet, Simulation
+
+SHEETS = {
+    "square": square(12),
+    "cut": square(12).cut(*CRACK),
+    "two materials": square(12).stiffened(square(12).points[:, 0] > 0.05, 7.0),
+    "line": Sheet.line(1.0, 1.0, density=1.0, points=12),
+}
+
+
+def both(sheet, horizon=3.015, precision=64, **parts):
+    """The sheet with bonds computed once, and with the reference kernel; and a rough displacement."""
+    state = "line" if sheet.lattice is not None and sheet.lattice.rows == 1 else "plane stress"
+    found = []
+    for fast in (True, False):
+        law = BondBased(LAWS["bimodular"], horizon, state, fast=fast)
+        built = Simulation(sheet, law, Explicit(1.0), **parts).build("cpu", precision)
+        built.context.compile()
+        found.append(built)
+    rough = np.random.default_rng(0).standard_normal((sheet.size, 3))
+    start = 0.1 * sheet.spacing * rough
+    start[:, 0] += 0.1 * sheet.points[:, 0]
+    return *found, start
+
+
+def computes_once(built):
+    return "forces_ahead" in {stored.name for stored in built.context.fields}
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("horizon", [1.5, 3.015, 4.15, 6.015])
+@pytest.mark.parametrize("name", SHEETS)
+def test_forces_are_those_of_the_reference_kernel_to_the_last_bit(name, horizon, precision):
+    fast, slow, start = both(SHEETS[name], horizon, precision)
+    assert computes_once(fast)
+    assert not computes_once(slow)
+    forces = internal_force(fast, start)
+    np.testing.assert_array_equal(forces, internal_force(slow, start))
+    assert np.abs(forces).max() > 0.0
+
+
+@pytest.mark.parametrize("horizon", [3.015, 6.015])
+def test_broken_bonds_pull_at_neither_end(horizon):
+    fast, slow, start = both(square(12), horizon, damage=CriticalStretch(9.0))
+    whole = internal_force(fast, start)
+    for built in (fast, slow):
+        sever(built, CRACK)
+    forces = internal_force(fast, start)
+    np.testing.assert_array_equal(forces, internal_force(slow, start))
+    assert np.abs(forces - whole).max() > 0.0
+    assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
+
+
+def test_a_tear_runs_as_with_the_reference_kernel():
+    """Bonds break in both runs in the same steps."""
+    fast, slow, start = both(square(12), damage=CriticalStretch(1.25))
+    for built in (fast, slow):
+        internal_force(built, 2.0 * start)
+        built.solver._set_step(1e-6, 0.0)
+        for _ in range(5):
+            built.context.run("step")
+    intact = fast.law.intact.numpy()
+    left = np.bitwise_count(intact).sum() / fast.law.families.bond_count
+    assert 0.05 < left < 0.95
+    np.testing.assert_array_equal(intact, slow.law.intact.numpy())
+    np.testing.assert_array_equal(fast.state.displacement.numpy(), slow.state.displacement.numpy())
+
+
+def test_a_cloud_keeps_the_reference_kernel():
+    fast, slow, start = both(jittered(9))
+    assert not computes_once(fast)
+    np.testing.assert_array_equal(internal_force(fast, start), internal_force(slow, start))

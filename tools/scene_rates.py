@@ -1,0 +1,94 @@
+"""Compare what a step of each explicit scene costs with the best rate of this CPU at its horizon; prints a table.
+
+    OMP_NUM_THREADS=1 taskset -c 0 python tools/scene_rates.py
+    OMP_NUM_THREADS=1 taskset -c 0 python tools/scene_rates.py --scenes needle tube
+
+Times are CPU time on one core, so that others may use the machine. A scene keeps its law, layout, precision and
+features. Its sheet is stretched by 2 % in all directions and hardly moves: a slack sheet is slower where tension field
+theory searches for its width. The best rate is that of a square lattice of the same horizon without any feature:
+Gent by the bond-associated law for laws with intersections of families, one modulus by the bond-based law for others.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from time import process_time
+
+from study import run_tool, study_parser, table, table_row
+
+from warp_pd import Built, Explicit
+from warp_pd.bench import STEP, Case
+from warp_pd.cli import build_scene, scene_names
+from warp_pd.cores import available_cores
+
+# Points along a side of the sheet with the best rate, times that each step is measured, and how long about [s].
+SIDE, ROUNDS, SECONDS = 101, 5, 0.2
+STRETCH = 0.02
+HEAD = ["scene", "law", "layout", "points", "bonds a point", "horizon", "float", "us a point", "best", "times"]
+
+
+def cost(built: Built) -> float:
+    """CPU time of a step a point [us], the shortest of several."""
+    assert built.state.step is not None
+    built.context.compile()
+    built.state.step.fill_(STEP)
+    built.set_clock(STEP, 1.0)
+    displacement = built.state.displacement
+    displacement.assign((STRETCH * built.simulation.sheet.positions).astype(displacement.numpy().dtype))
+    built.context.run("start")
+    built.context.run("setup")
+    step = built.context.sequence("step")
+    step.run()
+    begin = process_time()
+    step.run()
+    inner = max(1, int(SECONDS / max(process_time() - begin, 1e-6)))
+    best = float("inf")
+    for _ in range(ROUNDS):
+        begin = process_time()
+        for _ in range(inner):
+            step.run()
+        best = min(best, (process_time() - begin) / inner)
+    return 1e6 * best / built.simulation.sheet.size
+
+
+@functools.cache
+def best(law: str, horizon: float, precision: int) -> float:
+    """Cost of a point of an undamaged square lattice without features [us]."""
+    return cost(Case(SIDE, horizon, precision, law=law).simulation().build("cpu", precision))
+
+
+def row(name: str) -> list[str] | None:
+    """Cells of a scene, or None if it has no explicit steps."""
+    simulation = build_scene(name, {})
+    solver = simulation.solver
+    if not isinstance(solver, Explicit):
+        return None
+    built = simulation.build("cpu", solver.precision)
+    families = built.law.families
+    law = "bond_associated" if families.common.size else "bond_based"
+    horizon = round(families.horizon / built.simulation.sheet.spacing, 3)
+    found, reference = cost(built), best(law, horizon, solver.precision)
+    return [
+        name, built.law.owner, families.layout, f"{simulation.sheet.size}",
+        f"{families.bond_count / simulation.sheet.size:.0f}", f"{horizon:g}", f"{solver.precision}",
+        f"{found:.3g}", f"{reference:.3g}", f"{found / reference:.2f}",
+    ]  # fmt: skip
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print."""
+    parser = study_parser(__doc__)
+    parser.add_argument("--scenes", nargs="+", default=scene_names(), choices=scene_names(), metavar="SCENE")
+    options = parser.parse_args(arguments)
+    if available_cores() != 1:
+        parser.error("expected one core: start it with OMP_NUM_THREADS=1 taskset -c 0")
+    print("\n".join(table(HEAD, [])))
+    for name in options.scenes:
+        cells = row(name)
+        if cells is not None:
+            print(table_row(cells), flush=True)
+
+
+if __name__ == "__main__":
+    run_tool(main)

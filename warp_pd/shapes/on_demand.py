@@ -1,0 +1,81 @@
+"""Arrays of a shape that are computed when they are asked for, and forgotten afterwards.
+
+A large lattice would hold 48 bytes a point on every process: positions, areas and triangles follow from its rows and
+columns.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+# Entries that are computed at once.
+CHUNK = 2**18
+
+
+class OnDemand:
+    """An array that is computed when it is asked for."""
+
+    def __init__(self, length: int, of: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Compute nothing yet.
+
+        Args:
+            length: Number of entries.
+            of: Entries at some indices, as an array.
+        """
+        self._length, self.of = length, of
+        self._whole: weakref.ref[np.ndarray] | None = None
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, indices: np.ndarray) -> np.ndarray:
+        """Entries at some indices, none below zero."""
+        few = self.of(indices[:0])
+        found = np.empty((len(indices), *few.shape[1:]), few.dtype)
+        for begin in range(0, len(indices), CHUNK):
+            found[begin : begin + CHUNK] = self.of(indices[begin : begin + CHUNK])
+        return found
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """All entries, for functions of NumPy."""
+        return np.array(self.whole(), dtype=dtype, copy=copy)
+
+    def whole(self) -> np.ndarray:
+        """All entries, the same array as long as anyone holds it."""
+        found = None if self._whole is None else self._whole()
+        if found is None:
+            few = self.of(np.arange(0))
+            found = np.empty((self._length, *few.shape[1:]), few.dtype)
+            for begin in range(0, self._length, CHUNK):
+                end = min(begin + CHUNK, self._length)
+                found[begin:end] = self.of(np.arange(begin, end))
+            key = id(found)
+            self._whole = weakref.ref(found, lambda _: _origins.pop(key, None))
+            _origins[key] = self
+        return found
+
+
+Stored = np.ndarray | OnDemand
+# What each whole array that still exists was computed by.
+_origins: dict[int, OnDemand] = {}
+
+
+class StoredField:
+    """A field of a dataclass that holds an array, or what computes it; reading it gives the array."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        if instance is None:
+            return self
+        value = vars(instance)[self._name]
+        return value.whole() if isinstance(value, OnDemand) else value
+
+    def __set__(self, instance: Any, value: Stored) -> None:
+        # A copy of a shape takes what computes the array, not the array.
+        vars(instance)[self._name] = value if isinstance(value, OnDemand) else _origins.get(id(value), value)
