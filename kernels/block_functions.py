@@ -12,7 +12,7 @@ from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
-from .rupture import Breaking, released_part
+from .rupture import Breaking
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,6 @@ class BlockFunctions:
             missing, which are few.
         arrive: What the thread of a bond knows before it has heard from the others.
         missing_shapes: What intersections have lost of their shape tensors.
-        break_family: Breaks the bonds of a family.
         answer: A_ik of a bond and its weight, from the sums over D_ik.
     """
 
@@ -35,7 +34,6 @@ class BlockFunctions:
     by_missing: bool
     arrive: wp.Function
     missing_shapes: wp.Function
-    break_family: wp.Function
     answer: wp.Function
 
 
@@ -71,9 +69,6 @@ def block_functions(
     Constants: Any = breaking.criterion.struct if breaking else int
     exceeds = breaking.criterion.exceeds if breaking else None
     spared = breaking is not None and breaking.spared
-    tracked = breaking is not None and breaking.earlier_energy is not None
-    if breaking is not None and breaking.earlier_energy is not None:
-        part_of_released = released_part(layout, bits, breaking.earlier_energy, module)
 
     @wp.func(module=fast_module)
     def arrive(
@@ -161,37 +156,6 @@ def block_functions(
         return near_shape, far_shape
 
     @wp.func(module=fast_module)
-    def break_family(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        step: wp.array(dtype=real),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_volume: real,
-        i: int,
-        gone: Words,
-        remaining: wp.array2d(dtype=wp.uint32),
-        released: wp.array(dtype=wp.float64),
-    ):
-        """Take bits from `remaining`, which is the array `intact`, and sum up the energy that this releases."""
-        lost = real(0.0)
-        stage = wp.int32(0)
-        # Not unrolled, as few families ever come here.
-        while stage < 6:
-            if stage == 3:
-                for word in range(wp.static(words)):
-                    remaining[word, i] = remaining[word, i] & ~gone[word]
-            if wp.static(tracked):
-                lost += part_of_released(
-                    family, intact, displacement, velocity, step[0], constants, inverse_horizon, i, stage
-                )
-            stage += 1
-        if wp.static(tracked):
-            released[i] = released[i] + wp.float64(unit_volume * lost)
-
-    @wp.func(module=fast_module)
     def without_missing(missing: vec3, undamaged_inverse: vec3):
         """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
         inverse = undamaged_inverse
@@ -249,4 +213,4 @@ def block_functions(
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
         return A1, A2, weight
 
-    return BlockFunctions(Words, Constants, by_missing, arrive, missing_shapes, break_family, answer)
+    return BlockFunctions(Words, Constants, by_missing, arrive, missing_shapes, answer)

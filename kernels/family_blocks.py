@@ -90,12 +90,12 @@ def block_force(
     functions = block_functions(layout, bits, material, near, breakable, breaking, members, module, fast_module)
     Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
     arrive, answer = functions.arrive, functions.answer
-    missing_shapes, break_family = functions.missing_shapes, functions.break_family
+    missing_shapes = functions.missing_shapes
     breaks = breaking is not None
     gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
 
     @kernel(
-        fast_module, per="list", gathers=("displacement", "velocity", *gathered), launch_bounds=(threads, resident)
+        fast_module, per="list", gathers=("displacement", *gathered), launch_bounds=(threads, resident)
     )  # fmt: skip
     def family_block_force(
         family: Family,
@@ -114,12 +114,8 @@ def block_force(
         criterion: Constants,
         horizon: real,
         spared_mask: wp.array(dtype=wp.uint8),
-        velocity: wp.array(dtype=vec3),
-        step: wp.array(dtype=real),
-        unit_volume: real,
         first: int,
         remaining: wp.array2d(dtype=wp.uint32),
-        released: wp.array(dtype=wp.float64),
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
@@ -307,10 +303,8 @@ def block_force(
             if wp.static(breaks):
                 # Last, when no registers are needed for anything else.
                 if any_gone != wp.uint32(0) and k == 0 and here:
-                    break_family(
-                        family, intact, displacement, velocity, step, constants, inverse_horizon, unit_volume, i,
-                        gone, remaining, released,
-                    )  # fmt: skip
+                    for word in range(wp.static(words)):
+                        remaining[word, i] = remaining[word, i] & ~gone[word]
             block += blocks
 
     return family_block_force

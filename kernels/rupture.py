@@ -46,13 +46,10 @@ class Breaking:
     Attributes:
         criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.
-        earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
-            breaking, per point; None if it is not tracked.
     """
 
     criterion: Criterion
     spared: bool
-    earlier_energy: wp.Function | None
 
 
 CriterionFactory = Callable[[str, int, str], Criterion]
@@ -258,40 +255,6 @@ def screening(bits: int, criterion: Criterion, module: str) -> Kernel:
         exceeding[b] = found
 
     return screen
-
-
-@functools.cache
-def released_part(layout: str, bits: int, earlier_energy: wp.Function, module: str) -> wp.Function:
-    """Function of the six parts, 0 to 2 before and 3 to 5 after breaking, whose sum is the energy released, see above.
-
-    Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
-        earlier_energy: Warp function of the force law's energy of a family a moment ago.
-        module: Name of the Warp module.
-    """
-    types = numeric(bits)
-    real, vec3, parameters = types.real, types.vec3, types.parameters
-    Family = family_functions(layout, bits, module).struct
-
-    @wp.func(module=module)
-    def part_of_released(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        dt: real,
-        constants: parameters,
-        inverse_horizon: real,
-        i: int,
-        part: int,
-    ):
-        half_steps = part % 3
-        back = real(0.5) * real(half_steps) * dt
-        energy = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
-        return wp.where(part < 3, real(1.0), real(-1.0)) * wp.where(half_steps == 1, real(2.0), real(-0.5)) * energy
-
-    return part_of_released
 
 
 @functools.cache

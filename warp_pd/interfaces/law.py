@@ -87,7 +87,6 @@ class BondBreaking:
         kernel: The criterion, and what else decides the kernel.
         values: Struct of the criterion.
         spared: Whether the bonds of a point never break, (N,) uint8, or None.
-        released: Energy lost with broken bonds [J], (N,) float64, or None.
         squared_stretch: Squared stretch |Y|^2/|X|^2 [-] up to which no bond breaks; None if there is none.
         stages: Names of the stages in which the force breaks bonds.
     """
@@ -95,7 +94,6 @@ class BondBreaking:
     kernel: Breaking
     values: Any
     spared: Array | None
-    released: Array | None
     squared_stretch: float | None
     stages: set[str] = field(default_factory=set)
 

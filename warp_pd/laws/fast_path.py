@@ -246,7 +246,6 @@ class FastPath:
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
             self.listed, w.module, self.shared_module,
         )  # fmt: skip
-        state, released = w.state, None if breaking is None else breaking.released
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
             intact=law.intact,
@@ -256,8 +255,7 @@ class FastPath:
             breaks_now=int(breaking is not None and breaking.acts(stage)),
             criterion=0 if breaking is None else breaking.values, horizon=law.families.horizon,
             spared_mask=None if breaking is None else breaking.spared,
-            velocity=None if released is None else state.velocity, step=None if released is None else state.step,
-            unit_volume=law.unit_volume, remaining=None if breaking is None else law.intact, released=released,
+            remaining=None if breaking is None else law.intact,
             bond_force=self.bond_force, force=force, span=None if self.listed else Span(together, MAX_BLOCKS),
         )  # fmt: skip
         steps = law.families.steps

@@ -242,8 +242,7 @@ class BreakingBonds(Damaged):
         super().__init__(owner, rupture, context, law)
         found, self.criterion = rupture.criterion(context, law)
         self._breaking = BondBreaking(
-            Breaking(found, self.spared is not None, self.tracked_energy), self.criterion, self.spared, self.released,
-            rupture.squared_stretch,
+            Breaking(found, self.spared is not None), self.criterion, self.spared, rupture.squared_stretch,
         )  # fmt: skip
         self._with_force = law.break_with_force(self._breaking)
         screened = self.screens and context.layout == "lattice" and not context.device.is_cuda and context.share is None
