@@ -14,9 +14,13 @@ from typing import Any
 
 import warp as wp
 
+from .bits import bit_of
 from .effects import Kernel, kernel
 from .families import WORD, family_functions, is_curved
 from .numeric import numeric
+
+# Points of a block that is screened together.
+SCREENED = 128
 
 
 @dataclass(frozen=True)
@@ -217,6 +221,46 @@ def remaining_bonds(layout: str, bits: int, criterion: Criterion, spared: bool, 
 
 
 @functools.cache
+def screening(bits: int, criterion: Criterion, module: str) -> Kernel:
+    """Kernel that says of blocks of points of a lattice whether a bond ahead of one exceeds the criterion, for a CPU.
+
+    The second half of a stencil lies ahead, so each bond is seen once. Hardly a bond breaks in most steps: where
+    `break_bonds` need not look, that is half of the work.
+    """
+    types = numeric(bits)
+    real, vec3 = types.real, types.vec3
+    f = family_functions("lattice", bits, module)
+    Family = f.struct
+    exceeds, Constants = criterion.exceeds, criterion.struct
+    word_size, block = WORD, SCREENED
+
+    @kernel(module, per="block")
+    def screen(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        criterion: Constants,
+        horizon: real,
+        intact: wp.array2d(dtype=wp.uint32),
+        first: int,
+        exceeding: wp.array(dtype=wp.uint8),
+    ):
+        b = wp.tid() + first
+        found = wp.uint8(0)
+        half = family.members // 2
+        for i in range(b * block, wp.min((b + 1) * block, displacement.shape[0])):
+            for word in range(half // word_size, family.words):
+                members = intact[word, i]
+                begin = word * word_size
+                for k in range(wp.max(half, begin), wp.min(family.members, begin + word_size)):
+                    if bit_of(members, k - begin):
+                        if exceeds(family, displacement, criterion, horizon, i, k, f.neighbour(family, i, k)):
+                            found = wp.uint8(1)
+        exceeding[b] = found
+
+    return screen
+
+
+@functools.cache
 def released_part(layout: str, bits: int, earlier_energy: wp.Function, module: str) -> wp.Function:
     """Function of the six parts, 0 to 2 before and 3 to 5 after breaking, whose sum is the energy released, see above.
 
@@ -252,7 +296,13 @@ def released_part(layout: str, bits: int, earlier_energy: wp.Function, module: s
 
 @functools.cache
 def breaking(
-    layout: str, bits: int, criterion: Criterion, spared: bool, earlier_energy: wp.Function | None, module: str
+    layout: str,
+    bits: int,
+    criterion: Criterion,
+    spared: bool,
+    screened: bool,
+    earlier_energy: wp.Function | None,
+    module: str,
 ) -> Kernel:
     """Kernel `break_bonds`.
 
@@ -261,6 +311,7 @@ def breaking(
         bits: 32 or 64.
         criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.
+        screened: Whether `screening` has said of which blocks no bond exceeds the criterion.
         earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
             breaking, per point; None if it is not tracked.
         module: Name of the Warp module.
@@ -270,7 +321,7 @@ def breaking(
     Family = family_functions(layout, bits, module).struct
     Constants = criterion.struct
     remaining = remaining_bonds(layout, bits, criterion, spared, module)
-    tracked = earlier_energy is not None
+    tracked, block = earlier_energy is not None, SCREENED
 
     if tracked:
 
@@ -293,7 +344,9 @@ def breaking(
                 energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
             return energy
 
-    @kernel(module, gathers=("displacement", "velocity", *(f"criterion.{name}" for name in criterion.gathers)))
+    @kernel(
+        module, gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers))
+    )
     def break_bonds(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -305,11 +358,20 @@ def breaking(
         constants: parameters,
         inverse_horizon: real,
         unit_volume: real,
+        exceeding: wp.array(dtype=wp.uint8),
         first: int,
         intact: wp.array2d(dtype=wp.uint32),
         released: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
+        if wp.static(screened):
+            # The bonds of a point lie ahead of it and of the members behind it, of which the first is the farthest.
+            any_here = bool(False)
+            for b in range(wp.max(i + family.stencil_shift[0], 0) // block, i // block + 1):
+                if exceeding[b] != wp.uint8(0):
+                    any_here = True
+            if not any_here:
+                return
         breaks = bool(False)
         for word in range(family.words):
             before_bits = intact[word, i]

@@ -92,7 +92,7 @@ def build(
 
 def lowest(sheet, frame):
     """Lowest point of the sheet [m], without loose points."""
-    return frame.displacement[np.unique(sheet.triangles[frame.intact_faces]), 2].min()
+    return frame.displacement[sheet.triangles[frame.intact_faces], 2].min()
 
 
 def pictures(history, folder):

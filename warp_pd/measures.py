@@ -75,6 +75,8 @@ class TearLine:
 
     def _crack_faces(self, intact: np.ndarray) -> np.ndarray:
         """Vectors along the free edges [m], their stairs averaged out, shape (E, 2)."""
+        if intact.all():
+            return np.zeros((0, self.sheet.points.shape[1]))
         whole = self.without_specks(intact)
         free = self._edges[whole[self._beside].sum(axis=1) == 1]
         return _smoothed_edges(self.sheet.points, free)

@@ -20,7 +20,7 @@ from ..families.share import Share
 from ..interfaces import BondBreaking, BuiltLaw, BuiltRupture, Rupture
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.energy_release import energy_release
-from ..kernels.rupture import Breaking, Criterion, breaking, critical_energy, critical_stretch
+from ..kernels.rupture import SCREENED, Breaking, Criterion, breaking, critical_energy, critical_stretch, screening
 from ..phases import Phase
 from ..sheet import Sheet
 
@@ -233,7 +233,10 @@ class BreakingBonds(Damaged):
 
     Attributes:
         criterion: Struct of the criterion.
+        screens: Whether a CPU looks at each bond of a lattice once before it breaks any.
     """
+
+    screens = True
 
     def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
         super().__init__(owner, rupture, context, law)
@@ -243,17 +246,26 @@ class BreakingBonds(Damaged):
             rupture.squared_stretch,
         )  # fmt: skip
         self._with_force = law.break_with_force(self._breaking)
+        screened = self.screens and context.layout == "lattice" and not context.device.is_cuda and context.share is None
+        self._screen = screening(context.bits, found, context.module) if screened else None
         self._kernel = breaking(
-            context.layout, context.bits, found, self.spared is not None, self.tracked_energy, context.module
+            context.layout, context.bits, found, self.spared is not None, screened, self.tracked_energy, context.module
         )
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launch that breaks bonds, unless the force law does so on its own in a step."""
+        """Add the launches that break bonds, unless the force law does so on its own in a step."""
         if self._with_force and stage.name == "step":
             self._breaking.stages.add(stage.name)
             return
-        size = self.context.sheet.size
-        stage.launch(self.owner, self._kernel, size, **self.arguments(), criterion=self.criterion)
+        size, arguments, exceeding = self.context.sheet.size, self.arguments(), None
+        if self._screen is not None:
+            blocks = -(-size // SCREENED)
+            exceeding = self.context.array("exceeding", self.owner, wp.uint8, shape=blocks, per="block")
+            stage.launch(
+                self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
+                **{name: arguments[name] for name in ("family", "displacement", "horizon", "intact")},
+            )  # fmt: skip
+        stage.launch(self.owner, self._kernel, size, **arguments, criterion=self.criterion, exceeding=exceeding)
 
 
 class BreakingByEnergy(BreakingBonds):

@@ -1,11 +1,12 @@
-"""Each bond of a lattice once, on a CPU: the forces of the reference kernel, to the last bit."""
+"""Each bond of a lattice once, on a CPU: forces and rupture of the reference kernels, to the last bit."""
 
 import numpy as np
 import pytest
 from bond_based_cases import CRACK, LAWS
-from helpers import internal_force, jittered, sever, square
+from helpers import NEO, internal_force, jittered, sever, square
 
-from warp_pd import BondBased, CriticalStretch, Explicit, Sheet, Simulation
+from warp_pd import BondAssociated, BondBased, CriticalStretch, Explicit, Sheet, Simulation
+from warp_pd.parts.rupture import BreakingBonds
 
 SHEETS = {
     "square": square(12),
@@ -77,3 +78,36 @@ def test_a_cloud_keeps_the_reference_kernel():
     fast, slow, start = both(jittered(9))
     assert not computes_once(fast)
     np.testing.assert_array_equal(internal_force(fast, start), internal_force(slow, start))
+
+
+@pytest.mark.parametrize("law", [BondBased(LAWS["equal"], 3.015), BondAssociated(NEO, horizon=3.015)])
+@pytest.mark.parametrize("spared", [None, range(0, 700, 3)])
+def test_screened_bonds_break_as_without_screening(monkeypatch, law, spared):
+    """Blocks of points without a bond that exceeds the criterion are passed by; all else is the same, bit for bit."""
+    sheet = Sheet.rectangle(0.2, 0.05, thickness=1e-3, density=1e3, points=(61, 16))
+    # One corner is stretched: some blocks of the 976 points break, others do not.
+    start = np.zeros((sheet.size, 3))
+    start[:, 0] = 0.4 * np.maximum(sheet.points[:, 0] - 0.15, 0.0)
+    start += 0.02 * sheet.spacing * np.random.default_rng(1).standard_normal(start.shape)
+    runs = []
+    for screens in (True, False):
+        monkeypatch.setattr(BreakingBonds, "screens", screens)
+        simulation = Simulation(
+            sheet, law, Explicit(1.0), damage=CriticalStretch(1.3, spared=spared), initial_displacement=start
+        )  # fmt: skip
+        built = simulation.build("cpu", 64)
+        built.context.compile()
+        assert ("exceeding" in {stored.name for stored in built.context.fields}) == screens
+        built.context.run("start")
+        built.context.run("setup")
+        built.solver._set_step(1e-5, 0.0)
+        for _ in range(3):
+            built.context.run("step")
+        runs.append(built)
+    screened, plain = runs
+    left = np.bitwise_count(plain.law.intact.numpy()).sum() / plain.law.families.bond_count
+    assert 0.5 < left < 0.999
+    assert screened.context.fields["exceeding"].numpy().min() == 0
+    np.testing.assert_array_equal(screened.law.intact.numpy(), plain.law.intact.numpy())
+    np.testing.assert_array_equal(screened.state.displacement.numpy(), plain.state.displacement.numpy())
+    np.testing.assert_array_equal(screened.rupture.released.numpy(), plain.rupture.released.numpy())
