@@ -115,8 +115,12 @@ def build(
     steps = max(1, round((stretch - 1.0) / 0.5))
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, load_steps=steps),
-        "relaxation": Relaxation(tolerance=tolerance, load_steps=steps, ramp_steps=10 * points),
-    }
+        "relaxation": Relaxation(
+            tolerance=tolerance, load_steps=steps, ramp_steps=10 * points,
+            # At a crack in 100 x 100 points the bond laws diverge at 0.9 times the estimated step.
+            safety=0.5 if bonds and defect == "crack" else 0.9,
+        ),
+    }  # fmt: skip
     solvers["auto"] = solvers["relaxation" if bonds or "inclusion" in defect else "newton"]
     # The points of the sheet nearest to the middle line along y.
     near = np.abs(sheet.points[:, 0]) < 0.6 * sheet.spacing

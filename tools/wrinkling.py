@@ -373,7 +373,10 @@ def main() -> None:
         print(f"{name} done", flush=True)
     files = [options.work / f"{name}.json" for name in SECTIONS]
     parts = [json.loads(file.read_text())["text"] for file in files if file.is_file()]
-    head = paragraph("Made by `tools/wrinkling.py`. [solvers.md](solvers.md) says what these examples taught.")
+    head = paragraph(
+        "Made by `tools/wrinkling.py`. [solvers.md](solvers.md) has the conclusions, [papers/im.md](papers/im.md) "
+        "later runs of the cantilever, the Kapton membrane and the strip at full size and with other laws."
+    )
     write_page(options.out, "\n".join(["# Bimodular and wrinkling membranes (IM)", "", *head, *parts]))
     for picture in options.work.glob("wrinkling-*.png"):
         shutil.copy(picture, options.out.with_name(picture.name))

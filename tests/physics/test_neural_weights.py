@@ -8,7 +8,7 @@ from grid_sheets import partly_off_the_grid
 from helpers import NEO, internal_force, jittered, rough, square, uniform
 from point_laws import build, tiny
 
-from warp_pd import Neural, Sheet
+from warp_pd import InputError, Neural, Sheet
 from warp_pd.cli import build_scene
 from warp_pd.weights import edge_vectors
 
@@ -109,3 +109,10 @@ def test_the_static_pressure_meets_the_finite_elements(horizon, bound):
     settings = {"points": 51, "horizon": horizon, "force": "closed_form", "weights": "corrected"}
     result = build_scene("pressure_static", settings).run(device="cpu")
     assert abs(result.summary["measures"]["center_deflection"]["error"]) < bound
+
+
+def test_weights_that_the_law_lacks_are_named():
+    with pytest.raises(InputError, match="weights = 'plain'"):
+        law("plain")
+    with pytest.raises(InputError, match=r"expected a horizon up to 4\.5"):
+        build(square(21), law("corrected", horizon=5.0))

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -60,6 +61,23 @@ def test_one_load_step_reaches_the_state_of_two_in_fewer_steps_of_newton():
     assert "prestress" in two.summary["measures"] and "prestress" not in one.summary["measures"]
     for name in ("traction_x", "traction_y"):
         assert one.history[-1][name] == pytest.approx(two.history[-1][name], rel=1e-3)
+
+
+def test_the_sheared_membrane_carries_the_uniaxial_stress_of_tension_field_theory():
+    """Bonds that go slack one by one carry a tenth less, and pull across the wrinkles, too."""
+    small = {"points": 38, "horizon": 2.015, "tolerance": 1e-5}
+    field = build_scene("kapton_shear", {**small, "law": "tension_field"}).run(device="cpu")
+    bonds = build_scene("kapton_shear", {**small, "horizon": 3.0}).run(device="cpu")
+    sheet = field.built.simulation.sheet
+    height = 0.128 - sheet.spacing
+    lift = field.frame.displacement[sheet.edges("top"), 1].mean()
+    gradient = np.array([[1.0, 1.6e-3 / height], [0.0, 1.0 + lift / height]])
+    exact = 3.5e9 * (np.linalg.svd(gradient)[1][0] - 1.0)
+    last = field.history[-1]
+    assert last["middle_largest_stress"] == pytest.approx(exact, rel=0.02)
+    assert abs(last["middle_smallest_stress"]) < 1e-3 * exact
+    assert bonds.history[-1]["middle_largest_stress"] < 0.95 * exact
+    assert bonds.history[-1]["middle_smallest_stress"] > 0.04 * exact
 
 
 def test_the_notch_tears_with_the_law_that_is_right_at_free_edges_and_rows_part_with_the_paper_s():

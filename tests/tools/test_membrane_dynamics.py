@@ -85,11 +85,11 @@ def test_the_sudden_pressure_is_that_of_the_older_elements():
 
 
 def test_coarse_elements_come_near_the_stored_field_of_the_lifted_sheet():
-    """The relaxed energy, to the end of the first snapshot; 3.2 % from 50 to 100 elements."""
+    """The relaxed energy, to the end of the first snapshot; 5.0 % from 50 to 200 elements."""
     stored = np.load(DATA / "out_of_plane.npz")
     found = fe.snapshots(fe.lifted(50, relaxed=True), (1.5,))[0]
     exact = stored["relaxed_u_t1.5"]
-    assert np.linalg.norm(found - exact) < 0.05 * np.linalg.norm(exact)
+    assert np.linalg.norm(found - exact) < 0.055 * np.linalg.norm(exact)
     assert np.linalg.norm(fe.snapshots(fe.lifted(10, relaxed=True), (1.5,))[0] - exact[:, ::5, ::5]) > 0.1 * (
         np.linalg.norm(exact[:, ::5, ::5])
     )

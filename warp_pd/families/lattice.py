@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Sequence
+
 import numpy as np
 
-from ..shapes.triangulation import crosses
+from ..shapes.on_demand import CHUNK, OnDemand
+from ..shapes.triangulation import Segment, crosses, lattice_box
 from ..sheet import Sheet
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
@@ -32,18 +36,12 @@ def lattice_families(
     near_x = _edge_code(lattice.columns, reach)
     near_y = _edge_code(lattice.rows, reach)
     severed = _severed(sheet, ox, oy)
-    if severed is None and sheet.stiffness is None:
-        first, family_class = _classes(near_x, near_y)
-    else:
-        code = (near_y[:, None].astype(np.int64) * (near_x.max() + 1) + near_x[None, :]).ravel()
-        if severed is not None:
-            touched, lost = severed
-            patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
-            code = code * (len(patterns) + 1)
-            code[touched] += 1 + which.ravel()
-        if sheet.stiffness is not None:
-            factors, which = np.unique(sheet.stiffness, return_inverse=True)
-            code = code * len(factors) + which.ravel()
+    first, family_class = _classes(near_x, near_y)
+    if severed is not None:
+        first, family_class = _with_lost(first, family_class, *severed)
+    if sheet.stiffness is not None:
+        factors, which = np.unique(sheet.stiffness, return_inverse=True)
+        code = family_class * np.int64(len(factors)) + which.ravel()
         _, first, family_class = np.unique(code, return_index=True, return_inverse=True)
 
     row, column = np.divmod(first, lattice.columns)
@@ -52,9 +50,8 @@ def lattice_families(
     severed_rows = np.zeros(len(first), bool)
     if severed is not None:
         touched, lost = severed
-        position = np.full(sheet.size, -1)
-        position[touched] = np.arange(len(touched))
-        here = position[first]
+        at = np.minimum(np.searchsorted(touched, first), len(touched) - 1)
+        here = np.where(touched[at] == first, at, -1) if len(touched) else np.full(len(first), -1)
         exists[here >= 0] &= ~lost[here[here >= 0]]
         severed_rows[here >= 0] = lost[here[here >= 0]].any(axis=1)
     areas, reference_area = sheet.stored("areas"), float(sheet.areas.mean())
@@ -96,14 +93,63 @@ def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.nda
     return first, found.ravel()
 
 
+def _with_lost(
+    first: np.ndarray, family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same where some points lost members: those that lost the same have classes of their own.
+
+    Args:
+        first: First point of each class.
+        family_class: Class of each point, int32; changed.
+        touched: The points, rising.
+        lost: Which members they lost.
+    """
+    patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
+    wide = len(patterns) + 1
+    sizes = np.zeros(len(first), np.int64)
+    for begin in range(0, len(family_class), CHUNK):
+        sizes += np.bincount(family_class[begin : begin + CHUNK], minlength=len(first))
+    was = family_class[touched].astype(np.int64)
+    left = np.flatnonzero(sizes > np.bincount(was, minlength=len(first)))
+    found, first_touched, of_touched = np.unique(wide * was + 1 + which.ravel(), return_index=True, return_inverse=True)
+    codes = np.sort(np.append(wide * left, found))
+    begins = np.zeros(len(codes), np.int64)
+    begins[np.searchsorted(codes, found)] = touched[first_touched]
+    for number, code in zip(np.searchsorted(codes, wide * left), left, strict=True):
+        begins[number] = _first_of(family_class, int(code), int(first[code]), touched)
+    renumbered = np.zeros(len(first), np.int32)
+    renumbered[left] = np.searchsorted(codes, wide * left)
+    for begin in range(0, len(family_class), CHUNK):
+        family_class[begin : begin + CHUNK] = renumbered[family_class[begin : begin + CHUNK]]
+    family_class[touched] = np.searchsorted(codes, found)[of_touched.ravel()]
+    return begins, family_class
+
+
+def _first_of(family_class: np.ndarray, wanted: int, begin: int, touched: np.ndarray) -> int:
+    """The first point of a class, from `begin` on, that is not among `touched`, rising ones."""
+    while True:
+        at = begin + np.flatnonzero(family_class[begin : begin + CHUNK] == wanted)
+        at = at[~np.isin(at, touched)]
+        if len(at):
+            return int(at[0])
+        begin += CHUNK
+
+
 def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Points near a cut and which of their members lie across it; None without cuts."""
-    if not sheet.cuts or sheet.lattice is None:
+    """Points near a cut, rising, and which of their members lie across it; None without cuts."""
+    lattice, points = sheet.lattice, sheet.stored("points")
+    if not sheet.cuts or lattice is None:
         return None
-    offsets = np.column_stack([ox * sheet.lattice.dx, oy * sheet.lattice.dy])
+    offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
     reach = float(np.linalg.norm(offsets, axis=1).max())
-    touched = np.flatnonzero(near_cuts(sheet, reach))
-    tail = np.repeat(sheet.points[touched][:, None], len(offsets), axis=1)
+    if isinstance(points, OnDemand):
+        spacings = reach / min(lattice.dx, lattice.dy) + 1.0
+        boxes = [lattice_box(points[np.zeros(1, int)][0], lattice, segment, spacings) for segment in sheet.cuts]
+        touched = functools.reduce(np.union1d, boxes)
+        touched = touched[_near_cuts(points[touched], sheet.cuts, reach)]
+    else:
+        touched = np.flatnonzero(near_cuts(sheet, reach))
+    tail = np.repeat(points[touched][:, None], len(offsets), axis=1)
     lost = np.zeros((len(touched), len(offsets)), bool)
     for segment in sheet.cuts:
         lost |= crosses(tail, tail + offsets, segment)
@@ -112,9 +158,13 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
 
 def near_cuts(sheet: Sheet, reach: float) -> np.ndarray:
     """Which points lie within `reach` of a cut, shape (N,)."""
-    near = np.zeros(sheet.size, bool)
-    for start, end in sheet.cuts:
+    return _near_cuts(sheet.points, sheet.cuts, reach)
+
+
+def _near_cuts(points: np.ndarray, cuts: Sequence[Segment], reach: float) -> np.ndarray:
+    near = np.zeros(len(points), bool)
+    for start, end in cuts:
         a, b = np.array(start), np.array(end)
-        share = np.clip((sheet.points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        near |= np.linalg.norm(sheet.points - a - share[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
+        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        near |= np.linalg.norm(points - a - share[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
     return near

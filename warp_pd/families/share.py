@@ -58,6 +58,12 @@ class Share:
         return int(self.bounds[self.rank + 1] - self.bounds[self.rank])
 
     @functools.cached_property
+    def whole_families(self) -> slice:
+        """From the first to the last point here whose family is whole."""
+        near = np.flatnonzero(self.near)
+        return slice(int(near[0]), int(near[-1]) + 1)
+
+    @functools.cached_property
     def _order(self) -> np.ndarray:
         """Points here by their index in the whole sheet."""
         return np.argsort(self.points, kind="stable")
@@ -124,22 +130,28 @@ def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
     """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
     triangles, lattice = sheet.stored("triangles"), sheet.lattice
     assert lattice is not None
-    first, last = 0, len(triangles)
+    number = len(triangles)
+    first, last = (0, 0), (0, number)
     if isinstance(triangles, OnDemand):
-        # Two for each cell; a cell has the number of its lowest corner, but for one less in each row before.
+        # Two for each cell, row by row, some of which cuts may have taken: those between belong to this process.
         row = 2 * (lattice.columns - 1)
-        first, last = row * (begin // lattice.columns), min(row * (end // lattice.columns + 1), last)
-    found = []
-    for start in range(first, last, CHUNK):
-        lowest = triangles[np.arange(start, min(start + CHUNK, last))].min(axis=1)
-        found.append(start + np.flatnonzero((lowest >= begin) & (lowest < end)))
-    return np.concatenate(found) if found else np.zeros(0, np.int64)
+        lost = row * (lattice.rows - 1) - number
+        low, high = row * (begin // lattice.columns), row * (end // lattice.columns)
+        first = max(low - lost, 0), min(low + row, number)
+        last = min(max(high - lost, first[1]), number), min(high + row, number)
+    found = [np.arange(first[1], last[0])] if first[1] else []
+    for start, stop in (first, last):
+        for at in range(start, stop, CHUNK):
+            lowest = triangles[np.arange(at, min(at + CHUNK, stop))].min(axis=1)
+            found.append(at + np.flatnonzero((lowest >= begin) & (lowest < end)))
+    return np.sort(np.concatenate(found), kind="stable") if found else np.zeros(0, np.int64)
 
 
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
     """What a process holds of a cloud or a grid with holes: points that are near each other, whatever their order.
 
-    Own points come first here, of a cloud the inner ones before those near the border.
+    Own points come first here. Of a cloud the inner ones come before those near the border, and whole families before
+    empty ones.
     """
     cloud, processes = sheet.layout == "cloud", len(bounds) - 1
     owners = bisected(sheet.points, processes) if cloud else banded(sheet.points, processes, sheet.spacing)
@@ -153,6 +165,7 @@ def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> S
     apart = _apart(sheet, horizon, own, halo)
     if cloud:
         own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]
+        halo = np.concatenate([halo[near[halo]], halo[~near[halo]]])
     points = np.concatenate([own, halo])
     return Share(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
 

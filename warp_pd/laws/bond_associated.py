@@ -167,9 +167,13 @@ class BondAssociatedForce(FamilyLaw):
         return self.pairs
 
     def break_with_force(self, breaking: BondBreaking) -> bool:
-        """Whether the kernels of the force break bonds."""
-        alone = self.context.share is None and not self.context.features.gradual
-        found = alone and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
+        """Whether the kernels of the force break bonds.
+
+        They do not where the energy is tracked: several processes have a launch of its own for it, and the same bits.
+        """
+        features = self.context.features
+        able = self.context.share is None and not features.gradual and not features.tracked
+        found = able and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
         if found:
             self._breaking = breaking
         return found

@@ -178,23 +178,29 @@ class FastPath:
         context = self.force.context
         return context.array("moments", self.force.owner, context.types.vec3, moments, per="table")
 
+    @property
+    def whole_families(self) -> slice:
+        """Points around all whole families; the empty ones of the outermost halo would take as long as others."""
+        share = self.force.context.share
+        return slice(0, self.force.points) if share is None else share.whole_families
+
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete after it."""
-        points = self.force.points
+        points, here = self.force.points, self.whole_families
         reach = self.force.families.index_reach() if points > 2 * RING else 0
         size = RING - 2 * reach
         if points <= 2 * RING or size < RING // 2:
-            return [Strip(0, points, 0, points)]
+            return [Strip(here.start, here.stop, 0, points)]
         strips: list[Strip] = []
-        for begin in range(0, points, size):
-            end = min(begin + size, points)
+        for begin in range(here.start, here.stop, size):
+            end = min(begin + size, here.stop)
             gathered = strips[-1].gather_end if strips else 0
-            strips.append(Strip(begin, end, gathered, points if end == points else end - reach))
+            strips.append(Strip(begin, end, gathered, points if end == here.stop else end - reach))
         return strips
 
     def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
-        everything = Strip(0, self.force.points, 0, self.force.points)
+        everything = Strip(self.whole_families.start, self.whole_families.stop, 0, self.force.points)
         for strip in self.strips or [everything]:
             if self.stencil is not None:
                 self._add_undamaged(stage, strip, *self.stencil, displacement, force, breaking)

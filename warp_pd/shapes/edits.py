@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..checks import InputError
 from .holes import square_grid, triangulation_without
+from .on_demand import OnDemand, Without
 from .shape import Shape
 from .topology import boundary_edges
-from .triangulation import Segment, crossed_triangles
+from .triangulation import Segment, crossed_triangles, lattice_box
 
 AnyShape = TypeVar("AnyShape", bound=Shape)
 
@@ -24,14 +25,35 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     """
     if segment[0] == segment[1]:
         raise InputError(f"{name}: expected a segment of some length")
-    gone = crossed_triangles(shape.points, shape.triangles, segment)
-    if not gone.any():
+    gone = _crossed(shape, segment)
+    if not len(gone):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         raise InputError(
             f"{name} crosses no bond: expected segments inside the sheet, "
             f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
         )
-    return replace(shape, triangles=shape.triangles[~gone], cuts=(*shape.cuts, segment))
+    triangles = shape.stored("triangles")
+    # As they are stored: `replace` alone would compute them.
+    arrays: dict[str, Any] = {name: shape.stored(name) for name in ("points", "areas")}
+    arrays["triangles"] = Without(triangles, gone) if isinstance(triangles, OnDemand) else np.delete(triangles, gone, 0)
+    return replace(shape, **arrays, cuts=(*shape.cuts, segment))
+
+
+def _crossed(shape: Shape, segment: Segment) -> np.ndarray:
+    """Indices of the triangles that a segment crosses, rising; on demand, of those of a lattice before any cut."""
+    triangles, points, lattice = shape.stored("triangles"), shape.stored("points"), shape.lattice
+    if not isinstance(triangles, OnDemand) or lattice is None:
+        return np.flatnonzero(crossed_triangles(shape.points, shape.triangles, segment))
+    source = triangles.source if isinstance(triangles, Without) else triangles
+    cells = lattice_box(points[np.zeros(1, int)][0], lattice, segment, 2.0)
+    cells = cells[(cells % lattice.columns < lattice.columns - 1) & (cells // lattice.columns < lattice.rows - 1)]
+    numbers = cells - cells // lattice.columns
+    at = (2 * numbers[:, None] + np.arange(2)).ravel()
+    if isinstance(triangles, Without):
+        at = np.setdiff1d(at, triangles.gone, assume_unique=True)
+    corners = source[at]
+    places = points[corners.ravel()]
+    return np.asarray(at[crossed_triangles(places, np.arange(len(places)).reshape(-1, 3), segment)])
 
 
 def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:

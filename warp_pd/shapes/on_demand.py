@@ -59,6 +59,26 @@ class OnDemand:
         return found
 
 
+class Without(OnDemand):
+    """The entries of another array without some.
+
+    Attributes:
+        source: The other array.
+        gone: Indices of the entries that are left out, rising.
+    """
+
+    source: OnDemand
+    gone: np.ndarray
+
+    def __init__(self, source: OnDemand, gone: np.ndarray) -> None:
+        if isinstance(source, Without):
+            gone, source = np.union1d(source.gone, gone), source.source
+        self.source, self.gone = source, gone
+        # Number of entries left before each of those that are gone.
+        before = gone - np.arange(len(gone))
+        super().__init__(len(source) - len(gone), lambda i: source.of(i + np.searchsorted(before, i, side="right")))
+
+
 Stored = np.ndarray | OnDemand
 # What each whole array that still exists was computed by.
 _origins: dict[int, OnDemand] = {}

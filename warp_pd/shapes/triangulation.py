@@ -50,6 +50,23 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
     return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
 
 
+def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: float) -> np.ndarray:
+    """Points of a lattice in the box around a segment, and `reach` spacings around it, by index.
+
+    Args:
+        corner: The first point [m], shape (2,).
+        lattice: The lattice.
+        segment: [m].
+        reach: In spacings of each axis.
+    """
+    step, number = np.array([lattice.dx, lattice.dy]), np.array([lattice.columns, lattice.rows])
+    ends = (np.array(segment) - corner) / step
+    low = np.clip(np.floor(ends.min(axis=0) - reach), 0, number).astype(np.int64)
+    high = np.clip(np.ceil(ends.max(axis=0) + reach) + 1, 0, number).astype(np.int64)
+    row, column = (np.arange(low[axis], high[axis]) for axis in (1, 0))
+    return np.asarray((lattice.columns * row[:, None] + column).ravel())
+
+
 def cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
     """Two triangles for each whole cell, the diagonals alternating."""
     cells = np.flatnonzero(whole)

@@ -168,7 +168,9 @@ def test_blocks_that_share_points_are_divided_by_them(name, monkeypatch):
     parts = [i for i in context.stages["step"] if i.name == "family_block_force"]
     assert all(part.beside for part in parts) and [part.side_stream for part in parts][-1] is False
     ranges = sorted(part.points for part in parts)
-    assert ranges[0][0] == 0 and ranges[-1][1] == len(context.share.points)
+    assert ranges[0][0] <= context.share.own.start and ranges[-1][1] >= context.share.own.stop
+    near = np.flatnonzero(context.share.near)
+    assert (ranges[0][0], ranges[-1][1]) == (near[0], near[-1] + 1)
     assert all(one[1] == other[0] for one, other in itertools.pairwise(ranges))
     inner = parts[-1]
     assert inner.points == (context.share.inner.start, context.share.inner.stop)

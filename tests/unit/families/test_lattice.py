@@ -1,9 +1,10 @@
 """Families of a lattice: stencil and rows."""
 
+import numpy as np
 import pytest
 from helpers import square
 
-from warp_pd.families import build_families
+from warp_pd.families import build_families, lattice, pack
 
 MEMBERS = {1.5: 8, 2.015: 12, 3.015: 28, 3.15: 28, 4.15: 56, 9.015: 252}
 
@@ -19,3 +20,25 @@ def test_rows_are_few_on_a_large_lattice():
     families = build_families(square(401), 3.15, "linear")
     assert families.exists.shape[0] <= 81
     assert families.points == 401**2
+
+
+@pytest.mark.parametrize("chunk", [7, 1000])
+def test_classes_are_those_of_a_table_of_all_codes(chunk, monkeypatch):
+    """Also where every point of a class lost members, or the first one."""
+    monkeypatch.setattr(lattice, "CHUNK", chunk)
+    rng = np.random.default_rng(0)
+    near_x, near_y = lattice._edge_code(23, 4), lattice._edge_code(9, 5)
+    code = (near_y[:, None] * (near_x.max() + 1) + near_x[None, :]).ravel()
+    touched = np.unique(np.append(rng.choice(len(code), 40), [0, 4, 5, 6, 23 * 4 + 4, 23 * 4 + 5]))
+    lost = rng.random((len(touched), 12)) < 0.2
+    patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
+    wide = code * (len(patterns) + 1)
+    wide[touched] += 1 + which.ravel()
+    for codes, found in (
+        (code, lattice._classes(near_x, near_y)),
+        (wide, lattice._with_lost(*lattice._classes(near_x, near_y), touched, lost)),
+    ):
+        _, first, inverse = np.unique(codes, return_index=True, return_inverse=True)
+        np.testing.assert_array_equal(found[0], first)
+        np.testing.assert_array_equal(found[1], inverse.ravel())
+        assert found[1].dtype == np.int32

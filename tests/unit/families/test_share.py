@@ -1,5 +1,7 @@
 """What a process of several holds of a sheet, and its families."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from shared_scenes import SIZE, composed, scene, sheet_of
@@ -8,7 +10,7 @@ from warp_pd import InputError, Sheet
 from warp_pd.families import build_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
-from warp_pd.shapes import rectangles
+from warp_pd.shapes import on_demand, rectangles
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
@@ -89,18 +91,28 @@ def test_an_outline_is_divided_between_its_rows():
         assert len(share.points) < 1.5 * sheet.size / 3
 
 
-@pytest.mark.parametrize("rank", range(3))
-def test_a_lattice_on_demand_is_divided_like_a_stored_one(rank, monkeypatch):
-    stored = sheet_of("loads", 33)
+@pytest.mark.parametrize("name", ["loads", "torn", "slits"])
+def test_a_lattice_on_demand_is_divided_like_a_stored_one(name, monkeypatch):
+    def sheet():
+        made = sheet_of("torn" if name == "torn" else "loads", 33)
+        return made if name != "slits" else made.cut((-0.1, 0.2), (0.4, 0.33)).cut((0.61, 0.1), (0.61, 1.2))
+
+    stored = sheet()
     monkeypatch.setattr(rectangles, "STORED_POINTS", 0)
-    computed = sheet_of("loads", 33)
-    assert not isinstance(computed.stored("points"), np.ndarray)
-    one, other = (divided(sheet, 2.015, rank, 3) for sheet in (stored, computed))
-    np.testing.assert_array_equal(one.faces, other.faces)
-    parts = part_of_sheet(stored, one), part_of_sheet(computed, other)
-    for name in ("points", "areas", "triangles"):
-        assert getattr(parts[0], name).dtype == getattr(parts[1], name).dtype
-        np.testing.assert_array_equal(*(getattr(part, name) for part in parts))
+    monkeypatch.setattr(on_demand, "CHUNK", 100)
+    computed = sheet()
+    assert not any(isinstance(computed.stored(name), np.ndarray) for name in ("points", "areas", "triangles"))
+    np.testing.assert_array_equal(stored.triangles, computed.triangles)
+    made = [build_families(each, 2.015, "linear") for each in (stored, computed)]
+    for field in fields(made[0]):
+        np.testing.assert_array_equal(*(getattr(each, field.name) for each in made), err_msg=field.name)
+    for rank in range(3):
+        one, other = (divided(each, 2.015, rank, 3) for each in (stored, computed))
+        np.testing.assert_array_equal(one.faces, other.faces)
+        parts = part_of_sheet(stored, one), part_of_sheet(computed, other)
+        for array in ("points", "areas", "triangles"):
+            assert getattr(parts[0], array).dtype == getattr(parts[1], array).dtype
+            np.testing.assert_array_equal(*(getattr(part, array) for part in parts))
 
 
 def test_noise_of_some_points_is_that_of_all():

@@ -257,11 +257,11 @@ def test_both_paths_break_the_same_bonds():
 @pytest.mark.parametrize("tracked", [False, True], ids=["untracked", "tracked"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13), holed(19)], ids=["lattice", "cloud", "grid"])
 def test_the_force_breaks_the_same_bonds(blocks, sheet, tracked):
-    """On a GPU the kernel of the force breaks bonds, and sums up the energy that this releases."""
+    """On a GPU the kernel of the force breaks bonds, unless the energy that this releases is summed up."""
     quick, reference = compare_torn(
         sheet, 2.015, 64, damage=CriticalStretch(1.5, spared=[0, 1, 2]), track_energy=tracked
     )
-    assert "break_bonds" not in launch_names(quick)
+    assert ("break_bonds" in launch_names(quick)) == tracked
     if tracked:
         released, expected = (built.rupture.released.numpy() for built in (quick, reference))
         assert expected.max() > 0.0
@@ -272,7 +272,7 @@ def test_the_force_breaks_the_same_bonds(blocks, sheet, tracked):
 @pytest.mark.parametrize("sheet", [square(17), square((17, 15))], ids=["square", "oblong"])
 def test_the_force_of_large_sheets_breaks_the_same_bonds(large_on_gpu, sheet, horizon):
     """The kernel of undamaged families leaves those to the other one in which a bond may break now."""
-    quick, _ = compare_torn(sheet, horizon, 64, damage=CriticalStretch(1.5))
+    quick, _ = compare_torn(sheet, horizon, 64, damage=CriticalStretch(1.5), track_energy=False)
     assert "break_bonds" not in launch_names(quick) and "undamaged_family_force" in launch_names(quick)
 
 
