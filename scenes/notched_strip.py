@@ -62,7 +62,7 @@ def build(
     frames: int = 60,
 ) -> Simulation:
     bonds = one_of("law", law, ("bonds", "tension_field")) == "bonds"
-    if not bonds and not_negative("compression", compression) > 0.0:
+    if not_negative("compression", compression) > 0.0 and not bonds:
         raise InputError(f"compression = {compression!r}: expected 0 with the law 'tension_field'")
     if count("points", points, 3) * NOTCH < 2.0 * WIDTH:
         least = math.ceil(2.0 * WIDTH / NOTCH)

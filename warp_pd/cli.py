@@ -148,20 +148,18 @@ def list_scenes() -> None:
 @click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
-@click.option(
-    "--processes", "--gpus", "processes", type=int, default=1,
-    help="Divide the sheet among so many processes, a GPU each; with --device cpu they share the cores.",
-)  # fmt: skip
+@click.option("--gpus", type=int, default=1, help="Divide the sheet among so many GPUs of this machine.")
+@click.option("--processes", type=int, default=1, help="The same; with --device cpu processes share the cores.")
 def run(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
     fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
-    processes: int,
+    gpus: int, processes: int,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
-    if count("processes", processes, 1) > 1 and processes_here() == 1:
-        sys.exit(launch(processes, sys.argv[1:]))
+    if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
+        sys.exit(launch(gpus, processes, device, sys.argv[1:]))
     quiet = quiet or not is_first()
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder

@@ -96,6 +96,12 @@ def _numbered(wanted: Path) -> Iterator[Path]:
         yield wanted.with_name(f"{wanted.name}-{number}")
 
 
+def remove_if_empty(folder: Path) -> None:
+    """Remove the folder of a run that was refused."""
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
 def free_folder(wanted: Path) -> Path:
     """The first of wanted, wanted-2, wanted-3, ... that holds no results."""
     return next(folder for folder in _numbered(wanted) if not results_in(folder))

@@ -5,8 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
+import warp as wp
+
 from ..checks import InputError
+from ..cores import available_cores, start_warp
 from ..device.crew import Crew
+
+# More would wait for each other, and fill the memory with copies of Torch.
+PROCESSES_PER_CORE = 4
 
 
 def processes_here() -> int:
@@ -33,14 +39,33 @@ def crew_here(device: str | None) -> tuple[Crew, str | None]:
     return TorchCrew(cuda=mine is not None and mine.startswith("cuda")), mine
 
 
-def launch(processes: int, arguments: Sequence[str]) -> int:
+def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[str]) -> int:
     """Run `warp-pd` with some arguments in several processes; the exit code.
 
+    Args:
+        gpus: Number of processes if each must have a GPU, or 1.
+        processes: Number of processes, or 1.
+        device: What the user asked for.
+        arguments: Of each process.
+
     Raises:
-        InputError: without Torch.
+        InputError: without Torch, without so many GPUs, or for more processes than this machine bears.
     """
+    _require_room(gpus, processes, device)
     try:
         from ..torch_backend.launch import launch as start
     except ImportError:
         raise InputError("--processes: expected torch to be installed; pip install warp-pd[neural]") from None
-    return start(processes, arguments)
+    return start(max(gpus, processes), arguments)
+
+
+def _require_room(gpus: int, processes: int, device: str | None) -> None:
+    start_warp()
+    present, most = wp.get_cuda_device_count(), PROCESSES_PER_CORE * available_cores()
+    if gpus > 1 and (processes > 1 or device not in (None, "cuda")):
+        given = f"processes = {processes}" if processes > 1 else f"device = {device!r}"
+        raise InputError(f"gpus = {gpus}, {given}: expected one of them")
+    if gpus > max(present, 1):
+        raise InputError(f"gpus = {gpus}: expected at most {present}, as this machine has; or --processes --device cpu")
+    if processes > most:
+        raise InputError(f"processes = {processes}: expected at most {most}, {PROCESSES_PER_CORE} for each core here")

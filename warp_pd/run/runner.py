@@ -34,6 +34,7 @@ from .folder import (
     clear,
     clear_unfinished,
     read_history,
+    remove_if_empty,
     require_room,
     sole_use,
     writable_folder,
@@ -113,9 +114,12 @@ def run(
     formats = picture_formats(pictures)
     files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
     # Files and progress are those of the first process.
+    new = crew.leads and isinstance(out, str | Path) and not Path(out).exists()
     folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)
     given, shown = (list(writers or []), reporter) if crew.leads else ([], None)
     with contextlib.ExitStack() as stack:
+        if new and folder is not None:
+            stack.callback(remove_if_empty, folder)
         crew.together(lambda: stack.enter_context(sole_use(folder)))
         begin = perf_counter()
         if crew.size > 1:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,9 @@ import numpy as np
 import pytest
 import shared_scenes
 from shared_scenes import DURATION, SCENES, arrays_of, scene, started
+
+from warp_pd import InputError
+from warp_pd.run.processes import launch
 
 pytest.importorskip("torch.distributed")
 
@@ -134,6 +138,29 @@ from shared_scenes import scene
 scene("torn").run(device="cpu")
 assert not [name for name in sys.modules if name.split(".")[0] == "torch"]
 """
+
+
+@pytest.mark.parametrize(
+    ("gpus", "processes", "device", "text"),
+    [
+        (1, 10**6, "cpu", "processes = 1000000: expected at most"),
+        (10**6, 1, None, "gpus = 1000000: expected at most"),
+        (2, 2, None, "gpus = 2, processes = 2: expected one of them"),
+        (2, 1, "cpu", "gpus = 2, device = 'cpu': expected one of them"),
+    ],
+)
+def test_more_than_the_machine_has_is_refused_before_anything_starts(gpus, processes, device, text):
+    with pytest.raises(InputError, match=re.escape(text)):
+        launch(gpus, processes, device, [])
+
+
+def test_a_refused_run_leaves_no_folder_but_one_that_was_there(tmp_path):
+    new, old = tmp_path / "new", tmp_path / "old"
+    old.mkdir()
+    for folder in (new, old):
+        with pytest.raises(InputError, match="device = 'foo'"):
+            scene("torn", points=9).run(device="foo", out=folder)
+    assert not new.exists() and list(old.iterdir()) == []
 
 
 def test_one_process_imports_no_torch():
