@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -163,7 +164,11 @@ def two_at_once(scene: str, whole: Path, work: Path) -> Iterator[Trial]:
     first = subprocess.Popen(command(scene, out), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     while not (out / ".lock").exists() and first.poll() is None:
         time.sleep(0.01)
+    # It stands still meanwhile: a short run would end before the other one has begun.
+    time.sleep(0.05)
+    first.send_signal(signal.SIGSTOP)
     second = run(command(scene, out, "--overwrite"))
+    first.send_signal(signal.SIGCONT)
     wrong = said_badly(second) or ("the second ran" if second.returncode == 0 else "")
     yield Trial("two runs at once, the second", scene, wrong)
     _, errors = first.communicate(timeout=PATIENCE)
