@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -142,13 +143,17 @@ class BondBasedForce(FamilyLaw):
             unit_force=self.unit_volume * self.inverse_horizon, force=out,
         )  # fmt: skip
 
+    @functools.cached_property
+    def _ahead(self) -> Array:
+        """Force of each bond to a later point [N], (N, members / 2) vec3, allocated on first use."""
+        shape = (self.points, self.families.members // 2)
+        return self.context.array("forces_ahead", self.owner, self.context.types.vec3, shape=shape)
+
     def _add_forces_once(
         self, stage: Stage, displacement: Array, out: Array, forces_ahead: Kernel, sum_both_halves: Kernel
     ) -> None:
         """Add the launches that compute each bond once."""
-        shape = (self.points, self.families.members // 2)
-        ahead = self.context.array("forces_ahead", self.owner, self.context.types.vec3, shape=shape)
-        s = self.struct
+        s, ahead = self.struct, self._ahead
         tables = {"shift": s.stencil_shift, "family_class": s.family_class, "initial": s.class_initial}
         stage.launch(
             self.owner, forces_ahead, self.points, **tables, bond=s.stencil_bond, weight=s.class_weight,

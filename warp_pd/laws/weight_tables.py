@@ -38,9 +38,7 @@ def weight_tables(
         InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
     """
     if weights == "corrected":
-        _require_correctable(horizon)
-        if sheet.layout == "cloud":
-            _require_few(sheet.size)
+        _require_correctable(sheet, horizon)
     families = build_families(sheet, horizon, influence, int(weights == "corrected" and sheet.layout == "grid"))
     if weights == "corrected" and sheet.lattice is not None:
         rectangle = _rectangle(families, sheet)
@@ -77,9 +75,7 @@ def point_tables(
         InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
     """
     if corrected:
-        _require_correctable(horizon)
-        if sheet.layout == "cloud":
-            _require_few(sheet.size)
+        _require_correctable(sheet, horizon)
     apart = int(corrected and sheet.layout == "grid")
     families = build_families(sheet, horizon, influence, apart, intersections=False)
     require_diagonals(sheet, horizon)
@@ -112,12 +108,14 @@ def _trace(shape: np.ndarray) -> np.ndarray:
     return np.asarray(shape[:, 0] + shape[:, 2])
 
 
-def _require_correctable(horizon: float) -> None:
+def _require_correctable(sheet: Sheet, horizon: float) -> None:
     if horizon > MAX_CORRECTED:
         raise InputError(
             f"weights = 'corrected' at horizon = {horizon!r}: expected a horizon up to {MAX_CORRECTED}; "
             f"take weights 'plain'"
         )
+    if sheet.layout == "cloud":
+        _require_few(sheet.size)
 
 
 def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights, plain: np.ndarray) -> np.ndarray:

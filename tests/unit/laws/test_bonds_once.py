@@ -111,3 +111,8 @@ def test_screened_bonds_break_as_without_screening(monkeypatch, law, spared):
     np.testing.assert_array_equal(screened.law.intact.numpy(), plain.law.intact.numpy())
     np.testing.assert_array_equal(screened.state.displacement.numpy(), plain.state.displacement.numpy())
     np.testing.assert_array_equal(screened.rupture.released.numpy(), plain.rupture.released.numpy())
+
+
+def test_all_stages_share_the_array_of_forces():
+    built, *_ = both(SHEETS["square"])
+    assert [stored.name for stored in built.context.fields].count("forces_ahead") == 1
