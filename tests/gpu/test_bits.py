@@ -17,7 +17,7 @@ from warp_pd import (
     RigidBall,
     Simulation,
 )
-from warp_pd.device import graph, launches
+from warp_pd.device import graph, launches, streams
 from warp_pd.families import unpack
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))
@@ -107,7 +107,7 @@ def test_side_streams_give_the_same_bits(device, monkeypatch):
     )
     alone = struck(square(21), 64).run(device=device).built
     assert not any(item.side_stream for item in alone.context.stages["step"])
-    assert graph.side_stream_waits(list(alone.context.stages["step"])).count(True) == 0
+    assert streams.side_stream_waits(list(alone.context.stages["step"])).count(True) == 0
     assert_same(left_behind(beside), left_behind(alone))
 
 

@@ -93,6 +93,30 @@ class Span:
     most: int
 
 
+@dataclass(frozen=True)
+class OfStrip:
+    """What a launch does for a strip of a sheet that is worked through in strips.
+
+    Launches of neighbouring strips touch different points, and those that touch a point twice run on one stream. The
+    ring of the forces between points has room for two strips, so that a strip waits for the last but one.
+
+    Attributes:
+        number: Number of the strip.
+        stream: Stream on which it runs.
+        listed: Whether it works on a list that was complete before; None after those that do not touch its points.
+    """
+
+    number: int
+    stream: int
+    listed: bool | None = None
+
+    def must_wait_for(self, earlier: OfStrip) -> bool:
+        """Whether a launch waits for an earlier one on another stream."""
+        if self.number == earlier.number:
+            return self.listed is None or earlier.listed is None or self.listed == earlier.listed
+        return self.number != earlier.number + 1
+
+
 @dataclass(eq=False)
 class Launch:
     """One kernel launch with its arguments.
@@ -112,6 +136,7 @@ class Launch:
         alone: Whether a pointwise stage joins no other launch.
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
         span: How blocks share points, where its threads do not stand for points.
+        strip: Which strip of a sheet it works on, if that is why it may run in parallel with others.
     """
 
     name: str
@@ -128,6 +153,7 @@ class Launch:
     alone: bool = False
     beside: bool = False
     span: Span | None = None
+    strip: OfStrip | None = None
 
     @property
     def points(self) -> tuple[int, int]:
@@ -179,6 +205,7 @@ class Call:
         touched: Arrays that it touches.
         side_stream: As of a launch.
         beside: As of a launch.
+        strip: None, as of a launch of the whole sheet.
     """
 
     name: str
@@ -189,6 +216,7 @@ class Call:
     touched: Touched
     side_stream: bool = False
     beside: bool = False
+    strip: None = None
 
     @property
     def parts(self) -> list[str]:
@@ -237,6 +265,7 @@ class Stage:
         block_dim: int | None = None,
         side_stream: bool = False,
         span: Span | None = None,
+        strip: OfStrip | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -248,13 +277,14 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, span=span,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, strip=strip,
         )  # fmt: skip
         self.items.append(made)
 
     def pointwise(
-        self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, alone: bool = False, **arguments: Any
-    ) -> None:
+        self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, alone: bool = False,
+        strip: OfStrip | None = None, **arguments: Any,
+    ) -> None:  # fmt: skip
         """Add a pointwise stage; it joins the previous launch if that is pointwise on the same points and shareable.
 
         A stage with `alone` joins none: it is for work at few points that needs many registers.
@@ -270,7 +300,7 @@ class Stage:
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone,
+            begin, self.module, run, alone=alone, strip=strip,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
@@ -320,6 +350,8 @@ def _joined(first: Item, second: Item) -> Launch | None:
     if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):
         return None
     if first.alone or second.alone or (first.threads, first.begin) != (second.threads, second.begin):
+        return None
+    if first.strip is not None or second.strip is not None:
         return None
     if not first.touched.may_share_launch(second.touched):
         return None

@@ -19,7 +19,8 @@ import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
-from ..device.launches import Span, Stage
+from ..device.launches import OfStrip, Span, Stage
+from ..device.streams import MAIN, SECOND, SIDE
 from ..interfaces import BondBreaking
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
@@ -37,9 +38,9 @@ MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
 # With a list most blocks would find nothing, and starting them takes time.
-MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
-# Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
-RING = 2**20
+MAX_BLOCKS, MAX_LISTED_BLOCKS, MAX_FOUND_BLOCKS = 8192, 1056, 264
+# Points of a strip, and number of points from which on a sheet has strips.
+STRIP, STRIPS_FROM = 2**17, 2**20
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -131,7 +132,6 @@ class FastPath:
     Attributes:
         near: Factory of the material's stress_near.
         stencil: Stencil of undamaged inner families and the class that they share, or None.
-        listed: Whether all other families are on a list.
         gridded: Whether the sheet is a grid with gaps.
     """
 
@@ -139,33 +139,79 @@ class FastPath:
         self.force, self.near, self.stencil = force, near, stencil
         w: Context = force.context
         vec3 = w.types.vec3
-        self.listed = stencil is not None
         self.gridded = force.families.layout == "grid"
+        # Several processes divide launches around exchanges instead (device/overlap.py).
+        self.streams = w.share is None
         self.module = self._undamaged_module()
         # The kernel of all others is compiled for its own block size.
         self.shared_module = f"{w.module}_shared_{force.families.members}"
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
             w.use_fast_math(module)
-        self.others: Array | None = None
-        self.other_count: Array | None = None
-        if self.listed:
-            self.others = w.array("other_points", force.owner, wp.int32, shape=force.points, per="table")
-            self.other_count = w.array("other_count", force.owner, wp.int32, shape=1, per="once")
-        self.strips = self._strips() if self.listed else []
+        self.strips = self._strips()
         self.moments = self._moments()
-        members = force.families.members
-        if len(self.strips) > 1:
-            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, RING), per="bond")
+        self._add_lists()
+        members, ring = force.families.members, self.ring
+        if ring < force.points:
+            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, ring), per="bond")
         else:
             self.bond_force = force.pairs
+
+    def _add_lists(self) -> None:
+        """Lists of the points whose families are not those of the stencil: known from the start, or found every time.
+
+        Those of neighbouring strips are in use together.
+        """
+        law, w = self.force, self.force.context
+        self.lists: list[Lists] = []
+        self.marked: Array | None = None
+        if self.stencil is None:
+            return
+        assert law.families.family_class is not None
+        grows, knows = law.intact is not None, self.streams
+        inner = law.families.family_class == self.stencil[1]
+        edges = [strip.begin + np.flatnonzero(~inner[strip.begin : strip.end]) for strip in self.strips]
+        sizes = [strip.end - strip.begin if grows else max(len(e), 1) for strip, e in zip(self.strips, edges)]
+        ends, counts = np.cumsum(sizes), np.array([len(e) for e in edges], np.int32)
+        if knows:
+            points = np.zeros(ends[-1], np.int32)
+            for end, size, found in zip(ends, sizes, edges, strict=True):
+                points[end - size : end - size + len(found)] = found
+            known = w.array("known_points", law.owner, wp.int32, points, per="table")
+            count = w.array("known_count", law.owner, wp.int32, counts, per="once")
+            if grows:
+                following = w.array("known_next", law.owner, wp.int32, counts, per="once")
+                self.marked = w.array("known", law.owner, wp.uint8, (~inner).astype(np.uint8))
+        found = []
+        if grows or not knows:
+            size = max(strip.end - strip.begin for strip in self.strips)
+            for name in ("other", "more_other")[: len(self.strips)]:
+                points = w.array(f"{name}_points", law.owner, wp.int32, shape=size, per="table")
+                found.append((points, w.array(f"{name}_count", law.owner, wp.int32, shape=1, per="once")))
+        for k, (end, size) in enumerate(zip(ends.tolist(), sizes, strict=True)):
+            self.lists.append(
+                Lists(
+                    most=size if grows else int(counts[k]),
+                    known=known[end - size : end] if knows else None,
+                    known_count=count[k : k + 1] if knows else None,
+                    known_next=following[k : k + 1] if knows and grows else None,
+                    found=found[k % 2][0] if found else None,
+                    found_count=found[k % 2][1] if found else None,
+                )
+            )
+
+    @property
+    def others(self) -> str:
+        """Which other families the kernel of undamaged ones knows."""
+        return "none" if not self.streams else "all" if self.force.intact is None else "before"
 
     def _undamaged_module(self) -> str:
         """Name of the module of the kernel of undamaged families: all sheets that need the same kernel share it."""
         _, bits, _, broken, _ = self.force.key
         stencil = None if self.stencil is None else self.stencil[0]
         near = (self.near.__module__, self.near.__qualname__)
-        key = (bits, near, stencil, self.gridded, broken is not None, self.force.context.device.is_cuda)
+        device = self.force.context.device
+        key = (bits, near, stencil, self.gridded, broken is not None, self.others, device.is_cuda)
         return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
@@ -187,24 +233,54 @@ class FastPath:
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete after it."""
         points, here = self.force.points, self.whole_families
-        reach = self.force.families.index_reach() if points > 2 * RING else 0
-        size = RING - 2 * reach
-        if points <= 2 * RING or size < RING // 2:
-            return [Strip(here.start, here.stop, 0, points)]
+        whole = [Strip(0, here.start, here.stop, 0, points)]
+        if self.stencil is None or points < STRIPS_FROM:
+            return whole
+        reach = self.force.families.index_reach()
+        count = -(-(here.stop - here.start) // STRIP)
+        size = -(-(here.stop - here.start) // count)
+        if 2 * reach > size or count < 3:
+            return whole
         strips: list[Strip] = []
-        for begin in range(here.start, here.stop, size):
+        for number, begin in enumerate(range(here.start, here.stop, size)):
             end = min(begin + size, here.stop)
             gathered = strips[-1].gather_end if strips else 0
-            strips.append(Strip(begin, end, gathered, points if end == here.stop else end - reach))
+            strips.append(Strip(number, begin, end, gathered, points if end == here.stop else end - reach))
         return strips
+
+    @property
+    def ring(self) -> int:
+        """Number of columns of the forces between points: those of two strips, and what is gathered around them."""
+        if len(self.strips) == 1:
+            return self.force.points
+        size = max(strip.end - strip.begin for strip in self.strips)
+        return 2 * (size + self.force.families.index_reach())
 
     def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
-        everything = Strip(self.whole_families.start, self.whole_families.stop, 0, self.force.points)
-        for strip in self.strips or [everything]:
-            if self.stencil is not None:
-                self._add_undamaged(stage, strip, *self.stencil, displacement, force, breaking)
-            self._add_shared(stage, strip, displacement, force, breaking)
+        if self.stencil is None:
+            self._add_shared(stage, self.strips[0], None, displacement, force, breaking)
+            self._add_gather(stage, self.strips[0], None, force)
+            return
+        for strip, lists in zip(self.strips, self.lists, strict=True):
+            alone = len(self.strips) == 1
+            main = MAIN if alone or strip.number % 2 == 0 else SECOND
+
+            def part(stream: int, listed: bool | None) -> OfStrip | None:
+                return OfStrip(strip.number, stream, listed) if self.streams else None
+
+            self._add_undamaged(stage, strip, lists, *self.stencil, displacement, force, breaking, part(main, False))
+            if lists.known is not None and lists.most:
+                self._add_shared(
+                    stage, strip, (lists.known, lists.known_count, lists.most), displacement, force, breaking,
+                    part(SIDE, True), MAX_LISTED_BLOCKS,
+                )  # fmt: skip
+            late = None if alone else part(SIDE, None)
+            if lists.found is not None:
+                found = (lists.found, lists.found_count, strip.end - strip.begin)
+                most = MAX_FOUND_BLOCKS if lists.known is not None else MAX_LISTED_BLOCKS
+                self._add_shared(stage, strip, found, displacement, force, breaking, late, most)
+            self._add_gather(stage, strip, lists, force, late)
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
         """The kernel of undamaged families must know which of them stay so."""
@@ -215,58 +291,71 @@ class FastPath:
         self.force.add_reference_energy(stage, displacement, energies)
 
     def _add_undamaged(
-        self, stage: Stage, strip: Strip, stencil: Stencil, inner: int, displacement: Array, force: Array,
-        breaking: BondBreaking | None,
+        self, stage: Stage, strip: Strip, lists: Lists, stencil: Stencil, inner: int, displacement: Array,
+        force: Array, breaking: BondBreaking | None, part: OfStrip | None,
     ) -> None:  # fmt: skip
         law = self.force
         _, bits, _, broken, _ = law.key
         kernel = undamaged_lattice_force(
-            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, self.module
+            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, self.others, self.module
         )
         stage.launch(
-            law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
+            law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK, strip=part,
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
             places=law.struct.centres if self.gridded else law.lattice_columns,
             # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
             turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
-            unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
+            unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner],
             squared_stretch=breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
-            other_count=self.other_count, bond_force=self.bond_force, force=force,
+            marked=self.marked, known=lists.known if self.others == "before" else None, known_next=lists.known_next,
+            found=lists.found, found_count=lists.found_count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
 
     def _add_shared(
-        self, stage: Stage, strip: Strip, displacement: Array, force: Array, breaking: BondBreaking | None,
+        self, stage: Stage, strip: Strip, listed: tuple[Array, Array, int] | None, displacement: Array, force: Array,
+        breaking: BondBreaking | None, part: OfStrip | None = None, most_blocks: int = MAX_BLOCKS,
     ) -> None:  # fmt: skip
+        """Add the launch of the families of a list, with its count and how many may be on it, or of all of a strip."""
         law, w = self.force, self.force.context
         layout, bits, material, broken, _ = law.key
         members = law.families.members
         together, sharing = families_together(members), threads_of_family(members)
-        blocks = min(-(-(strip.end - strip.begin) // together), MAX_LISTED_BLOCKS if self.listed else MAX_BLOCKS)
+        others, count, most = (None, None, strip.end - strip.begin) if listed is None else listed
+        blocks = min(-(-most // together), most_blocks)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
-            self.listed, w.module, self.shared_module,
+            listed is not None, w.module, self.shared_module,
         )  # fmt: skip
         stage.launch(
-            law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
-            intact=law.intact,
-            others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
+            law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, strip=part,
+            family=law.struct, intact=law.intact,
+            others=others, other_count=count, start=strip.begin, stop=strip.end,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             breaks_now=int(breaking is not None and breaking.acts(stage)),
             criterion=0 if breaking is None else breaking.values, horizon=law.families.horizon,
             spared_mask=None if breaking is None else breaking.spared,
             remaining=None if breaking is None else law.intact,
-            bond_force=self.bond_force, force=force, span=None if self.listed else Span(together, MAX_BLOCKS),
+            bond_force=self.bond_force, force=force, span=Span(together, MAX_BLOCKS) if listed is None else None,
         )  # fmt: skip
-        steps = law.families.steps
+
+    def _add_gather(
+        self, stage: Stage, strip: Strip, lists: Lists | None, force: Array, part: OfStrip | None = None
+    ) -> None:
+        law, w = self.force, self.force.context
+        layout, bits, _, _, _ = law.key
+        steps, members = law.families.steps, law.families.members
+        found = lists is not None and lists.found is not None
+        grows = lists is not None and lists.known_next is not None
         gather = gather_reverse_bonds(
             layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            self.bond_force.shape[1] < law.points, self.listed, w.module,
+            self.bond_force.shape[1] < law.points, found, grows, w.module,
         )  # fmt: skip
         stage.pointwise(
-            law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
-            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force, other_count=self.other_count,
-            first_point=strip.gather_begin, force=force,
+            law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, strip=part,
+            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force,
+            found_count=lists.found_count if found else None, known_next=lists.known_next if grows else None,
+            known_count=lists.known_count if grows else None, first_point=strip.gather_begin, force=force,
         )  # fmt: skip
 
 
@@ -274,7 +363,29 @@ class FastPath:
 class Strip:
     """Points begin to end - 1 of a sheet, and those whose force is complete after the forces of these families."""
 
+    number: int
     begin: int
     end: int
     gather_begin: int
     gather_end: int
+
+
+@dataclass(frozen=True)
+class Lists:
+    """The points of a strip whose families are not those of the stencil.
+
+    Attributes:
+        most: How many may be known.
+        known: Those known before the forces; the list grows if bonds can break.
+        known_count: How many are known.
+        known_next: How many will be known next time.
+        found: Those that are found with the forces.
+        found_count: Their number.
+    """
+
+    most: int
+    known: Array | None
+    known_count: Array | None
+    known_next: Array | None
+    found: Array | None
+    found_count: Array | None

@@ -194,7 +194,8 @@ def test_a_large_family(large_on_gpu):
 @pytest.mark.parametrize("sheet", [square(33), holed(33, 0.006)], ids=["lattice", "grid"])
 def test_forces_through_a_ring(monkeypatch, large_on_gpu, sheet, cut):
     """Large sheets are computed in strips; here the ring is small."""
-    monkeypatch.setattr(fast_path, "RING", 300)
+    monkeypatch.setattr(fast_path, "STRIP", 150)
+    monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
     quick, _ = compare(sheet, 2.015, 64, cut=cut)
     assert quick.count("undamaged_family_force") > 4
     assert quick.count("gather_from_reverse_bonds") == quick.count("undamaged_family_force")
@@ -203,7 +204,8 @@ def test_forces_through_a_ring(monkeypatch, large_on_gpu, sheet, cut):
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
 def test_bonds_between_distant_indices_need_no_ring(monkeypatch, large_on_gpu, cut):
     """The points off the grid come first, those around them much later."""
-    monkeypatch.setattr(fast_path, "RING", 300)
+    monkeypatch.setattr(fast_path, "STRIP", 150)
+    monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
     quick, _ = compare(partly_off_the_grid(33), 2.015, 64, cut=cut)
     assert quick.count("undamaged_family_force") == 1
 
