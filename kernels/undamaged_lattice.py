@@ -180,14 +180,17 @@ def undamaged_lattice_force(
     ):
         i = wp.tid() + first
         undamaged = bool(True)
+        # Both loads before any branch, so that none waits for the other.
         if wp.static(grows):
-            if marked[i] != wp.uint8(0):
-                return
+            before = marked[i]
         else:
             undamaged = family_class[i] == inner
         if wp.static(breakable):
             if intact[0, i] != wp.uint32(wp.static(full)):
                 undamaged = False
+        if wp.static(grows):
+            if before != wp.uint8(0):
+                return
         if not undamaged:
             if wp.static(others != "all"):
                 found[wp.atomic_add(found_count, 0, 1)] = i

@@ -17,7 +17,7 @@ from warp_pd import (
     RigidBall,
     Simulation,
 )
-from warp_pd.device import graph, launches, streams
+from warp_pd.device import launches, streams
 from warp_pd.families import unpack
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))

@@ -109,12 +109,13 @@ class OfStrip:
     number: int
     stream: int
     listed: bool | None = None
+    room: int = 2
 
     def must_wait_for(self, earlier: OfStrip) -> bool:
         """Whether a launch waits for an earlier one on another stream."""
         if self.number == earlier.number:
             return self.listed is None or earlier.listed is None or self.listed == earlier.listed
-        return self.number != earlier.number + 1
+        return not 0 < self.number - earlier.number < self.room
 
 
 @dataclass(eq=False)

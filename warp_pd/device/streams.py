@@ -51,9 +51,9 @@ def stream_waits(items: Sequence[Item]) -> list[list[tuple[int, int]]]:
         known[stream] = {**known[stream], stream: len(mine)}
         over.append(known[stream])
     waits.append([])
-    for other in on:
-        if other != MAIN and known[MAIN].get(other, 0) < len(on[other]):
-            wait(MAIN, other, len(on[other]) - 1)
+    for other, launched in on.items():
+        if other != MAIN and known[MAIN].get(other, 0) < len(launched):
+            wait(MAIN, other, len(launched) - 1)
     return waits
 
 
@@ -70,7 +70,7 @@ def _awaited(item: Item, stream: int, other: int, earlier: Sequence[Item]) -> in
     """How many of the earlier items on another stream must be over before an item begins."""
     if item.strip is None:
         # All: what is on the side stream waits for everything that stands before it.
-        needed = bool(earlier) and (stream != MAIN and other == MAIN or any(_must_wait(item, e) for e in earlier))
+        needed = bool(earlier) and ((stream != MAIN and other == MAIN) or any(_must_wait(item, e) for e in earlier))
         return len(earlier) if needed else 0
     return max((k + 1 for k, e in enumerate(earlier) if _must_wait(item, e)), default=0)
 

@@ -167,12 +167,11 @@ class BondAssociatedForce(FamilyLaw):
         return self.pairs
 
     def break_with_force(self, breaking: BondBreaking) -> bool:
-        """Whether the kernels of the force break bonds.
+        """Whether the force breaks bonds, so that no launch has to before.
 
-        They do not where the energy is tracked: several processes have a launch of its own for it, and the same bits.
+        Of several processes, each has a launch of its own for it, and the same bits.
         """
-        features = self.context.features
-        able = self.context.share is None and not features.gradual and not features.tracked
+        able = self.context.share is None and not self.context.features.gradual
         found = able and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
         if found:
             self._breaking = breaking

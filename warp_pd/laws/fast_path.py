@@ -11,7 +11,6 @@ most of the memory, and those of a strip stay in the cache of a GPU.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -29,6 +28,7 @@ from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
+from .strips import Lists, Strip, lists_of, strips_of
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
@@ -39,8 +39,12 @@ UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
 # With a list most blocks would find nothing, and starting them takes time.
 MAX_BLOCKS, MAX_LISTED_BLOCKS, MAX_FOUND_BLOCKS = 8192, 1056, 264
+# Maximum number of threads that break bonds of a list.
+MAX_LISTED_THREADS = 2**15
 # Points of a strip, and number of points from which on a sheet has strips.
 STRIP, STRIPS_FROM = 2**17, 2**20
+# Strips for whose forces there is room at once, and streams on which they are computed.
+ROOM, STREAMS = 3, 2
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -148,57 +152,26 @@ class FastPath:
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
             w.use_fast_math(module)
-        self.strips = self._strips()
+        # Empty families of the outermost halo would take as long as others.
+        here = slice(0, force.points) if w.share is None else w.share.whole_families
+        reach, self.strips = 0, [Strip(0, here.start, here.stop, 0, force.points)]
+        if stencil is not None and force.points >= STRIPS_FROM:
+            reach = force.families.index_reach()
+            self.strips = strips_of(here, force.points, reach, STRIP, ROOM)
         self.moments = self._moments()
-        self._add_lists()
-        members, ring = force.families.members, self.ring
-        if ring < force.points:
+        self.lists: list[Lists] = []
+        self.marked: Array | None = None
+        if stencil is not None:
+            assert force.families.family_class is not None
+            others = force.families.family_class != stencil[1]
+            self.lists, self.marked = lists_of(w, force.owner, self.strips, others, self.others, ROOM)
+        members, ring = force.families.members, force.points
+        if len(self.strips) > 1:
+            # Room for some strips, and for what is gathered around them.
+            ring = ROOM * self.strips[0].size + 2 * reach
             self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, ring), per="bond")
         else:
             self.bond_force = force.pairs
-
-    def _add_lists(self) -> None:
-        """Lists of the points whose families are not those of the stencil: known from the start, or found every time.
-
-        Those of neighbouring strips are in use together.
-        """
-        law, w = self.force, self.force.context
-        self.lists: list[Lists] = []
-        self.marked: Array | None = None
-        if self.stencil is None:
-            return
-        assert law.families.family_class is not None
-        grows, knows = law.intact is not None, self.streams
-        inner = law.families.family_class == self.stencil[1]
-        edges = [strip.begin + np.flatnonzero(~inner[strip.begin : strip.end]) for strip in self.strips]
-        sizes = [strip.end - strip.begin if grows else max(len(e), 1) for strip, e in zip(self.strips, edges)]
-        ends, counts = np.cumsum(sizes), np.array([len(e) for e in edges], np.int32)
-        if knows:
-            points = np.zeros(ends[-1], np.int32)
-            for end, size, found in zip(ends, sizes, edges, strict=True):
-                points[end - size : end - size + len(found)] = found
-            known = w.array("known_points", law.owner, wp.int32, points, per="table")
-            count = w.array("known_count", law.owner, wp.int32, counts, per="once")
-            if grows:
-                following = w.array("known_next", law.owner, wp.int32, counts, per="once")
-                self.marked = w.array("known", law.owner, wp.uint8, (~inner).astype(np.uint8))
-        found = []
-        if grows or not knows:
-            size = max(strip.end - strip.begin for strip in self.strips)
-            for name in ("other", "more_other")[: len(self.strips)]:
-                points = w.array(f"{name}_points", law.owner, wp.int32, shape=size, per="table")
-                found.append((points, w.array(f"{name}_count", law.owner, wp.int32, shape=1, per="once")))
-        for k, (end, size) in enumerate(zip(ends.tolist(), sizes, strict=True)):
-            self.lists.append(
-                Lists(
-                    most=size if grows else int(counts[k]),
-                    known=known[end - size : end] if knows else None,
-                    known_count=count[k : k + 1] if knows else None,
-                    known_next=following[k : k + 1] if knows and grows else None,
-                    found=found[k % 2][0] if found else None,
-                    found_count=found[k % 2][1] if found else None,
-                )
-            )
 
     @property
     def others(self) -> str:
@@ -224,38 +197,6 @@ class FastPath:
         context = self.force.context
         return context.array("moments", self.force.owner, context.types.vec3, moments, per="table")
 
-    @property
-    def whole_families(self) -> slice:
-        """Points around all whole families; the empty ones of the outermost halo would take as long as others."""
-        share = self.force.context.share
-        return slice(0, self.force.points) if share is None else share.whole_families
-
-    def _strips(self) -> list[Strip]:
-        """Strips of the sheet, each with the points whose force is complete after it."""
-        points, here = self.force.points, self.whole_families
-        whole = [Strip(0, here.start, here.stop, 0, points)]
-        if self.stencil is None or points < STRIPS_FROM:
-            return whole
-        reach = self.force.families.index_reach()
-        count = -(-(here.stop - here.start) // STRIP)
-        size = -(-(here.stop - here.start) // count)
-        if 2 * reach > size or count < 3:
-            return whole
-        strips: list[Strip] = []
-        for number, begin in enumerate(range(here.start, here.stop, size)):
-            end = min(begin + size, here.stop)
-            gathered = strips[-1].gather_end if strips else 0
-            strips.append(Strip(number, begin, end, gathered, points if end == here.stop else end - reach))
-        return strips
-
-    @property
-    def ring(self) -> int:
-        """Number of columns of the forces between points: those of two strips, and what is gathered around them."""
-        if len(self.strips) == 1:
-            return self.force.points
-        size = max(strip.end - strip.begin for strip in self.strips)
-        return 2 * (size + self.force.families.index_reach())
-
     def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
         if self.stencil is None:
@@ -264,27 +205,41 @@ class FastPath:
             return
         for strip, lists in zip(self.strips, self.lists, strict=True):
             alone = len(self.strips) == 1
-            main = MAIN if alone or strip.number % 2 == 0 else SECOND
-
-            def part(stream: int, listed: bool | None) -> OfStrip | None:
-                return OfStrip(strip.number, stream, listed) if self.streams else None
-
-            self._add_undamaged(stage, strip, lists, *self.stencil, displacement, force, breaking, part(main, False))
+            main = MAIN if alone or strip.number % STREAMS == 0 else SECOND
+            self._add_undamaged(
+                stage, strip, lists, *self.stencil, displacement, force, breaking, self._part(strip, main, False)
+            )
             if lists.known is not None and lists.most:
-                self._add_shared(
+                self._add_listed(
                     stage, strip, (lists.known, lists.known_count, lists.most), displacement, force, breaking,
-                    part(SIDE, True), MAX_LISTED_BLOCKS,
+                    self._part(strip, SIDE, True), MAX_LISTED_BLOCKS,
                 )  # fmt: skip
-            late = None if alone else part(SIDE, None)
             if lists.found is not None:
-                found = (lists.found, lists.found_count, strip.end - strip.begin)
-                most = MAX_FOUND_BLOCKS if lists.known is not None else MAX_LISTED_BLOCKS
-                self._add_shared(stage, strip, found, displacement, force, breaking, late, most)
-            self._add_gather(stage, strip, lists, force, late)
+                self._add_listed(
+                    stage, strip, (lists.found, lists.found_count, strip.end - strip.begin), displacement, force,
+                    breaking, self._part(strip, MAIN if alone else SIDE, False),
+                    MAX_FOUND_BLOCKS if lists.known is not None else MAX_LISTED_BLOCKS,
+                )  # fmt: skip
+            self._add_gather(stage, strip, lists, force, None if alone else self._part(strip, SIDE, None))
+
+    def _part(self, strip: Strip, stream: int, listed: bool | None) -> OfStrip | None:
+        return OfStrip(strip.number, stream, listed, ROOM) if self.streams else None
+
+    def _add_listed(
+        self, stage: Stage, strip: Strip, listed: tuple[Array, Array, int], displacement: Array, force: Array,
+        breaking: BondBreaking | None, part: OfStrip | None, most_blocks: int,
+    ) -> None:  # fmt: skip
+        """Add the launches of the families of a list: their bonds break, either before or with the forces."""
+        if breaking is not None and breaking.before is not None:
+            if breaking.acts(stage):
+                points, count, most = listed
+                breaking.before(stage, points, count, min(most, MAX_LISTED_THREADS), part)
+            breaking = None
+        self._add_shared(stage, strip, listed, displacement, force, breaking, part, most_blocks)
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
-        """The kernel of undamaged families must know which of them stay so."""
-        return self.stencil is None or breaking.squared_stretch is not None
+        """The kernel of undamaged families must know which of them stay so; without it, no list is known before."""
+        return breaking.before is None if self.stencil is None else breaking.squared_stretch is not None
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family [J], (N,) float64: that of the reference kernels."""
@@ -357,35 +312,3 @@ class FastPath:
             found_count=lists.found_count if found else None, known_next=lists.known_next if grows else None,
             known_count=lists.known_count if grows else None, first_point=strip.gather_begin, force=force,
         )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Strip:
-    """Points begin to end - 1 of a sheet, and those whose force is complete after the forces of these families."""
-
-    number: int
-    begin: int
-    end: int
-    gather_begin: int
-    gather_end: int
-
-
-@dataclass(frozen=True)
-class Lists:
-    """The points of a strip whose families are not those of the stencil.
-
-    Attributes:
-        most: How many may be known.
-        known: Those known before the forces; the list grows if bonds can break.
-        known_count: How many are known.
-        known_next: How many will be known next time.
-        found: Those that are found with the forces.
-        found_count: Their number.
-    """
-
-    most: int
-    known: Array | None
-    known_count: Array | None
-    known_next: Array | None
-    found: Array | None
-    found_count: Array | None
