@@ -133,8 +133,8 @@ def _run_on_streams(device: wp.Device, items: Sequence[Item]) -> None:
     awaited = {number for pairs in waits for _, number in pairs}
     events: dict[int, wp.Event] = {}
     for place, pairs in enumerate(waits):
-        for stream, number in pairs:
-            streams[stream].wait_event(events[number])
+        for waiting, number in pairs:
+            streams[waiting].wait_event(events[number])
         if place == len(items):
             return
         item = items[place]

@@ -28,7 +28,7 @@ from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
-from .strips import Lists, Strip, lists_of, strips_of
+from .strips import Listed, Lists, Strip, lists_of, strips_of
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
@@ -201,7 +201,7 @@ class FastPath:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
         if self.stencil is None:
             self._add_shared(stage, self.strips[0], None, displacement, force, breaking)
-            self._add_gather(stage, self.strips[0], None, force)
+            self._add_gather(stage, self.strips[0], Lists(), force)
             return
         for strip, lists in zip(self.strips, self.lists, strict=True):
             alone = len(self.strips) == 1
@@ -209,31 +209,27 @@ class FastPath:
             self._add_undamaged(
                 stage, strip, lists, *self.stencil, displacement, force, breaking, self._part(strip, main, False)
             )
-            if lists.known is not None and lists.most:
-                self._add_listed(
-                    stage, strip, (lists.known, lists.known_count, lists.most), displacement, force, breaking,
-                    self._part(strip, SIDE, True), MAX_LISTED_BLOCKS,
-                )  # fmt: skip
+            if lists.known is not None and lists.known.most:
+                part = self._part(strip, SIDE, True)
+                self._add_listed(stage, strip, lists.known, displacement, force, breaking, part, MAX_LISTED_BLOCKS)
             if lists.found is not None:
-                self._add_listed(
-                    stage, strip, (lists.found, lists.found_count, strip.end - strip.begin), displacement, force,
-                    breaking, self._part(strip, MAIN if alone else SIDE, False),
-                    MAX_FOUND_BLOCKS if lists.known is not None else MAX_LISTED_BLOCKS,
-                )  # fmt: skip
+                part = self._part(strip, MAIN if alone else SIDE, False)
+                most = MAX_LISTED_BLOCKS if lists.known is None else MAX_FOUND_BLOCKS
+                self._add_listed(stage, strip, lists.found, displacement, force, breaking, part, most)
             self._add_gather(stage, strip, lists, force, None if alone else self._part(strip, SIDE, None))
 
     def _part(self, strip: Strip, stream: int, listed: bool | None) -> OfStrip | None:
         return OfStrip(strip.number, stream, listed, ROOM) if self.streams else None
 
     def _add_listed(
-        self, stage: Stage, strip: Strip, listed: tuple[Array, Array, int], displacement: Array, force: Array,
+        self, stage: Stage, strip: Strip, listed: Listed, displacement: Array, force: Array,
         breaking: BondBreaking | None, part: OfStrip | None, most_blocks: int,
     ) -> None:  # fmt: skip
         """Add the launches of the families of a list: their bonds break, either before or with the forces."""
         if breaking is not None and breaking.before is not None:
             if breaking.acts(stage):
-                points, count, most = listed
-                breaking.before(stage, points, count, min(most, MAX_LISTED_THREADS), part)
+                threads = min(listed.most, MAX_LISTED_THREADS)
+                breaking.before(stage, listed.points, listed.count, threads, part)
             breaking = None
         self._add_shared(stage, strip, listed, displacement, force, breaking, part, most_blocks)
 
@@ -255,28 +251,29 @@ class FastPath:
             bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, self.others, self.module
         )
         stage.launch(
-            law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK, strip=part,
+            law.owner, kernel, strip.size, begin=strip.begin, block_dim=UNDAMAGED_BLOCK, strip=part,
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
             places=law.struct.centres if self.gridded else law.lattice_columns,
             # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
             turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner],
             squared_stretch=breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
-            marked=self.marked, known=lists.known if self.others == "before" else None, known_next=lists.known_next,
-            found=lists.found, found_count=lists.found_count, bond_force=self.bond_force, force=force,
+            marked=self.marked, known=None if lists.known is None or lists.known_next is None else lists.known.points,
+            known_next=lists.known_next,
+            found=None if lists.found is None else lists.found.points,
+            found_count=None if lists.found is None else lists.found.count, bond_force=self.bond_force, force=force,
         )  # fmt: skip
 
     def _add_shared(
-        self, stage: Stage, strip: Strip, listed: tuple[Array, Array, int] | None, displacement: Array, force: Array,
+        self, stage: Stage, strip: Strip, listed: Listed | None, displacement: Array, force: Array,
         breaking: BondBreaking | None, part: OfStrip | None = None, most_blocks: int = MAX_BLOCKS,
     ) -> None:  # fmt: skip
-        """Add the launch of the families of a list, with its count and how many may be on it, or of all of a strip."""
+        """Add the launch of the families of a list, or of all of a strip."""
         law, w = self.force, self.force.context
         layout, bits, material, broken, _ = law.key
         members = law.families.members
         together, sharing = families_together(members), threads_of_family(members)
-        others, count, most = (None, None, strip.end - strip.begin) if listed is None else listed
-        blocks = min(-(-most // together), most_blocks)
+        blocks = min(-(-(strip.size if listed is None else listed.most) // together), most_blocks)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
             listed is not None, w.module, self.shared_module,
@@ -284,7 +281,8 @@ class FastPath:
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, strip=part,
             family=law.struct, intact=law.intact,
-            others=others, other_count=count, start=strip.begin, stop=strip.end,
+            others=None if listed is None else listed.points,
+            other_count=None if listed is None else listed.count, start=strip.begin, stop=strip.end,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             breaks_now=int(breaking is not None and breaking.acts(stage)),
@@ -294,21 +292,18 @@ class FastPath:
             bond_force=self.bond_force, force=force, span=Span(together, MAX_BLOCKS) if listed is None else None,
         )  # fmt: skip
 
-    def _add_gather(
-        self, stage: Stage, strip: Strip, lists: Lists | None, force: Array, part: OfStrip | None = None
-    ) -> None:
+    def _add_gather(self, stage: Stage, strip: Strip, lists: Lists, force: Array, part: OfStrip | None = None) -> None:
         law, w = self.force, self.force.context
         layout, bits, _, _, _ = law.key
-        steps, members = law.families.steps, law.families.members
-        found = lists is not None and lists.found is not None
-        grows = lists is not None and lists.known_next is not None
+        steps, members, grows = law.families.steps, law.families.members, lists.known_next is not None
         gather = gather_reverse_bonds(
             layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            self.bond_force.shape[1] < law.points, found, grows, w.module,
+            self.bond_force.shape[1] < law.points, lists.found is not None, grows, w.module,
         )  # fmt: skip
         stage.pointwise(
             law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, strip=part,
             family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force,
-            found_count=lists.found_count if found else None, known_next=lists.known_next if grows else None,
-            known_count=lists.known_count if grows else None, first_point=strip.gather_begin, force=force,
+            found_count=None if lists.found is None else lists.found.count, known_next=lists.known_next,
+            known_count=lists.known.count if grows and lists.known is not None else None,
+            first_point=strip.gather_begin, force=force,
         )  # fmt: skip

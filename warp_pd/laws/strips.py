@@ -33,24 +33,33 @@ class Strip:
 
 
 @dataclass(frozen=True)
+class Listed:
+    """Points on a list.
+
+    Attributes:
+        points: The points, and room for more.
+        count: How many there are.
+        most: How many there may be.
+    """
+
+    points: Array
+    count: Array
+    most: int
+
+
+@dataclass(frozen=True)
 class Lists:
     """The points of a strip whose families are not those of the stencil.
 
     Attributes:
-        known: Those known before the forces; the list grows if bonds can break.
-        known_count: How many are known.
-        known_next: How many will be known next time.
-        most: How many may be known.
-        found: Those that are found with the forces.
-        found_count: Their number.
+        known: Those known before the forces, or None.
+        known_next: How many will be known next time, if bonds can break; or None.
+        found: Those that are found with the forces, or None.
     """
 
-    known: Array | None
-    known_count: Array | None
-    known_next: Array | None
-    most: int
-    found: Array | None
-    found_count: Array | None
+    known: Listed | None = None
+    known_next: Array | None = None
+    found: Listed | None = None
 
 
 def strips_of(here: slice, points: int, reach: int, most: int, room: int) -> list[Strip]:
@@ -103,22 +112,19 @@ def lists_of(
     if grows:
         known_next = w.array("known_next", owner, wp.int32, counts, per="once")
         marked = w.array("known", owner, wp.uint8, others.astype(np.uint8))
-    found = []
+    found: list[Listed] = []
     if which != "all":
         for k in range(min(room, len(strips))):
             points = w.array(f"found_points_{k}", owner, wp.int32, shape=strips[0].size, per="table")
-            found.append((points, w.array(f"found_count_{k}", owner, wp.int32, shape=1, per="once")))
+            count = w.array(f"found_count_{k}", owner, wp.int32, shape=1, per="once")
+            found.append(Listed(points, count, strips[0].size))
     lists, end = [], 0
     for k, size in enumerate(sizes):
         begin, end = end, end + size
-        lists.append(
-            Lists(
-                known=None if known is None else known[begin:end],
-                known_count=None if known_count is None else known_count[k : k + 1],
-                known_next=None if known_next is None else known_next[k : k + 1],
-                most=size if grows else int(counts[k]),
-                found=found[k % len(found)][0] if found else None,
-                found_count=found[k % len(found)][1] if found else None,
-            )
-        )
+        here = None
+        if known is not None and known_count is not None:
+            most = size if grows else int(counts[k])
+            here = Listed(known[begin:end], known_count[k : k + 1], most)
+        following = None if known_next is None else known_next[k : k + 1]
+        lists.append(Lists(here, following, found[k % len(found)] if found else None))
     return lists, marked

@@ -110,8 +110,8 @@ def test_a_strip_that_does_not_wait_for_the_last_but_one_is_noticed(strips, monk
 
 
 def test_strips_take_little_memory(strips, monkeypatch):
-    monkeypatch.setattr(fast_path, "STRIP", 101 * 7)
-    built = build(square(101), horizon=3.15, material=GENT, precision=32)
+    monkeypatch.setattr(fast_path, "STRIP", 201 * 9)
+    built = build(square(201), horizon=3.15, material=GENT, precision=32)
     bond_force = next(stored for stored in built.context.fields if stored.name == "bond_force_ring")
     assert bond_force.nbytes < 0.3 * 28 * 12 * built.simulation.sheet.size
     assert built.context.fields.nbytes < 200 * built.simulation.sheet.size
