@@ -19,6 +19,7 @@ from warp_pd import (
 )
 from warp_pd.device import launches, streams
 from warp_pd.families import unpack
+from warp_pd.laws import fast_path
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))
 
@@ -109,6 +110,26 @@ def test_side_streams_give_the_same_bits(device, monkeypatch):
     assert not any(item.side_stream for item in alone.context.stages["step"])
     assert streams.side_stream_waits(list(alone.context.stages["step"])).count(True) == 0
     assert_same(left_behind(beside), left_behind(alone))
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("layout", ["lattice", "grid"])
+def test_strips_on_streams_give_the_same_bits(device, monkeypatch, layout, precision):
+    """Strips of a sheet run beside each other, and listed families beside all others; here one waits for the other."""
+    monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
+    results = []
+    for strips, beside in ((True, True), (False, True), (False, False)):
+        monkeypatch.setattr(fast_path, "STRIPS_FROM", 0 if strips else 10**9)
+        monkeypatch.setattr(fast_path, "STRIP", 150)
+        if not beside:
+            monkeypatch.setattr(fast_path.FastPath, "_part", lambda self, strip, stream, listed: None)
+        result = struck(SHEETS[layout](), precision).run(device=device)
+        assert result.frame.damage.max() > 0.0
+        names = [item.name for item in result.built.context.stages["step"]]
+        assert device == "cpu" or (names.count("undamaged_family_force") > 1) == strips
+        results.append(left_behind(result.built))
+    assert_same(results[0], results[1])
+    assert_same(results[1], results[2])
 
 
 def stretched(solver):
