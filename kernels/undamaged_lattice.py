@@ -24,6 +24,7 @@ from .effects import Kernel, kernel
 from .factories import FunctionFactory
 from .kinematics import kinematics
 from .numeric import numeric
+from .pointwise import Pointwise
 
 # Above this number of members a family is large: sums are then carried from bond to bond.
 LARGE = 16
@@ -71,6 +72,7 @@ def undamaged_lattice_force(
     breakable: bool,
     breaking: bool,
     others: str,
+    gather: Pointwise | None,
     module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
@@ -89,10 +91,15 @@ def undamaged_lattice_force(
         breaking: Whether those with a bond whose squared stretch reaches nearly `squared_stretch` count as others, too.
         others: Which other points it knows: "all" are known; or "none", it puts them on the list `found`; or those
             "before", who are `marked`: it puts new ones on that list and, if damaged, at the end of `known`.
+        gather: What gathers the forces of an earlier strip of the sheet, at the points `gather_begin` to
+            `gather_end` - 1, while other threads compute; or None.
         module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
+    gathers = gather is not None
+    gather_at: Any = gather.function if gather is not None else None
+    Gathering: Any = gather.arguments if gather is not None else int
     stress_near = near(bits)
     green = kinematics(bits).green
     n, bonds = len(stencil.steps), len(stencil.part)
@@ -169,6 +176,10 @@ def undamaged_lattice_force(
         inverse_horizon: real,
         unit_force: real,
         squared_stretch: real,
+        gathering: Gathering,
+        gather_begin: int,
+        gather_end: int,
+        stride: int,
         first: int,
         marked: wp.array(dtype=wp.uint8),
         known: wp.array(dtype=wp.int32),
@@ -179,6 +190,11 @@ def undamaged_lattice_force(
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
+        if wp.static(gathers):
+            j = gather_begin + wp.tid()
+            while j < gather_end:
+                gather_at(j, j + 1, gathering)
+                j += stride
         undamaged = bool(True)
         # Both loads before any branch, so that none waits for the other.
         if wp.static(grows):

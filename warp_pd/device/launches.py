@@ -63,6 +63,14 @@ def arrays_in(arguments: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
             yield from ((f"{name}.{member}", array) for member, array in arrays_in(members))
 
 
+def with_values(struct: Any, values: Mapping[str, Any]) -> Any:
+    """A Warp struct with these values; what is None stays as it is."""
+    for name, value in values.items():
+        if value is not None:
+            setattr(struct, name, value)
+    return struct
+
+
 def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
     """Arrays that a launch with these arguments touches."""
     reads, gathers, writes = set(), set(), set()
@@ -95,21 +103,22 @@ class Span:
 
 @dataclass(frozen=True)
 class OfStrip:
-    """What a launch does for a strip of a sheet that is worked through in strips.
+    """What a launch does for a strip of a sheet that is worked through in strips (laws/strips.py).
 
-    Launches of neighbouring strips touch different points, and those that touch a point twice run on one stream. The
-    ring of the forces between points has room for two strips, so that a strip waits for the last but one.
+    Launches of strips that are less than `room` apart touch different points, lists and columns; what looks at the
+    strip behind runs on one stream with what that strip does last. The strip `room` ahead uses the same memory again.
 
     Attributes:
         number: Number of the strip.
-        stream: Stream on which it runs.
-        listed: Whether it works on a list that was complete before; None after those that do not touch its points.
+        stream: Stream on which it runs (device/streams.py).
+        listed: True on points of a list that was complete before, False on others; None on any.
+        room: Number of strips that are in memory at a time.
     """
 
     number: int
     stream: int
-    listed: bool | None = None
-    room: int = 2
+    listed: bool | None
+    room: int
 
     def must_wait_for(self, earlier: OfStrip) -> bool:
         """Whether a launch waits for an earlier one on another stream."""
@@ -294,10 +303,7 @@ class Stage:
             TypeError: if an argument is missing or unknown.
         """
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
-        values = part.arguments()
-        for name, value in arguments.items():
-            if value is not None:
-                setattr(values, name, value)
+        values = with_values(part.arguments(), arguments)
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,

@@ -11,20 +11,21 @@ most of the memory, and those of a strip stay in the cache of a GPU.
 from __future__ import annotations
 
 import hashlib
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
-from ..device.launches import OfStrip, Span, Stage
+from ..device.launches import OfStrip, Span, Stage, with_values
 from ..device.streams import MAIN, SECOND, SIDE
 from ..interfaces import BondBreaking
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
+from ..kernels.pointwise import Pointwise
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
@@ -44,7 +45,9 @@ MAX_LISTED_THREADS = 2**15
 # Points of a strip, and number of points from which on a sheet has strips.
 STRIP, STRIPS_FROM = 2**17, 2**20
 # Strips for whose forces there is room at once, and streams on which they are computed.
-ROOM, STREAMS = 3, 2
+ROOM, STREAMS = 4, 2
+# Strips later, the kernel of undamaged families gathers the forces of a strip; 0: a kernel of its own does.
+LAG = 2
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -146,18 +149,19 @@ class FastPath:
         self.gridded = force.families.layout == "grid"
         # Several processes divide launches around exchanges instead (device/overlap.py).
         self.streams = w.share is None
-        self.module = self._undamaged_module()
         # The kernel of all others is compiled for its own block size.
         self.shared_module = f"{w.module}_shared_{force.families.members}"
-        # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
-        for module in (self.module, self.shared_module):
-            w.use_fast_math(module)
         # Empty families of the outermost halo would take as long as others.
         here = slice(0, force.points) if w.share is None else w.share.whole_families
         reach, self.strips = 0, [Strip(0, here.start, here.stop, 0, force.points)]
         if stencil is not None and force.points >= STRIPS_FROM:
             reach = force.families.index_reach()
             self.strips = strips_of(here, force.points, reach, STRIP, ROOM)
+        self.lag = LAG if len(self.strips) > 1 else 0
+        self.module = self._undamaged_module()
+        # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
+        for module in (self.module, self.shared_module):
+            w.use_fast_math(module)
         self.moments = self._moments()
         self.lists: list[Lists] = []
         self.marked: Array | None = None
@@ -184,7 +188,16 @@ class FastPath:
         stencil = None if self.stencil is None else self.stencil[0]
         near = (self.near.__module__, self.near.__qualname__)
         device = self.force.context.device
-        key = (bits, near, stencil, self.gridded, broken is not None, self.others, device.is_cuda)
+        key = (
+            bits,
+            near,
+            stencil,
+            self.gridded,
+            broken is not None,
+            self.others,
+            device.is_cuda,
+            self.force.context.module if self.lag else 0,
+        )
         return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
@@ -201,25 +214,31 @@ class FastPath:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
         if self.stencil is None:
             self._add_shared(stage, self.strips[0], None, displacement, force, breaking)
-            self._add_gather(stage, self.strips[0], Lists(), force)
+            self._add_gather(stage, 0, force)
             return
-        for strip, lists in zip(self.strips, self.lists, strict=True):
-            alone = len(self.strips) == 1
-            main = MAIN if alone or strip.number % STREAMS == 0 else SECOND
-            self._add_undamaged(
-                stage, strip, lists, *self.stencil, displacement, force, breaking, self._part(strip, main, False)
-            )
+        count = len(self.strips)
+        alone, lag = count == 1, self.lag
+        for number in range(count + lag):
+            main = MAIN if alone or number % STREAMS == 0 else SECOND
+            gathered = number - lag
+            if number >= count:
+                self._add_gather(stage, gathered, force, self._part(number, main, False))
+                continue
+            part = self._part(number, main, False)
+            self._add_undamaged(stage, number, *self.stencil, displacement, force, breaking, part)
+            strip, lists = self.strips[number], self.lists[number]
             if lists.known is not None and lists.known.most:
-                part = self._part(strip, SIDE, True)
+                part = self._part(number, SIDE, True)
                 self._add_listed(stage, strip, lists.known, displacement, force, breaking, part, MAX_LISTED_BLOCKS)
             if lists.found is not None:
-                part = self._part(strip, MAIN if alone else SIDE, False)
+                part = self._part(number, main if alone or lag else SIDE, False)
                 most = MAX_LISTED_BLOCKS if lists.known is None else MAX_FOUND_BLOCKS
                 self._add_listed(stage, strip, lists.found, displacement, force, breaking, part, most)
-            self._add_gather(stage, strip, lists, force, None if alone else self._part(strip, SIDE, None))
+            if not lag:
+                self._add_gather(stage, number, force, None if alone else self._part(number, SIDE, None))
 
-    def _part(self, strip: Strip, stream: int, listed: bool | None) -> OfStrip | None:
-        return OfStrip(strip.number, stream, listed, ROOM) if self.streams else None
+    def _part(self, number: int, stream: int, listed: bool | None) -> OfStrip | None:
+        return OfStrip(number, stream, listed, self.lag or ROOM) if self.streams else None
 
     def _add_listed(
         self, stage: Stage, strip: Strip, listed: Listed, displacement: Array, force: Array,
@@ -242,13 +261,27 @@ class FastPath:
         self.force.add_reference_energy(stage, displacement, energies)
 
     def _add_undamaged(
-        self, stage: Stage, strip: Strip, lists: Lists, stencil: Stencil, inner: int, displacement: Array,
-        force: Array, breaking: BondBreaking | None, part: OfStrip | None,
+        self, stage: Stage, number: int, stencil: Stencil, inner: int, displacement: Array, force: Array,
+        breaking: BondBreaking | None, part: OfStrip | None,
     ) -> None:  # fmt: skip
-        law = self.force
+        law, strip, lists = self.force, self.strips[number], self.lists[number]
+        gather, gathering, begin, end = None, 0, 0, 0
+        if self.lag:
+            gather, values = self._gather(max(number - self.lag, 0), force)
+            gathering = with_values(gather.arguments(), values)
+            if number >= self.lag:
+                begin, end = self.strips[number - self.lag].gather_begin, self.strips[number - self.lag].gather_end
         _, bits, _, broken, _ = law.key
         kernel = undamaged_lattice_force(
-            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, self.others, self.module
+            bits,
+            self.near,
+            stencil,
+            self.gridded,
+            broken is not None,
+            breaking is not None,
+            self.others,
+            gather,
+            self.module,
         )
         stage.launch(
             law.owner, kernel, strip.size, begin=strip.begin, block_dim=UNDAMAGED_BLOCK, strip=part,
@@ -258,6 +291,7 @@ class FastPath:
             turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner],
             squared_stretch=breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
+            gathering=gathering, gather_begin=begin, gather_end=end, stride=strip.size,
             marked=self.marked, known=None if lists.known is None or lists.known_next is None else lists.known.points,
             known_next=lists.known_next,
             found=None if lists.found is None else lists.found.points,
@@ -292,18 +326,25 @@ class FastPath:
             bond_force=self.bond_force, force=force, span=Span(together, MAX_BLOCKS) if listed is None else None,
         )  # fmt: skip
 
-    def _add_gather(self, stage: Stage, strip: Strip, lists: Lists, force: Array, part: OfStrip | None = None) -> None:
-        law, w = self.force, self.force.context
+    def _gather(self, number: int, force: Array) -> tuple[Pointwise, dict[str, Any]]:
+        """The stage that gathers the forces of a strip, with its arguments."""
+        law, w, strip = self.force, self.force.context, self.strips[number]
+        lists = self.lists[number] if self.lists else Lists()
         layout, bits, _, _, _ = law.key
         steps, members, grows = law.families.steps, law.families.members, lists.known_next is not None
         gather = gather_reverse_bonds(
             layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
             self.bond_force.shape[1] < law.points, lists.found is not None, grows, w.module,
         )  # fmt: skip
-        stage.pointwise(
-            law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, strip=part,
-            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force,
-            found_count=None if lists.found is None else lists.found.count, known_next=lists.known_next,
-            known_count=lists.known.count if grows and lists.known is not None else None,
-            first_point=strip.gather_begin, force=force,
-        )  # fmt: skip
+        return gather, {
+            "family": law.struct, "columns": law.lattice_columns, "bond_force": self.bond_force,
+            "found_count": None if lists.found is None else lists.found.count, "known_next": lists.known_next,
+            "known_count": lists.known.count if grows and lists.known is not None else None,
+            "first_point": strip.gather_begin, "force": force,
+        }  # fmt: skip
+
+    def _add_gather(self, stage: Stage, number: int, force: Array, part: OfStrip | None = None) -> None:
+        strip = self.strips[number]
+        gather, values = self._gather(number, force)
+        threads = strip.gather_end - strip.gather_begin
+        stage.pointwise(self.force.owner, gather, threads, begin=strip.gather_begin, strip=part, **values)

@@ -22,7 +22,7 @@ def strips(monkeypatch):
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
     monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
     monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
-    monkeypatch.setattr(fast_path, "STRIP", 150)
+    monkeypatch.setattr(fast_path, "STRIP", 135)
 
 
 def pulled(tracked=True, torn=True):
