@@ -28,10 +28,12 @@ from .tables import (
 FOLDER = "error-vs-time"
 ADVICE = (
     "For static scenes take corrected weights and the smallest horizon (1.5 or 2.015; 2.015 beside a hole). Take "
-    "Newton's method in float64 on a CPU or for the last digits, and relaxation in float32 on a GPU up to some 100 points a side. Above "
+    "Newton's method in float64 on a CPU or for the last digits, and relaxation in float32 on a GPU up to some "
+    "100 points a side. Above "
     "2.015, wider horizons cost more a step and have a larger error at the same spacing. Refine the spacing, not the "
     "horizon: corrected weights are second order, the others first or less, and published weights at 1.5 do not "
-    "converge under pressure. In dynamics take corrected weights at 2.015, explicit, float32. A horizon of 3.15 pays where "
+    "converge under pressure. In dynamics take corrected weights at 2.015, explicit, float32. A horizon of 3.15 "
+    "pays where "
     "the sheet tears, because cracks follow the grid below it ([tearing](tearing.md)). float32 is enough down to "
     "errors of 0.002 % (tension) to 0.04 % (pressure). Laws without intersections (closed form, bond-based) pay only "
     "if an error of several percent will do. A scene with few rows on a device says little: the H200 has only plain "
@@ -49,7 +51,8 @@ ORDERS = (
     "mode (0.0 to 0.5) are not the reference's material beside a hole, which they have as a staircase of cells.",
     "*Published weights under pressure* at 1.5 (-0.1, 0.0) tend to another field, 4.4 % off, and at 2.015 (0.6) the "
     "runs end by diverging; under tension at 1.5 they are first order. Why 1.5 differs is open.",
-    "*A hole at a horizon of 1.5* (-0.3, 0.3, 0.8): points lie irregularly beside it, where some families are too small "
+    "*A hole at a horizon of 1.5* (-0.3, 0.3, 0.8): points lie irregularly beside it, where some families are "
+    "too small "
     "to have one equilibrium. With 51 points Newton's method and relaxation, both converged, differ by 9 mm or 0.9 "
     "spacings at a point 25 mm from the rim, and by 0.2 % of the field; at 2.015 they agree to 5e-7 (CPU, 2026-11-22, "
     "commit fd8b08e). Elsewhere beside holes orders carry the noise of the layouts.",
