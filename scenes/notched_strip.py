@@ -61,6 +61,13 @@ def build(
     damping: float = 50.0,
     frames: int = 60,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        critical_strain: Strain at which a bond breaks [-].
+        start: Displacement of each end after the first load step [m].
+        increment: Displacement of each end in every further load step [m].
+    """
     bonds = one_of("law", law, ("bonds", "tension_field")) == "bonds"
     if not_negative("compression", compression) > 0.0 and not bonds:
         raise InputError(f"compression = {compression!r}: expected 0 with the law 'tension_field'")
