@@ -19,7 +19,8 @@ from ..frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packed import Arrays
 from .quantities import choices, column_unit, curves
-from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
+from .series import SeriesInfo
+from .vtkhdf import read_frame, read_outlines, read_series
 
 LIBRARY = "vendor.js"
 SCRIPTS = ("data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
