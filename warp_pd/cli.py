@@ -15,6 +15,7 @@ from .device.crew import LostError
 from .fitting.command import fit_command
 from .run.processes import crew_here, is_first, launch, processes_here
 from .run.scene_files import build_scene, load_scene, scene_names
+from .run.scene_help import SceneCommand
 
 WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
 
@@ -132,7 +133,7 @@ def list_scenes() -> None:
         click.echo(f"{name:20s} {text.splitlines()[0]}")
 
 
-@main.command()
+@main.command(cls=SceneCommand)
 @_scene_options
 @click.option("--out", help="Folder for the results; by default runs/SCENE, or runs/SCENE-2, ... if it holds some.")
 @click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
@@ -209,7 +210,7 @@ def run(
         sys.exit(130)
 
 
-@main.command("sweep")
+@main.command("sweep", cls=SceneCommand)
 @click.argument("scene")
 @_of_a_sweep
 @click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
@@ -275,7 +276,7 @@ def _sweep(
     return DIVERGED if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0
 
 
-@main.command()
+@main.command(cls=SceneCommand)
 @_scene_options
 def plan(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,

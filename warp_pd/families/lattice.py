@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..shapes.on_demand import CHUNK, OnDemand, for_each_chunk, mean_of
+from ..shapes.on_demand import CHUNK, for_each_chunk, mean_of
 from ..shapes.triangulation import Segment, crosses, lattice_box
 from ..sheet import Sheet
 from .masks import pack
@@ -149,13 +149,10 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
         return None
     offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
     reach = float(np.linalg.norm(offsets, axis=1).max())
-    if isinstance(points, OnDemand):
-        spacings = reach / min(lattice.dx, lattice.dy) + 1.0
-        boxes = [lattice_box(points[np.zeros(1, int)][0], lattice, segment, spacings) for segment in sheet.cuts]
-        touched = functools.reduce(np.union1d, boxes)
-        touched = touched[_near_cuts(points[touched], sheet.cuts, reach)]
-    else:
-        touched = np.flatnonzero(near_cuts(sheet, reach))
+    spacings = reach / min(lattice.dx, lattice.dy) + 1.0
+    boxes = [lattice_box(points[np.zeros(1, int)][0], lattice, segment, spacings) for segment in sheet.cuts]
+    touched = functools.reduce(np.union1d, boxes)
+    touched = touched[_near_cuts(points[touched], sheet.cuts, reach)]
     tail = np.repeat(points[touched][:, None], len(offsets), axis=1)
     lost = np.zeros((len(touched), len(offsets)), bool)
     for segment in sheet.cuts:

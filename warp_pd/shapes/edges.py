@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..checks import InputError
-from .on_demand import OnDemand
 from .shape import Shape
 
 SIDES = ("left", "right", "bottom", "top")
@@ -36,9 +35,9 @@ def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _sides(shape: Shape) -> dict[str, np.ndarray]:
-    """Points within a quarter of a spacing of the sides of the bounding box; on a lattice those on them."""
-    points, lattice = shape.stored("points"), shape.lattice
-    if lattice is not None and isinstance(points, OnDemand):
+    """Points within a quarter of a spacing of the sides of the bounding box; of a lattice those on them."""
+    lattice = shape.whole_lattice
+    if lattice is not None:
         column, row = np.arange(lattice.columns), lattice.columns * np.arange(lattice.rows)
         return {"left": row, "right": row + column[-1], "bottom": column, "top": column + row[-1]}
     tolerance = shape.spacing * (1e-6 if shape.lattice else 0.25)

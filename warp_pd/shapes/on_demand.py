@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -123,6 +123,18 @@ class OnDemand:
             _origins[key] = self
         return found
 
+    def remaining(self, numbers: np.ndarray | None) -> np.ndarray:
+        """Those of some numbers, rising, that may still be there; None: all that are."""
+        return np.arange(self._length) if numbers is None else numbers
+
+    def at(self, numbers: np.ndarray) -> np.ndarray:
+        """Entries of some numbers."""
+        return self[numbers]
+
+    def without(self, numbers: np.ndarray) -> Without:
+        """The array without the entries of some numbers, rising."""
+        return Without(self, numbers)
+
 
 class Without(OnDemand):
     """The entries of another array without some.
@@ -136,17 +148,68 @@ class Without(OnDemand):
     gone: np.ndarray
 
     def __init__(self, source: OnDemand, gone: np.ndarray) -> None:
-        if isinstance(source, Without):
-            gone, source = np.union1d(source.gone, gone), source.source
         self.source, self.gone = source, gone
         # Number of entries left before each of those that are gone.
         before = gone - np.arange(len(gone))
         super().__init__(len(source) - len(gone), lambda i: source.of(i + np.searchsorted(before, i, side="right")))
 
+    def remaining(self, numbers: np.ndarray | None) -> np.ndarray:
+        """Those of some numbers, rising, that may still be there; None: all that are."""
+        return np.setdiff1d(self.source.remaining(numbers), self.gone, assume_unique=True)
+
+    def at(self, numbers: np.ndarray) -> np.ndarray:
+        """Entries of some numbers."""
+        return self.source[numbers]
+
+    def without(self, numbers: np.ndarray) -> Without:
+        """The array without the entries of some numbers, rising."""
+        return Without(self.source, np.union1d(self.gone, numbers))
+
+
+class InMemory:
+    """An array, with the methods of one that is computed on demand."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self._array = array
+
+    def remaining(self, numbers: np.ndarray | None) -> np.ndarray:
+        """Those of some numbers, rising, that may still be there; None: all that are."""
+        # An array does not know which entries were left out before.
+        return np.arange(len(self._array))
+
+    def at(self, numbers: np.ndarray) -> np.ndarray:
+        """Entries of some numbers."""
+        return np.asarray(self._array[numbers])
+
+    def without(self, numbers: np.ndarray) -> np.ndarray:
+        """The array without the entries of some numbers, rising."""
+        return np.delete(self._array, numbers, 0)
+
+
+class Entries(Protocol):
+    """Entries of an array by their numbers, some of which can be left out.
+
+    Numbers of an array on demand count the entries before any was left out.
+    """
+
+    def remaining(self, numbers: np.ndarray | None) -> np.ndarray:
+        """Those of some numbers, rising, that may still be there; None: all that are."""
+
+    def at(self, numbers: np.ndarray) -> np.ndarray:
+        """Entries of some numbers."""
+
+    def without(self, numbers: np.ndarray) -> Stored:
+        """The array without the entries of some numbers, rising."""
+
 
 Stored = np.ndarray | OnDemand
 # What each whole array that still exists was computed by.
 _origins: dict[int, OnDemand] = {}
+
+
+def entries(value: Stored) -> Entries:
+    """The entries of an array, whether it is in memory or computed on demand."""
+    return value if isinstance(value, OnDemand) else InMemory(value)
 
 
 class StoredField:

@@ -55,6 +55,8 @@ def test_copies_compute_too_and_changed_ones_store(monkeypatch):
     for change in (
         lambda s: s.hole((0.5, 0.6), 0.1),
         lambda s: s.cut((0.1, 0.61), (0.5, 0.61)),
+        lambda s: s.cut((0.1, 0.61), (0.5, 0.61)).cut((0.2, 0.4), (0.7, 0.9)),
+        lambda s: s.as_cloud().cut((0.1, 0.61), (0.5, 0.61)).cut((0.2, 0.4), (0.7, 0.9)),
         lambda s: s.turned(20),
     ):
         one, other = change(stored), change(computed)
