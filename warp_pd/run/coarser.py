@@ -12,7 +12,7 @@ from ..built import Built
 from ..checks import InputError, count
 from ..device.fields import Array, to_host
 from ..frame import Frame, Surface
-from ..shapes.on_demand import Without
+from ..shapes.on_demand import entries
 from ..shapes.triangulation import lattice_triangles
 from .pictured import snapshot, surface_of
 
@@ -61,11 +61,11 @@ class CoarserPoints:
         """Column and row of the cell of each triangle of the lattice that the sheet does not have."""
         sheet, lattice = self.built.context.whole, self._lattice
         triangles = sheet.stored("triangles")
-        if isinstance(triangles, Without):
-            return _cells(triangles.source.of(triangles.gone), lattice.columns)
+        held = entries(triangles)
+        gone = held.left_out()
+        if gone is not None:
+            return _cells(held.at(gone), lattice.columns)
         columns, cells = lattice.columns - 1, (lattice.columns - 1) * (lattice.rows - 1)
-        if len(triangles) == 2 * cells:
-            return np.zeros(0, np.int64), np.zeros(0, np.int64)
         column, row = _cells(np.asarray(triangles), lattice.columns)
         lost = np.flatnonzero(np.bincount(columns * row + column, minlength=cells) < 2)
         return lost % columns, lost // columns

@@ -76,7 +76,7 @@ def add_files(
     if not shown.divided:
         crew.lead(lambda: _add_gathered(recorder, folder, known, chosen, held, append_from))
     folder = crew.spread(None if folder is None else folder.resolve())
-    if folder is None or not (shown.divided or is_large(recorder.built)):
+    if folder is None or not (shown.divided or (chosen.restarts and is_large(recorder.built))):
         return
     there, series = folder, None
     crew.together(lambda: (there / FOLDER).mkdir(exist_ok=True) if crew.leads else None)
@@ -85,8 +85,8 @@ def add_files(
             series = _series(recorder, there, held, append_from, begun)
         crew.together(lambda: _add_history(recorder, there, append_from) if crew.leads else None)
     recorder.saved = None
-    room = _room_divided(recorder.built, held, frames=shown.divided)
-    recorder.joint = DividedFiles(recorder, there, known, series, room)
+    room = _room_divided(recorder.built, held, shown.divided, chosen.restarts)
+    recorder.joint = DividedFiles(recorder, there, known, series, chosen.restarts, room)
 
 
 def _add_gathered(
@@ -115,7 +115,7 @@ def _add_gathered(
             writer.save()
         files.save_then(partial(restart.save, folder / restart.NAME, restart.collect(recorder, known)))
 
-    recorder.saved = save
+    recorder.saved = save if chosen.restarts else None
 
 
 def _require_same_stride(shown: Pictured, path: Path, append_from: int | None) -> None:
@@ -146,10 +146,16 @@ class DividedFiles:
     """Frames and restart files of which every process writes what it owns; see `recorder.Joint`."""
 
     def __init__(
-        self, recorder: Recorder, folder: Path, known: restart.Identity | None, series: Writer | None, room: int
+        self,
+        recorder: Recorder,
+        folder: Path,
+        known: restart.Identity | None,
+        series: Writer | None,
+        restarts: bool,
+        room: int,
     ) -> None:
         self._recorder, self._folder, self._known, self._series = recorder, folder, known, series
-        self._room = room
+        self._restarts, self._room = restarts, room
 
     def write(self, frame: Frame | None) -> None:
         """Write a frame of the own points, where processes have one."""
@@ -160,6 +166,8 @@ class DividedFiles:
 
     def save(self) -> None:
         """Save the state for a restart."""
+        if not self._restarts:
+            return
         known = self._recorder.built.context.crew.spread(self._known)
         assert known is not None
         restart.save_divided(self._folder, self._recorder, known)
@@ -210,16 +218,17 @@ def _restart_bytes(built: Built) -> int:
     return int(sum(array.capacity for array in kept)) * built.context.crew.size
 
 
-def _room_divided(built: Built, held: frozenset[str] | None, frames: bool) -> int:
+def _room_divided(built: Built, held: frozenset[str] | None, frames: bool, restarts: bool) -> int:
     """Room for a frame, if there are any of all points, and a restart file beside the last one [bytes]."""
+    saved = (_restart_bytes(built) if restarts else 0) + SMALL_FILES
     if not frames:
-        return _restart_bytes(built) + SMALL_FILES
+        return saved
     whole, shown = built.context.whole, built.context.fields.shown()
     # Positions and the displacement; damage is a number.
     named = [s for s in shown if s.field.output != "displacement" and (held is None or s.field.output in held)]
     point = 24 + 4 + sum(12 if getattr(s.array.dtype, "_shape_", ()) else 4 for s in named)
     faces = BYTES_OF_FACE * len(whole.stored("triangles"))
-    return int(point * whole.size + faces + _restart_bytes(built) + SMALL_FILES)
+    return int(point * whole.size + faces + saved)
 
 
 def _require_room(folder: Path, needed: int) -> None:

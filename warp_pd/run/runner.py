@@ -68,6 +68,7 @@ def run(
     view: bool = True,
     history_every: float | None = None,
     stride: int = 1,
+    restarts: bool = True,
 ) -> Result:
     """Run a scene to its end.
 
@@ -91,6 +92,7 @@ def run(
         history_every: Time between rows of the finer history [s], in place of that of the solver; see `Explicit`.
         stride: Frames hold every so many-th column and row of a lattice, and the last ones: of a sheet too large to
             be drawn. Restart files hold all points, measures see all.
+        restarts: Whether to write restart files. Without them a run cannot go on.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -107,7 +109,7 @@ def run(
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
-    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
+    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts)
     # Files and progress are those of the first process.
     new = crew.leads and isinstance(out, str | Path) and not Path(out).exists()
     folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)

@@ -127,6 +127,10 @@ class OnDemand:
         """Those of some numbers, rising, that may still be there; None: all that are."""
         return np.arange(self._length) if numbers is None else numbers
 
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
+        return np.zeros(0, np.int64)
+
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""
         return self[numbers]
@@ -157,6 +161,10 @@ class Without(OnDemand):
         """Those of some numbers, rising, that may still be there; None: all that are."""
         return np.setdiff1d(self.source.remaining(numbers), self.gone, assume_unique=True)
 
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
+        return self.gone
+
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""
         return self.source[numbers]
@@ -177,6 +185,10 @@ class InMemory:
         # An array does not know which entries were left out before.
         return np.arange(len(self._array))
 
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
+        return None
+
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""
         return np.asarray(self._array[numbers])
@@ -194,6 +206,9 @@ class Entries(Protocol):
 
     def remaining(self, numbers: np.ndarray | None) -> np.ndarray:
         """Those of some numbers, rising, that may still be there; None: all that are."""
+
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""
