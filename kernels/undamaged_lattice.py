@@ -198,14 +198,14 @@ def undamaged_lattice_force(
         undamaged = bool(True)
         # Both loads before any branch, so that none waits for the other.
         if wp.static(grows):
-            before = marked[i]
+            was_marked = marked[i]
         else:
             undamaged = family_class[i] == inner
         if wp.static(breakable):
             if intact[0, i] != wp.uint32(wp.static(full)):
                 undamaged = False
         if wp.static(grows):
-            if before != wp.uint8(0):
+            if was_marked != wp.uint8(0):
                 return
         if not undamaged:
             if wp.static(others != "all"):
