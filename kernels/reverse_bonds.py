@@ -17,7 +17,6 @@ def gather_reverse_bonds(
     steps: tuple[tuple[int, int], ...] | None,
     turns_over: bool,
     listed: bool,
-    grows: bool,
     module: str,
 ) -> Pointwise:
     """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
@@ -32,8 +31,7 @@ def gather_reverse_bonds(
         steps: Lattice steps to each member, compiled in as constants, or None on a cloud; on a grid those of the points
             deep inside it.
         turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
-        listed: Whether a list of other points was found; the first point empties it.
-        grows: Whether a list of known ones grew; from now on its new points are known.
+        listed: Whether a list of other points was used; the first point empties it.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -52,24 +50,17 @@ def gather_reverse_bonds(
         family: Family
         columns: int
         bond_force: wp.array2d(dtype=vec3)
-        found_count: wp.array(dtype=wp.int32)
-        known_next: wp.array(dtype=wp.int32)
-        known_count: wp.array(dtype=wp.int32)
+        other_count: wp.array(dtype=wp.int32)
         first_point: int
         force: wp.array(dtype=vec3)
 
-    @pointwise(
-        module, GatherFromReverseBonds, writes=("force", "found_count", "known_count"),
-        gathers=("bond_force", "known_next"),
-    )  # fmt: skip
+    @pointwise(module, GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force",))
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):
                 # The list has been used; the next launches start a new one.
                 if i == a.first_point:
-                    a.found_count[0] = 0
-                    if wp.static(grows):
-                        a.known_count[0] = a.known_next[0]
+                    a.other_count[0] = 0
             place = i
             if wp.static(turns_over):
                 place = i % a.bond_force.shape[1]

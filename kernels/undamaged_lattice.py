@@ -71,13 +71,13 @@ def undamaged_lattice_force(
     gridded: bool,
     breakable: bool,
     breaking: bool,
-    others: str,
+    listing: bool,
     gather: Pointwise | None,
     module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
 
-    It puts all other points on the list `found`, in any order, unless they are known to be others.
+    It puts all other points on the list `others`, in any order, unless they are known.
 
     Point i has column i % ring of `bond_force`: the ring has a column for each point, or fewer that launches reuse.
 
@@ -89,8 +89,7 @@ def undamaged_lattice_force(
             it is the number of columns.
         breakable: Whether families may be damaged; those count as others.
         breaking: Whether those with a bond whose squared stretch reaches nearly `squared_stretch` count as others, too.
-        others: Which other points it knows: "all" are known; or "none", it puts them on the list `found`; or those
-            "before", who are `marked`: it puts new ones on that list and, if damaged, at the end of `known`.
+        listing: Whether it puts other points on the list.
         gather: What gathers the forces of an earlier strip of the sheet, at the points `gather_begin` to
             `gather_end` - 1, while other threads compute; or None.
         module: Name of the Warp module.
@@ -126,7 +125,6 @@ def undamaged_lattice_force(
     b2 = [[real(K[1] * x + K[2] * y) for x, y in stencil.moments] for K in stencil.inverse]
     weights = [real(w) for w in stencil.weights]
     Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
-    grows = others == "before"
     held = 6 * n * (bits // 32) <= MAX_REGISTERS
     reach = max(up)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(n)]
@@ -181,11 +179,8 @@ def undamaged_lattice_force(
         gather_end: int,
         stride: int,
         first: int,
-        marked: wp.array(dtype=wp.uint8),
-        known: wp.array(dtype=wp.int32),
-        known_next: wp.array(dtype=wp.int32),
-        found: wp.array(dtype=wp.int32),
-        found_count: wp.array(dtype=wp.int32),
+        others: wp.array(dtype=wp.int32),
+        other_count: wp.array(dtype=wp.int32),
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
@@ -195,24 +190,13 @@ def undamaged_lattice_force(
             while j < gather_end:
                 gather_at(j, j + 1, gathering)
                 j += stride
-        undamaged = bool(True)
-        # Both loads before any branch, so that none waits for the other.
-        if wp.static(grows):
-            was_marked = marked[i]
-        else:
-            undamaged = family_class[i] == inner
+        undamaged = family_class[i] == inner
         if wp.static(breakable):
             if intact[0, i] != wp.uint32(wp.static(full)):
                 undamaged = False
-        if wp.static(grows):
-            if was_marked != wp.uint8(0):
-                return
         if not undamaged:
-            if wp.static(others != "all"):
-                found[wp.atomic_add(found_count, 0, 1)] = i
-            if wp.static(grows):
-                known[wp.atomic_add(known_next, 0, 1)] = i
-                marked[i] = wp.uint8(1)
+            if wp.static(listing):
+                others[wp.atomic_add(other_count, 0, 1)] = i
             return
         origin = displacement[i]
         stretched = real(0.0)
@@ -244,7 +228,7 @@ def undamaged_lattice_force(
                     M2 += wp.static(c2[k]) * u
         if wp.static(breaking):
             if stretched > real(wp.static(NEARLY)) * squared_stretch:
-                found[wp.atomic_add(found_count, 0, 1)] = i
+                others[wp.atomic_add(other_count, 0, 1)] = i
                 return
         guess = real(0.0)
         cosine = wp.int32(1)

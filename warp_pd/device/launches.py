@@ -105,26 +105,25 @@ class Span:
 class OfStrip:
     """What a launch does for a strip of a sheet that is worked through in strips (laws/strips.py).
 
-    Launches of strips that are less than `room` apart touch different points, lists and columns; what looks at the
-    strip behind runs on one stream with what that strip does last. The strip `room` ahead uses the same memory again.
+    Launches of neighbouring strips touch different points, lists and columns, or read what is over long since.
 
     Attributes:
         number: Number of the strip.
         stream: Stream on which it runs (device/streams.py).
-        listed: True on points of a list that was complete before, False on others; None on any.
-        room: Number of strips that are in memory at a time.
+        listed: Whether it works on the points of a list, known before, that other launches of the strip leave out.
+        apart: How far behind the strips are whose launches must be over.
     """
 
     number: int
     stream: int
-    listed: bool | None
-    room: int
+    listed: bool
+    apart: int
 
     def must_wait_for(self, earlier: OfStrip) -> bool:
         """Whether a launch waits for an earlier one on another stream."""
         if self.number == earlier.number:
-            return self.listed is None or earlier.listed is None or self.listed == earlier.listed
-        return not 0 < self.number - earlier.number < self.room
+            return self.listed == earlier.listed
+        return not 0 < self.number - earlier.number < self.apart
 
 
 @dataclass(eq=False)

@@ -30,7 +30,7 @@ from ..kernels.pointwise import Pointwise
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
-from .strips import Listed, Lists, Strip, lists_of, strips_of
+from .strips import Listed, Strip, found_lists, known_lists, strips_of
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
@@ -40,15 +40,15 @@ MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
 # With a list most blocks would find nothing, and starting them takes time.
-MAX_BLOCKS, MAX_LISTED_BLOCKS, MAX_FOUND_BLOCKS = 8192, 1056, 264
+MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
 # Maximum number of threads that break bonds of a list.
 MAX_LISTED_THREADS = 2**15
 # Points of a strip, and number of points from which on a sheet has strips.
-STRIP, STRIPS_FROM = 2**17, 2**20
-# Strips for whose forces there is room at once, and streams on which they are computed.
-ROOM, STREAMS = 4, 2
-# Strips later, the kernel of undamaged families gathers the forces of a strip; 0: a kernel of its own does.
+STRIP, STRIPS_FROM = 57_000, 2**20
+# How many strips later the kernel of undamaged families gathers the forces of a strip. Two neighbouring strips are
+# computed while the last but one before each of them is gathered, with what lies behind that.
 LAG = 2
+ROOM = LAG + 2
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -174,47 +174,37 @@ class FastPath:
         if stencil is not None and force.points >= STRIPS_FROM:
             reach = force.families.index_reach()
             self.strips = strips_of(here, force.points, reach, STRIP, ROOM)
-        self.lag = LAG if len(self.strips) > 1 else 0
+        self.lag = LAG if self.streams and len(self.strips) > 1 else 0
         self.module = self._undamaged_module()
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
             w.use_fast_math(module)
         self.moments = self._moments()
-        self.lists: list[Lists] = []
-        self.marked: Array | None = None
-        if stencil is not None:
+        self.lists: list[Listed] = []
+        if stencil is not None and self.known:
             assert force.families.family_class is not None
-            others = force.families.family_class != stencil[1]
-            self.lists, self.marked = lists_of(w, force.owner, self.strips, others, self.others, ROOM)
-        members, ring = force.families.members, force.points
+            self.lists = known_lists(w, force.owner, self.strips, force.families.family_class != stencil[1])
+        elif stencil is not None:
+            self.lists = found_lists(w, force.owner, self.strips, ROOM)
         if len(self.strips) > 1:
-            # Room for some strips, and for what is gathered around them.
-            ring = ROOM * self.strips[0].size + 2 * reach
-            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, ring), per="bond")
+            shape = (force.families.members, ROOM * self.strips[0].size + 2 * reach)
+            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=shape, per="bond")
         else:
             self.bond_force = force.pairs
 
     @property
-    def others(self) -> str:
-        """Which other families the kernel of undamaged ones knows."""
-        return "none" if not self.streams else "all" if self.force.intact is None else "before"
+    def known(self) -> bool:
+        """Whether it is known from the start which families are not those of the stencil."""
+        return self.streams and self.force.intact is None
 
     def _undamaged_module(self) -> str:
         """Name of the module of the kernel of undamaged families: all sheets that need the same kernel share it."""
         _, bits, _, broken, _ = self.force.key
         stencil = None if self.stencil is None else self.stencil[0]
         near = (self.near.__module__, self.near.__qualname__)
-        device = self.force.context.device
-        key = (
-            bits,
-            near,
-            stencil,
-            self.gridded,
-            broken is not None,
-            self.others,
-            device.is_cuda,
-            self.force.context.module if self.lag else 0,
-        )
+        gather = self.force.context.module if self.lag else None
+        cuda = self.force.context.device.is_cuda
+        key = (bits, near, stencil, self.gridded, broken is not None, self.known, gather, cuda)
         return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
@@ -234,40 +224,35 @@ class FastPath:
             self._add_gather(stage, 0, force)
             return
         count = len(self.strips)
-        alone, lag = count == 1, self.lag
-        for number in range(count + lag):
-            main = MAIN if alone or number % STREAMS == 0 else SECOND
-            gathered = number - lag
+        for number in range(count + self.lag):
+            # Neighbouring strips run beside each other: one fills the GPU when the other one comes to its end.
+            stream = SECOND if self.lag and number % 2 else MAIN
+            part = self._part(number, stream, False)
             if number >= count:
-                self._add_gather(stage, gathered, force, self._part(number, main, False))
+                self._add_gather(stage, number - self.lag, force, part)
                 continue
-            part = self._part(number, main, False)
+            strip, others = self.strips[number], self.lists[number]
             self._add_undamaged(stage, number, *self.stencil, displacement, force, breaking, part)
-            strip, lists = self.strips[number], self.lists[number]
-            if lists.known is not None and lists.known.most:
-                part = self._part(number, SIDE, True)
-                self._add_listed(stage, strip, lists.known, displacement, force, breaking, part, MAX_LISTED_BLOCKS)
-            if lists.found is not None:
-                part = self._part(number, main if alone or lag else SIDE, False)
-                most = MAX_LISTED_BLOCKS if lists.known is None else MAX_FOUND_BLOCKS
-                self._add_listed(stage, strip, lists.found, displacement, force, breaking, part, most)
-            if not lag:
-                self._add_gather(stage, number, force, None if alone else self._part(number, SIDE, None))
+            if others.most:
+                part = self._part(number, SIDE, True) if self.known else part
+                self._add_listed(stage, strip, others, displacement, force, breaking, part)
+            if not self.lag:
+                self._add_gather(stage, number, force)
 
-    def _part(self, number: int, stream: int, listed: bool | None) -> OfStrip | None:
-        return OfStrip(number, stream, listed, self.lag or ROOM) if self.streams else None
+    def _part(self, number: int, stream: int, listed: bool) -> OfStrip | None:
+        return OfStrip(number, stream, listed, LAG) if self.lag or self.known else None
 
     def _add_listed(
         self, stage: Stage, strip: Strip, listed: Listed, displacement: Array, force: Array,
-        breaking: BondBreaking | None, part: OfStrip | None, most_blocks: int,
+        breaking: BondBreaking | None, part: OfStrip | None,
     ) -> None:  # fmt: skip
-        """Add the launches of the families of a list: their bonds break, either before or with the forces."""
+        """Add the launches of the families of a list, whose bonds break before, if energies are summed up."""
         if breaking is not None and breaking.before is not None:
             if breaking.acts(stage):
                 threads = min(listed.most, MAX_LISTED_THREADS)
                 breaking.before(stage, listed.points, listed.count, threads, part)
             breaking = None
-        self._add_shared(stage, strip, listed, displacement, force, breaking, part, most_blocks)
+        self._add_shared(stage, strip, listed, displacement, force, breaking, part)
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
         """The kernel of undamaged families must know which of them stay so; without it, no list is known before."""
@@ -281,7 +266,7 @@ class FastPath:
         self, stage: Stage, number: int, stencil: Stencil, inner: int, displacement: Array, force: Array,
         breaking: BondBreaking | None, part: OfStrip | None,
     ) -> None:  # fmt: skip
-        law, strip, lists = self.force, self.strips[number], self.lists[number]
+        law, strip, others = self.force, self.strips[number], None if self.known else self.lists[number]
         gather, gathering, begin, end = None, 0, 0, 0
         if self.lag:
             gather, values = self._gather(max(number - self.lag, 0), force)
@@ -290,16 +275,9 @@ class FastPath:
                 begin, end = self.strips[number - self.lag].gather_begin, self.strips[number - self.lag].gather_end
         _, bits, _, broken, _ = law.key
         kernel = undamaged_lattice_force(
-            bits,
-            self.near,
-            stencil,
-            self.gridded,
-            broken is not None,
-            breaking is not None,
-            self.others,
-            gather,
+            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, not self.known, gather,
             self.module,
-        )
+        )  # fmt: skip
         stage.launch(
             law.owner, kernel, strip.size, begin=strip.begin, block_dim=UNDAMAGED_BLOCK, strip=part,
             family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
@@ -309,22 +287,23 @@ class FastPath:
             unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner],
             squared_stretch=breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
             gathering=gathering, gather_begin=begin, gather_end=end, stride=strip.size,
-            marked=self.marked, known=None if lists.known is None or lists.known_next is None else lists.known.points,
-            known_next=lists.known_next,
-            found=None if lists.found is None else lists.found.points,
-            found_count=None if lists.found is None else lists.found.count, bond_force=self.bond_force, force=force,
+            others=None if others is None else others.points, other_count=None if others is None else others.count,
+            bond_force=self.bond_force, force=force,
         )  # fmt: skip
 
     def _add_shared(
         self, stage: Stage, strip: Strip, listed: Listed | None, displacement: Array, force: Array,
-        breaking: BondBreaking | None, part: OfStrip | None = None, most_blocks: int = MAX_BLOCKS,
+        breaking: BondBreaking | None, part: OfStrip | None = None,
     ) -> None:  # fmt: skip
         """Add the launch of the families of a list, or of all of a strip."""
         law, w = self.force, self.force.context
         layout, bits, material, broken, _ = law.key
         members = law.families.members
         together, sharing = families_together(members), threads_of_family(members)
-        blocks = min(-(-(strip.size if listed is None else listed.most) // together), most_blocks)
+        if listed is None:
+            blocks = min(-(-strip.size // together), MAX_BLOCKS)
+        else:
+            blocks = min(-(-listed.most // together), MAX_LISTED_BLOCKS)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
             listed is not None, w.module, self.shared_module,
@@ -346,18 +325,16 @@ class FastPath:
     def _gather(self, number: int, force: Array) -> tuple[Pointwise, dict[str, Any]]:
         """The stage that gathers the forces of a strip, with its arguments."""
         law, w, strip = self.force, self.force.context, self.strips[number]
-        lists = self.lists[number] if self.lists else Lists()
+        used = None if self.stencil is None or self.known else self.lists[number]
         layout, bits, _, _, _ = law.key
-        steps, members, grows = law.families.steps, law.families.members, lists.known_next is not None
+        steps, members = law.families.steps, law.families.members
         gather = gather_reverse_bonds(
             layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            self.bond_force.shape[1] < law.points, lists.found is not None, grows, w.module,
+            self.bond_force.shape[1] < law.points, used is not None, w.module,
         )  # fmt: skip
         return gather, {
             "family": law.struct, "columns": law.lattice_columns, "bond_force": self.bond_force,
-            "found_count": None if lists.found is None else lists.found.count, "known_next": lists.known_next,
-            "known_count": lists.known.count if grows and lists.known is not None else None,
-            "first_point": strip.gather_begin, "force": force,
+            "other_count": None if used is None else used.count, "first_point": strip.gather_begin, "force": force,
         }  # fmt: skip
 
     def _add_gather(self, stage: Stage, number: int, force: Array, part: OfStrip | None = None) -> None:

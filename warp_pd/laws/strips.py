@@ -47,21 +47,6 @@ class Listed:
     most: int
 
 
-@dataclass(frozen=True)
-class Lists:
-    """The points of a strip whose families are not those of the stencil.
-
-    Attributes:
-        known: Those known before the forces, or None.
-        known_next: How many will be known next time, if bonds can break; or None.
-        found: Those that are found with the forces, or None.
-    """
-
-    known: Listed | None = None
-    known_next: Array | None = None
-    found: Listed | None = None
-
-
 def strips_of(here: slice, points: int, reach: int, most: int, room: int) -> list[Strip]:
     """Strips of a sheet, equal up to the last one.
 
@@ -85,46 +70,32 @@ def strips_of(here: slice, points: int, reach: int, most: int, room: int) -> lis
     return strips
 
 
-def lists_of(
-    w: Context, owner: str, strips: Sequence[Strip], others: np.ndarray, which: str, room: int
-) -> tuple[list[Lists], Array | None]:
-    """Lists of each strip, and which points are marked as known if the lists grow.
-
-    The lists of what is found are those of two strips, which are in use together.
+def known_lists(w: Context, owner: str, strips: Sequence[Strip], others: np.ndarray) -> list[Listed]:
+    """Points of each strip that are known to be others.
 
     Args:
         w: Takes the arrays.
         owner: The part that adds them.
         strips: The strips.
-        others: Whether the family of a point is not that of the stencil, undamaged, (N,) bool.
-        room: Strips that are in use together.
-        which: "all", "before" or "none": as of the kernel of undamaged families.
+        others: Whether the family of a point is not that of the stencil, (N,) bool.
     """
     edges = [strip.begin + np.flatnonzero(others[strip.begin : strip.end]) for strip in strips]
-    counts = np.array([len(e) for e in edges], np.int32)
-    grows = which == "before"
-    sizes = [strip.size if grows else max(len(e), 1) for strip, e in zip(strips, edges, strict=True)]
-    known = known_count = known_next = marked = None
-    if which != "none":
-        padded = [np.append(e, np.zeros(n - len(e))) for e, n in zip(edges, sizes, strict=True)]
-        known = w.array("known_points", owner, wp.int32, np.concatenate(padded).astype(np.int32), per="table")
-        known_count = w.array("known_count", owner, wp.int32, counts, per="once")
-    if grows:
-        known_next = w.array("known_next", owner, wp.int32, counts, per="once")
-        marked = w.array("known", owner, wp.uint8, others.astype(np.uint8))
-    found: list[Listed] = []
-    if which != "all":
-        for k in range(min(room, len(strips))):
-            points = w.array(f"found_points_{k}", owner, wp.int32, shape=strips[0].size, per="table")
-            count = w.array(f"found_count_{k}", owner, wp.int32, shape=1, per="once")
-            found.append(Listed(points, count, strips[0].size))
-    lists, end = [], 0
-    for k, size in enumerate(sizes):
-        begin, end = end, end + size
-        here = None
-        if known is not None and known_count is not None:
-            most = size if grows else int(counts[k])
-            here = Listed(known[begin:end], known_count[k : k + 1], most)
-        following = None if known_next is None else known_next[k : k + 1]
-        lists.append(Lists(here, following, found[k % len(found)] if found else None))
-    return lists, marked
+    counts = [len(e) for e in edges]
+    ends = np.cumsum(counts).tolist()
+    # A slice of an array has at least one entry.
+    points = w.array("other_points", owner, wp.int32, np.append(np.concatenate(edges), 0).astype(np.int32), per="table")
+    count = w.array("other_count", owner, wp.int32, np.array(counts, np.int32), per="table")
+    return [
+        Listed(points[end - most : end + (most == 0)], count[k : k + 1], most)
+        for k, (end, most) in enumerate(zip(ends, counts, strict=True))
+    ]
+
+
+def found_lists(w: Context, owner: str, strips: Sequence[Strip], room: int) -> list[Listed]:
+    """Lists that the kernel of undamaged families fills; strips that are `room` apart share one."""
+    found = []
+    for k in range(min(room, len(strips))):
+        points = w.array(f"other_points_{k}", owner, wp.int32, shape=strips[0].size, per="table")
+        count = w.array(f"other_count_{k}", owner, wp.int32, shape=1, per="once")
+        found.append(Listed(points, count, strips[0].size))
+    return [found[strip.number % len(found)] for strip in strips]
