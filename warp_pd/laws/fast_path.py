@@ -4,8 +4,9 @@ On a CPU one kernel serves all families. On a GPU undamaged families inside a la
 kernel, if the material is isotropic. It puts all other points on a list, which a second kernel works through with two
 bonds per thread. Clouds, and sheets too small to fill a GPU with one thread per point, use only the second kernel.
 
-The bond forces of large lattices pass through a ring buffer, one strip of the sheet at a time: all of them would take
-most of the memory, and those of a strip stay in the cache of a GPU.
+The bond forces of large lattices pass through a ring buffer, some strips of the sheet at a time: all of them would take
+most of the memory. Two strips run beside each other, and gather the forces of earlier ones between their own: what
+waits for memory and what computes fill the same processors.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ STRIP, STRIPS_FROM = 57_000, 2**20
 # computed while the last but one before each of them is gathered, with what lies behind that.
 LAG = 2
 ROOM = LAG + 2
+# The same where strips follow each other, as those of several processes do: each waits for its few families at edges.
+LONG_STRIP, LONG_STRIPS_FROM = 2**20, 2**21
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -171,9 +174,10 @@ class FastPath:
         # Empty families of the outermost halo would take as long as others.
         here = slice(0, force.points) if w.share is None else w.share.whole_families
         reach, self.strips = 0, [Strip(0, here.start, here.stop, 0, force.points)]
-        if stencil is not None and force.points >= STRIPS_FROM:
+        least, most, room = (STRIPS_FROM, STRIP, ROOM) if self.streams else (LONG_STRIPS_FROM, LONG_STRIP, 1)
+        if stencil is not None and force.points >= least:
             reach = force.families.index_reach()
-            self.strips = strips_of(here, force.points, reach, STRIP, ROOM)
+            self.strips = strips_of(here, force.points, reach, most, room)
         self.lag = LAG if self.streams and len(self.strips) > 1 else 0
         self.module = self._undamaged_module()
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
@@ -185,9 +189,9 @@ class FastPath:
             assert force.families.family_class is not None
             self.lists = known_lists(w, force.owner, self.strips, force.families.family_class != stencil[1])
         elif stencil is not None:
-            self.lists = found_lists(w, force.owner, self.strips, ROOM)
+            self.lists = found_lists(w, force.owner, self.strips, room)
         if len(self.strips) > 1:
-            shape = (force.families.members, ROOM * self.strips[0].size + 2 * reach)
+            shape = (force.families.members, room * self.strips[0].size + 2 * reach)
             self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=shape, per="bond")
         else:
             self.bond_force = force.pairs

@@ -1,7 +1,6 @@
-"""Strips of a large sheet, which follow each other through memory, and the points in them that are none of the many.
+"""Strips of a large sheet, which follow each other through memory, and lists of the points in them unlike the others.
 
-The forces of a strip stay where they are until its points and those of the strip behind it have gathered them. Two
-strips are in memory at a time: while one is gathered, the next one is computed.
+The forces of a strip stay where they are until its points and those of the strip behind it have gathered them.
 """
 
 from __future__ import annotations

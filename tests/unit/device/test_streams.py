@@ -99,8 +99,8 @@ def test_strips_have_the_bits_of_a_whole_sheet(strips, monkeypatch):
     assert results[0] == results[1]
 
 
-def test_a_strip_that_does_not_wait_for_the_last_but_one_is_noticed(strips, monkeypatch):
-    """The ring of the forces between points has room for two strips."""
+def test_a_strip_that_waits_for_none_before_it_is_noticed(strips, monkeypatch):
+    """It gathers what others still compute, and the ring of the forces between points has room for few."""
     expected = pulled(torn=False)
     graph.run_once(expected.context.device, list(expected.context.stages["step"]) * STEPS)
     monkeypatch.setattr(OfStrip, "must_wait_for", lambda self, earlier: self.number == earlier.number)
