@@ -146,6 +146,8 @@ def list_scenes() -> None:
 @click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
 @click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
+@click.option("--stride", type=int, default=1, help="Frames hold every so many-th column and row of a lattice.")
+@click.option("--no-restart", is_flag=True, help="Do not write restart.npz: the run cannot go on.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 @click.option("--gpus", type=int, default=1, help="Divide the sheet among so many GPUs of this machine.")
@@ -155,7 +157,7 @@ def run(
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
     fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
-    gpus: int, processes: int,
+    gpus: int, processes: int, stride: int, no_restart: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
@@ -186,6 +188,8 @@ def run(
             pictures=False if no_pictures else pictures,
             view=not no_view,
             history_every=history_every,
+            stride=stride,
+            restarts=not no_restart,
             reporter=Progress(quiet),
         )
     except DivergedError as error:
