@@ -70,7 +70,7 @@ SCENES: dict[str, Shown] = {
     "metamaterial": Shown({"points": 30, "horizon": 2.015, "crack": True}),
     "needle": Shown({"points": 41, "frames": 40}, share=0.5),
     "notched_strip": Shown(
-        {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4}, "wrinkle level"
+        {"points": 60, "law": "tension_field", "frames": 12, "slow_from": 0.71, "slow_to": 0.76}, "wrinkle state", 0.4
     ),
     "off_plane_load": Shown(
         {"points": 41, "horizon": 2.015, "speed": 5e-3, "duration": 12.0, "frames": 30},

@@ -107,7 +107,7 @@ def measure(arguments: argparse.Namespace) -> None:
 
 def largest(arguments: argparse.Namespace) -> None:
     """Run a large sheet in this process, one of those that torchrun started; the first prints a line of JSON."""
-    crew, device = crew_here(arguments.device)
+    crew, _ = crew_here(arguments.device)
     start_warp()
     side = round(arguments.largest**0.5)
     # A quarter of the stable step.
@@ -119,7 +119,7 @@ def largest(arguments: argparse.Namespace) -> None:
     for kind, name in ((Recorder, "frame"), (files.DividedFiles, "save"), (StableStep, "omega")):
         _timed(kind, name, seconds[name])
     result = made.run(
-        out=arguments.out, device=device, usd=False, view=False, pictures=False, stride=arguments.stride,
+        out=arguments.out, device=arguments.device, usd=False, view=False, pictures=False, stride=arguments.stride,
         restarts=not arguments.no_restart, overwrite=True, fields=arguments.fields,
     )  # fmt: skip
     built, size = result.built, made.sheet.size
