@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from .checks import InputError, OutputError, count, one_of
-from .device.crew import LostError
+from .device.crew import SPEAKS, LostError
 from .fitting.command import fit_command
 from .run.exit_codes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT
 from .run.processes import crew_here, is_first, launch, processes_here
@@ -31,7 +31,8 @@ class OneLineGroup(click.Group):
             _say(f"{error.format_message()} (see {where} --help)")
             ctx.exit(WRONG_INPUT)
         except LostError as error:
-            click.echo(f"warp-pd: {error}", err=True)
+            if SPEAKS not in os.environ:
+                click.echo(f"warp-pd: {error}", err=True)
             sys.stderr.flush()
             # What still waits for the other process would hang.
             os._exit(LOST)

@@ -16,13 +16,13 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
 from ..kernels.integrate import RIGID
-from ..kernels.near_pairs import CROWDED, pair_functions, pair_lists
+from ..kernels.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.self_contact import repulsion
 from ..phases import Phase
 
 OWNER = "SelfContact"
-# Status at the start: there are no lists yet, and none is full.
-_FRESH = np.array([1, 0], np.int32)
+# Status at the start: there are no lists yet, none is full or holds a pair, and nothing touches.
+_FRESH = np.array([1, 0, 0, 0], np.int32)
 # Distance that points keep and skin of the lists, in spacings.
 DISTANCE, SKIN = 1.5, 0.3
 # Points of one piece keep no more than this share of their reference distance: rubber that tears at a stretch of 2
@@ -202,7 +202,9 @@ class BuiltSelfContact(BuiltContact):
             self._add_lists(stage, displacement)
             stage.launch(
                 OWNER, self._kernels.add_force, n, **self._pairs(displacement), contacts=self._touching,
-                contact_force=self._contact_force, force=context.state.force,
+                contact_force=self._contact_force, force=context.state.force, status=self._status,
+                # Bonds that broke come from the families.
+                only_if=None if self.law.intact is not None else self._flag(LISTED),
             )  # fmt: skip
         elif phase is Phase.SEPARATE and self._impulse is not None:
             self._add_friction(stage, displacement, self._impulse)
@@ -215,6 +217,10 @@ class BuiltSelfContact(BuiltContact):
             "displacement": displacement, "counts": self._counts, "near": self._near,
         }  # fmt: skip
 
+    def _flag(self, index: int) -> Array:
+        found: Array = self._status[index : index + 1]
+        return found
+
     def _add_lists(self, stage: Stage, displacement: Array) -> None:
         lists, n, sheet = self._lists, self.context.sheet.size, self.context.sheet
         relative = 1.0 if sheet.spacings is None else float(sheet.spacings.max()) / sheet.spacing
@@ -226,31 +232,32 @@ class BuiltSelfContact(BuiltContact):
             "cells": self._cells,
             "status": self._status,
         }
-        stage.launch(OWNER, lists.clear, self._buckets, heads=self._heads, status=self._status)
+        stale = self._flag(STALE)
+        stage.launch(OWNER, lists.clear, self._buckets, heads=self._heads, status=self._status, only_if=stale)
         stage.launch(
-            OWNER, lists.insert, threads,
+            OWNER, lists.insert, threads, only_if=stale,
             points=self._points, displacement=displacement, inverse_cell=1.0 / (self.distance + self._skin),
             stride=threads, listed_at=self._listed_at, **cells,
         )  # fmt: skip
         stage.launch(
-            OWNER, lists.collect, n,
+            OWNER, lists.collect, n, only_if=stale,
             family=self.law.struct, points=self._points, displacement=displacement, skin=self._skin,
             family_reach=1.001 * relative * self.law.families.horizon, counts=self._counts, near=self._near, **cells,
         )  # fmt: skip
-        stage.launch(OWNER, lists.finish, 1, status=self._status)
+        stage.launch(OWNER, lists.finish, 1, status=self._status, only_if=stale)
 
     def _add_friction(self, stage: Stage, displacement: Array, impulse: Array) -> None:
         context, state = self.context, self.context.state
         stage.launch(
             OWNER, self._kernels.friction, context.sheet.size, **self._pairs(displacement), velocity=state.velocity,
             mass=state.mass, contacts=self._touching, contact_force=self._contact_force, step=state.step,
-            coefficient=self.part.friction, impulse=impulse,
+            coefficient=self.part.friction, impulse=impulse, only_if=self._flag(TOUCHED),
         )  # fmt: skip
         stage.pointwise(
             OWNER, self._kernels.rub, context.sheet.size,
             mass=state.mass, held_mask=state.held_mask, impulse=impulse, velocity=state.velocity, step=state.step,
             damping=state.damping, force=state.force, external=state.external, work=state.work,
-            dissipated=state.dissipated, rubbed=self._rubbed,
+            dissipated=state.dissipated, rubbed=self._rubbed, only_if=self._flag(TOUCHED),
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
