@@ -146,6 +146,7 @@ class Launch:
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
         span: How blocks share points, where its threads do not stand for points.
         strip: Which strip of a sheet it works on, if that is why it may run in parallel with others.
+        only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
     """
 
     name: str
@@ -163,6 +164,7 @@ class Launch:
     beside: bool = False
     span: Span | None = None
     strip: OfStrip | None = None
+    only_if: Array | None = None
 
     @property
     def points(self) -> tuple[int, int]:
@@ -275,6 +277,7 @@ class Stage:
         side_stream: bool = False,
         span: Span | None = None,
         strip: OfStrip | None = None,
+        only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -286,17 +289,26 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, strip=strip,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, strip=strip, only_if=only_if,
         )  # fmt: skip
         self.items.append(made)
 
     def pointwise(
-        self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, alone: bool = False,
-        strip: OfStrip | None = None, **arguments: Any,
-    ) -> None:  # fmt: skip
+        self,
+        owner: str,
+        part: Pointwise,
+        threads: int,
+        *,
+        begin: int = 0,
+        alone: bool = False,
+        strip: OfStrip | None = None,
+        only_if: Array | None = None,
+        **arguments: Any,
+    ) -> None:
         """Add a pointwise stage; it joins the previous launch if that is pointwise on the same points and shareable.
 
-        A stage with `alone` joins none: it is for work at few points that needs many registers.
+        A stage with `alone` joins none: it is for work at few points that needs many registers. Nor does one with
+        `only_if` on a CPU, which can then leave it out.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -304,9 +316,10 @@ class Stage:
         _check_names(f"pointwise stage {part.name}", set(part.arguments.vars), set(arguments))
         values = with_values(part.arguments(), arguments)
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
+        alone = alone or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone, strip=strip,
+            begin, self.module, run, alone=alone, strip=strip, only_if=only_if,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
