@@ -198,7 +198,8 @@ def test_forces_through_a_ring(monkeypatch, large_on_gpu, sheet, cut):
     monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
     quick, _ = compare(sheet, 2.015, 64, cut=cut)
     assert quick.count("undamaged_family_force") > 4
-    assert quick.count("gather_from_reverse_bonds") == quick.count("undamaged_family_force")
+    # The others are gathered by the kernel of the forces.
+    assert quick.count("gather_from_reverse_bonds") == fast_path.LAG
 
 
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
@@ -290,7 +291,7 @@ def test_the_force_of_large_sheets_breaks_the_same_bonds(large_on_gpu, sheet, ho
     Where energies are summed up, bonds of listed points break in a launch before their forces.
     """
     quick, reference = compare_torn(sheet, horizon, 64, damage=CriticalStretch(1.5), track_energy=tracked)
-    assert launch_names(quick).count("break_bonds") == (2 if tracked else 0)
+    assert launch_names(quick).count("break_bonds") == (1 if tracked else 0)
     assert "undamaged_family_force" in launch_names(quick)
     if tracked:
         assert_same_release(quick, reference)
