@@ -20,12 +20,14 @@ class Files:
         vtkhdf: Whether to write frames.vtkhdf.
         pictures: Formats of the pictures; empty for none.
         view: Whether to write view.html.
+        restarts: Whether to write restart files.
     """
 
     usd: bool = True
     vtkhdf: bool = True
     pictures: tuple[str, ...] = ()
     view: bool = True
+    restarts: bool = True
 
     def require_same(self, folder: Path, divided: bool = False) -> None:
         """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.

@@ -18,11 +18,13 @@ class Pictured(Protocol):
     Attributes:
         built: The simulation.
         whole: Whether the first process has frames of all points.
+        divided: Whether every process has frames of its own points.
         own: Number of points that no other process has in its frames; they are the first ones.
     """
 
     built: Built
     whole: bool
+    divided: bool
     own: int
 
     @property
@@ -56,7 +58,7 @@ class Pictured(Protocol):
 class AllPoints:
     """All points, in the first process."""
 
-    whole = True
+    whole, divided = True, False
 
     def __init__(self, built: Built) -> None:
         self.built, self.own = built, built.context.whole.size
@@ -99,7 +101,7 @@ class OwnPoints:
         first: Number of the first one in the whole sheet.
     """
 
-    whole = False
+    whole, divided = False, True
 
     def __init__(self, built: Built) -> None:
         self.built = built

@@ -27,8 +27,8 @@ PATIENCE = 5.0
 class Joint(Protocol):
     """Writes what every process has a part of; all call the same methods."""
 
-    def write(self, frame: Frame) -> None:
-        """Write a frame of the own points."""
+    def write(self, frame: Frame | None) -> None:
+        """Write a frame of the own points, where processes have one."""
         ...
 
     def save(self) -> None:
@@ -129,7 +129,7 @@ class Recorder:
         for part in self.built.parts:
             part.end_frame()
         crew.lead(lambda: None if row is None else self._judge(measured, row, index, dt))
-        if self.joint is not None and frame is not None:
+        if self.joint is not None:
             self.joint.write(frame)
         crew.lead(lambda: None if frame is None or row is None else self._record(frame, row, index, steps, dt))
         if self.joint is not None and self._restart_due(index):

@@ -21,6 +21,7 @@ from ..built import Built
 from ..checks import InputError
 from ..device.fields import host_shape, to_host
 from ..scene import Scene
+from ..shapes.on_demand import OnDemand
 from .recorder import Recorder
 from .restart_parts import DividedField, Part, divides, own_part, remove_others, save_part
 
@@ -66,10 +67,15 @@ def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
     """Names and values of a part and of its parts."""
     if isinstance(part, np.ndarray):
         yield name, f"array {part.shape} {_hash(np.ascontiguousarray(part).tobytes())}"
+    elif isinstance(part, OnDemand):
+        # It follows from the lattice and the cuts, which have texts of their own.
+        ends = part[np.array([0, len(part) - 1])] if len(part) else np.zeros(0)
+        yield name, f"computed {len(part)} {_hash(ends.tobytes())}"
     elif is_dataclass(part):
         yield name, type(part).__name__
         for f in fields(part):
-            yield from _texts(f"{name}.{f.name}", getattr(part, f.name))
+            value = vars(part).get(f.name)
+            yield from _texts(f"{name}.{f.name}", value if isinstance(value, OnDemand) else getattr(part, f.name))
     elif isinstance(part, list | tuple) and any(is_dataclass(p) or isinstance(p, np.ndarray) for p in part):
         for index, p in enumerate(part):
             yield from _texts(f"{name}.{index}", p)
@@ -187,7 +193,11 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
 
 
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
-    """Put a loaded state back on the device, into the recorder and into the solver."""
+    """Put a loaded state back on the device, into the recorder and into the solver.
+
+    Raises:
+        InputError: for a file that lacks an array, or has it in another shape.
+    """
     built, numbers = recorder.built, data["numbers"]
     for stored in built.context.fields:
         name, array = stored.name, stored.array

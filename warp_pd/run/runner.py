@@ -15,7 +15,7 @@ from time import perf_counter
 from typing import Any
 
 from ..built import Built, compose
-from ..checks import InputError, kind_and_text, one_of, user_code
+from ..checks import InputError, count, kind_and_text, one_of, user_code
 from ..drawing.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
 from ..output.series import Segment
@@ -67,6 +67,8 @@ def run(
     fields: Sequence[str] | None = None,
     view: bool = True,
     history_every: float | None = None,
+    stride: int = 1,
+    restarts: bool = True,
 ) -> Result:
     """Run a scene to its end.
 
@@ -88,6 +90,9 @@ def run(
             `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
         view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
         history_every: Time between rows of the finer history [s], in place of that of the solver; see `Explicit`.
+        stride: Frames hold every so many-th column and row of a lattice, and the last ones: of a sheet too large to
+            be drawn. Restart files hold all points, measures see all.
+        restarts: Whether to write restart files. Without them a run cannot go on.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -97,13 +102,14 @@ def run(
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
     check_writers(writers or [])
+    count("stride", stride, 1)
     crew, device = crew_here(device)
     if fields is not None:
         scene = replace(scene, chosen_fields=fields)
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
-    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
+    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts)
     # Files and progress are those of the first process.
     new = crew.leads and isinstance(out, str | Path) and not Path(out).exists()
     folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)
@@ -116,12 +122,12 @@ def run(
         if crew.size > 1:
             crew.divide(crew.together(lambda: share_of(scene, crew)))
         built = crew.together(lambda: compose(scene, device, precision, crew))
-        return _run(built, folder, begin, resume, files, shown, given)
+        return _run(built, folder, begin, resume, files, shown, given, stride)
 
 
 def _run(
     built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
-    writers: list[Writer],
+    writers: list[Writer], stride: int,
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene, crew = built.simulation, built.context.crew
@@ -134,7 +140,7 @@ def _run(
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
-    recorder.pictured = pictured(built, begun, saved is not None)
+    recorder.pictured = crew.together(lambda: pictured(built, begun, saved is not None, stride))
     crew.together(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
     add_files(recorder, folder, known, files, held, append_from, begun)
@@ -143,7 +149,7 @@ def _run(
     status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
         message = "the run had finished already: nothing was left to do"
-    last = crew.spread(recorder.last) if recorder.pictured.whole else recorder.last
+    last = recorder.last if recorder.pictured.divided else crew.spread(recorder.last)
     if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
@@ -153,7 +159,7 @@ def _run(
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
         if folder is not None:
             result.summary["notes"] += notes_of_divided(recorder, files)
-            _finish(result, folder, files if recorder.pictured.whole else replace(files, pictures=(), usd=False))
+            _finish(result, folder, replace(files, pictures=(), usd=False) if recorder.pictured.divided else files)
         return result.summary, result.history, result.fine_history, folder
 
     summary, history, fine, folder = crew.spread(crew.lead(finish)) or ({}, [], [], None)

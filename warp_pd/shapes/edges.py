@@ -15,11 +15,12 @@ SIDES = ("left", "right", "bottom", "top")
 def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
     """Indices of the points on the named edges, ascending; arguments as for `Sheet.edges`."""
     known = {**_sides(shape), **shape.parts} if shape.frames is None else dict(shape.parts)
-    known["all"] = known["all"] if "all" in known else whole_edge(shape, known)
     chosen = np.zeros(shape.size, bool)
     for name in names or ("all",):
+        if name == "all" and name not in known:
+            known["all"] = whole_edge(shape, known)
         if name not in known:
-            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in known)}")
+            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in (*known, 'all'))}")
         chosen[known[name]] = True
     return np.flatnonzero(chosen)
 

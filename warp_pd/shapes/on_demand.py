@@ -12,21 +12,78 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..cores import cores
+
 # Entries that are computed at once.
 CHUNK = 2**18
+# Entries that NumPy sums up at once, for all this module knows.
+LEAF = 2**18
+# So many chunks are computed one after the other.
+SERIAL_CHUNKS = 4
+
+
+def for_each_chunk(first: int, last: int, work: Callable[[int], None], size: int | None = None) -> None:
+    """Call `work` with the begin of each chunk from first to last, on all cores if there are many.
+
+    Args:
+        first: First entry.
+        last: The one after the last.
+        work: What is called.
+        size: Entries of a chunk.
+    """
+    begins = range(first, last, size or CHUNK)
+    for _ in cores().map(work, begins) if len(begins) > SERIAL_CHUNKS else map(work, begins):
+        pass
+
+
+def mean_of(values: Stored) -> float:
+    """The mean that NumPy finds of an array, to the last bit, without the whole of one that is computed on demand."""
+    if isinstance(values, np.ndarray):
+        return float(values.mean())
+    length = len(values)
+    # NumPy halves what it sums up, the lower half of whole eights, until few are left.
+    ends = _leaves(0, length)
+    sums = np.empty(len(ends))
+
+    def add(number: int) -> None:
+        sums[number] = np.add.reduce(values.run(*ends[number]))
+
+    for _ in cores().map(add, range(len(ends))):
+        pass
+    found = iter(sums.tolist())
+
+    def total(number: int) -> float:
+        if number <= LEAF:
+            return float(next(found))
+        low = number // 2 - number // 2 % 8
+        return total(low) + total(number - low)
+
+    return total(length) / length
+
+
+def _leaves(begin: int, number: int) -> list[tuple[int, int]]:
+    if number <= LEAF:
+        return [(begin, begin + number)]
+    low = number // 2 - number // 2 % 8
+    return _leaves(begin, low) + _leaves(begin + low, number - low)
 
 
 class OnDemand:
     """An array that is computed when it is asked for."""
 
-    def __init__(self, length: int, of: Callable[[np.ndarray], np.ndarray]) -> None:
+    def __init__(
+        self, length: int, of: Callable[[np.ndarray], np.ndarray],
+        run: Callable[[int, int], np.ndarray] | None = None,
+    ) -> None:  # fmt: skip
         """Compute nothing yet.
 
         Args:
             length: Number of entries.
             of: Entries at some indices, as an array.
+            run: Entries from a first index to one before a last, if there is a faster way than by `of`.
         """
         self._length, self.of = length, of
+        self.run = run or (lambda begin, end: of(np.arange(begin, end)))
         self._whole: weakref.ref[np.ndarray] | None = None
 
     def __len__(self) -> int:
@@ -40,6 +97,18 @@ class OnDemand:
             found[begin : begin + CHUNK] = self.of(indices[begin : begin + CHUNK])
         return found
 
+    def span(self, first: int, last: int) -> np.ndarray:
+        """Entries first to last - 1."""
+        few = self.of(np.arange(0))
+        found = np.empty((last - first, *few.shape[1:]), few.dtype)
+
+        def fill(begin: int) -> None:
+            end = min(begin + CHUNK, last)
+            found[begin - first : end - first] = self.run(begin, end)
+
+        for_each_chunk(first, last, fill)
+        return found
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         """All entries, for functions of NumPy."""
         return np.array(self.whole(), dtype=dtype, copy=copy)
@@ -48,11 +117,7 @@ class OnDemand:
         """All entries, the same array as long as anyone holds it."""
         found = None if self._whole is None else self._whole()
         if found is None:
-            few = self.of(np.arange(0))
-            found = np.empty((self._length, *few.shape[1:]), few.dtype)
-            for begin in range(0, self._length, CHUNK):
-                end = min(begin + CHUNK, self._length)
-                found[begin:end] = self.of(np.arange(begin, end))
+            found = self.span(0, self._length)
             key = id(found)
             self._whole = weakref.ref(found, lambda _: _origins.pop(key, None))
             _origins[key] = self
@@ -61,6 +126,10 @@ class OnDemand:
     def remaining(self, numbers: np.ndarray | None) -> np.ndarray:
         """Those of some numbers, rising, that may still be there; None: all that are."""
         return np.arange(self._length) if numbers is None else numbers
+
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
+        return np.zeros(0, np.int64)
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""
@@ -92,6 +161,10 @@ class Without(OnDemand):
         """Those of some numbers, rising, that may still be there; None: all that are."""
         return np.setdiff1d(self.source.remaining(numbers), self.gone, assume_unique=True)
 
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
+        return self.gone
+
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""
         return self.source[numbers]
@@ -112,6 +185,10 @@ class InMemory:
         # An array does not know which entries were left out before.
         return np.arange(len(self._array))
 
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
+        return None
+
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""
         return np.asarray(self._array[numbers])
@@ -129,6 +206,9 @@ class Entries(Protocol):
 
     def remaining(self, numbers: np.ndarray | None) -> np.ndarray:
         """Those of some numbers, rising, that may still be there; None: all that are."""
+
+    def left_out(self) -> np.ndarray | None:
+        """Numbers of the entries that were left out, rising; None: unknown."""
 
     def at(self, numbers: np.ndarray) -> np.ndarray:
         """Entries of some numbers."""

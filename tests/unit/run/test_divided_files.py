@@ -1,5 +1,6 @@
 """Frames and restart files of which every process writes what it owns: the same bits, on any number of processes."""
 
+import itertools
 import json
 import os
 from pathlib import Path
@@ -15,7 +16,7 @@ from warp_pd.run import files, restart
 
 pytest.importorskip("torch.distributed")
 
-# Runs a scene up to some of its frames: FOLDER FRAMES [resume].
+# Runs a scene up to some of its frames: FOLDER FRAMES STRIDE [resume].
 SCRIPT = """
 import sys
 from dataclasses import replace
@@ -30,7 +31,9 @@ def begun(frames):
     return made
 
 if __name__ == "__main__":
-    begun(int(sys.argv[2])).run(device="cpu", out=sys.argv[1], usd=False, resume=len(sys.argv) > 3)
+    folder, frames, stride, *resumed = sys.argv[1:]
+    made = begun(int(frames))
+    made.run(device="cpu", out=folder, usd=False, stride=int(stride), resume=bool(resumed))
 """
 
 
@@ -82,7 +85,7 @@ def state_of(folder):
 def test_frames_and_restart_files_of_a_run_on_2_then_3_then_4_processes_have_the_bits_of_one(script, alone, tmp_path):
     folder = tmp_path / "out"
     for processes, frames in ((2, 1), (3, 2), (4, 4)):
-        done = started(processes, script, folder, frames, *(["resume"] if frames > 1 else []))
+        done = started(processes, script, folder, frames, 1, *(["resume"] if frames > 1 else []))
         assert done.returncode == 0, done.stderr
     # Every run wrote its own files; those of earlier restarts are gone.
     names = sorted(path.name for path in (folder / "parts").iterdir())
@@ -105,7 +108,7 @@ def test_frames_and_restart_files_of_a_run_on_2_then_3_then_4_processes_have_the
 
 def test_one_process_goes_on_where_several_stopped(script, alone, tmp_path, monkeypatch):
     folder = tmp_path / "out"
-    done = started(2, script, folder, 2)
+    done = started(2, script, folder, 2, 1)
     assert done.returncode == 0, done.stderr
     monkeypatch.setattr(files, "GATHERED", 0)
     made = scene("torn", frames=4)
@@ -122,7 +125,7 @@ def test_one_process_goes_on_where_several_stopped(script, alone, tmp_path, monk
 
 def test_a_frame_that_not_all_processes_wrote_is_not_seen(script, alone, tmp_path):
     folder = tmp_path / "out"
-    assert started(2, script, folder, 2).returncode == 0
+    assert started(2, script, folder, 2, 1).returncode == 0
     # As if the processes had been killed while the second of them wrote a frame.
     with h5py.File(folder / "parts" / "frames.0.1.vtkhdf", "r+") as part:
         steps = part["VTKHDF/Steps"]
@@ -130,3 +133,42 @@ def test_a_frame_that_not_all_processes_wrote_is_not_seen(script, alone, tmp_pat
         steps.attrs.modify("NSteps", 2)
     with pytest.raises(InputError, match="less than 3 frames"):
         Frames(folder)
+
+
+def test_frames_of_every_fifth_column_and_row(script, alone, tmp_path):
+    folder = tmp_path / "out"
+    done = started(2, script, folder, 2, 5)
+    assert done.returncode == 0, done.stderr
+    resumed = [scene("torn", frames=4).run(device="cpu", out=folder, usd=False, resume=True, stride=5)]
+    found, whole = Frames(folder), Frames(alone)
+    places = np.append(np.arange(0, 33, 5), 32)
+    kept = (33 * places[:, None] + places).ravel()
+    assert found.points == len(kept) and len(found) == 5 and resumed[0].frame.displacement.shape == (len(kept), 3)
+    for some, every in zip(found, whole, strict=True):
+        np.testing.assert_array_equal(some.positions, every.positions[kept])
+        for name in whole.fields:
+            np.testing.assert_array_equal(some[name], every[name][kept], err_msg=name)
+        require_torn_where_the_sheet_is(some.triangles, every.triangles, places)
+    assert len(found[-1].triangles) < len(found[0].triangles) < 2 * (len(places) - 1) ** 2
+    # Measures see all points.
+    assert (folder / "history.csv").read_text() == (alone / "history.csv").read_text()
+    with pytest.raises(InputError, match="stride = 4: expected 5"):
+        scene("torn", frames=4).run(device="cpu", out=folder, usd=False, resume=True, stride=4)
+
+
+def require_torn_where_the_sheet_is(coarse, fine, places):
+    """Cells of the coarser lattice have both triangles where all triangles of the sheet in them are intact, or none."""
+    intact = np.zeros((32, 32), int)
+    row, column = np.divmod(fine, 33)
+    np.add.at(intact, (row.min(axis=1), column.min(axis=1)), 1)
+    there = np.zeros((len(places) - 1,) * 2, int)
+    row, column = np.divmod(coarse, len(places))
+    np.add.at(there, (row.min(axis=1), column.min(axis=1)), 1)
+    for k, (low, high) in enumerate(itertools.pairwise(places)):
+        for j, (left, right) in enumerate(itertools.pairwise(places)):
+            assert there[k, j] == (2 if (intact[low:high, left:right] == 2).all() else 0)
+
+
+def test_a_cloud_has_whole_frames():
+    with pytest.raises(InputError, match="stride = 2: expected 1 for a sheet that is not a lattice"):
+        scene("cloud").run(device="cpu", stride=2)

@@ -25,7 +25,7 @@ def test_explanations_name_arguments_that_exist():
         assert set(explained) <= set(inspect.signature(build).parameters), name
 
 
-@pytest.mark.parametrize("command", ["run", "plan", "sweep"])
+@pytest.mark.parametrize("command", ["run", "plan", "sweep", "fit"])
 @pytest.mark.parametrize(
     "arguments", [("notched_strip", "--help"), ("--help", "notched_strip"), ("--points", "9", "notched_strip", "-h")]
 )
@@ -50,7 +50,7 @@ def test_help_on_a_scene_of_ones_own(tmp_path):
     file.write_text(
         '"""A sheet of mine."""\n'
         "def build(points=9, *, width, speed: 'float | None' = None, mass=2.0):\n"
-        '    """Build it.\n    Args:\n        width: How wide\n            it is [m].\n    Returns:\n        mass: no.\n'
+        '    """Build.\n    Args:\n        width: How wide\n            it is [m].\n    Returns:\n        mass: no.\n'
         '    """\n'
     )
     words = " ".join(cli("run", file, "--help").output.split())
