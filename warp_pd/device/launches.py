@@ -112,6 +112,7 @@ class Launch:
         alone: Whether a pointwise stage joins no other launch.
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
         span: How blocks share points, where its threads do not stand for points.
+        only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
     """
 
     name: str
@@ -128,6 +129,7 @@ class Launch:
     alone: bool = False
     beside: bool = False
     span: Span | None = None
+    only_if: Array | None = None
 
     @property
     def points(self) -> tuple[int, int]:
@@ -237,6 +239,7 @@ class Stage:
         block_dim: int | None = None,
         side_stream: bool = False,
         span: Span | None = None,
+        only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -248,16 +251,25 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, span=span,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
         )  # fmt: skip
         self.items.append(made)
 
     def pointwise(
-        self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, alone: bool = False, **arguments: Any
+        self,
+        owner: str,
+        part: Pointwise,
+        threads: int,
+        *,
+        begin: int = 0,
+        alone: bool = False,
+        only_if: Array | None = None,
+        **arguments: Any,
     ) -> None:
         """Add a pointwise stage; it joins the previous launch if that is pointwise on the same points and shareable.
 
-        A stage with `alone` joins none: it is for work at few points that needs many registers.
+        A stage with `alone` joins none: it is for work at few points that needs many registers. Nor does one with
+        `only_if` on a CPU, which can then leave it out.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -268,9 +280,10 @@ class Stage:
             if value is not None:
                 setattr(values, name, value)
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
+        alone = alone or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone,
+            begin, self.module, run, alone=alone, only_if=only_if,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]

@@ -76,7 +76,20 @@ def add_files(
     recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
     held: frozenset[str] | None, append_from: int | None, begun: list[Segment] | None,
 ) -> None:  # fmt: skip
-    """Let the recorder write frames, history and restart files; all processes call it."""
+    """Let the recorder write frames, history and restart files; all processes call it.
+
+    Args:
+        recorder: Of the run.
+        folder: Of its files; None writes none.
+        known: What its restart files belong to.
+        chosen: Which files are wanted.
+        held: Names of the fields that frames.vtkhdf holds; None for all.
+        append_from: Number of the first frame that a run which goes on writes; None for a new one.
+        begun: Files of the processes that wrote its earlier frames.
+
+    Raises:
+        InputError: for writers of frames that no process holds whole.
+    """
     crew, shown = recorder.built.context.crew, recorder.pictured
     if shown.divided and crew.any(bool(recorder.writers)):
         raise InputError(f"writers: expected none for more than {GATHERED} points on several processes, or a stride")
