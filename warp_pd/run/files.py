@@ -118,7 +118,7 @@ def _add_gathered(
         return
     scene = recorder.built.simulation
     equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
-    room = partial(_require_room, folder, _room_of_a_frame(recorder.built))
+    room = partial(_require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
     _require_same_stride(recorder.pictured, folder / FRAMES, append_from)
     writers = file_writers(
@@ -225,11 +225,11 @@ def _series(
     return JoinedSeries(path, made, [*kept, segment], crew.leads, crew.together)
 
 
-def _room_of_a_frame(built: Built) -> int:
-    """Room for two frames, restart files and the small files [bytes]."""
-    context = built.context
-    frame = BYTES_OF_POINT * context.whole.size + 12 * len(context.whole.stored("triangles"))
-    return int(2 * frame + 2 * _restart_bytes(built) + SMALL_FILES)
+def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
+    """Room for two frames of the points that they hold, restart files and the small files [bytes]."""
+    surface = recorder.pictured.surface
+    frame = BYTES_OF_POINT * len(surface.points) + 12 * len(surface.faces)
+    return int(2 * frame + (2 * _restart_bytes(recorder.built) if restarts else 0) + SMALL_FILES)
 
 
 def _restart_bytes(built: Built) -> int:
