@@ -11,10 +11,14 @@ import warp as wp
 from ..device.fields import Array
 from ..interfaces import System
 from ..kernels.integrate import RIGID
-from ..kernels.stable_step import power_iteration
+from ..kernels.stable_step import power_iteration, sums_of_groups
 from ..shapes.on_demand import CHUNK, for_each_chunk
 
 BLOCK = 256
+# Blocks up to which one thread sums all of them up: 4.2 million points.
+MANY_BLOCKS = 2**14
+# Blocks that a thread sums up then.
+GROUP = 256
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the
 # force, far below what would change the tangent.
 TRIAL_STRAIN = 2e-3
@@ -72,6 +76,14 @@ class StableStep:
             stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach, block=BLOCK
         )
         everything = context.all_blocks(stage, sums, "sums_of_all", OWNER)
+        blocks = everything.shape[1]
+        if blocks > MANY_BLOCKS:
+            # One thread would take longer over them than the launches of the force.
+            groups = -(-blocks // GROUP)
+            shorter = context.array("sums_of_groups", OWNER, wp.float64, shape=(4, groups), per="table")
+            kernel = sums_of_groups(context.module)
+            stage.launch(OWNER, kernel, groups, sums=everything, group=GROUP, shorter=shorter)
+            everything = shorter
         stage.launch(
             OWNER, kernels.summarise, 1, sums=everything, scale=scale, momentum=momentum,
             squared_frequency=self._squared,
