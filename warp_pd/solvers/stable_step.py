@@ -13,10 +13,14 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.integrate import RIGID
-from ..kernels.stable_step import power_iteration
+from ..kernels.stable_step import power_iteration, sums_of_groups
 from ..shapes.on_demand import CHUNK, for_each_chunk
 
 BLOCK = 256
+# Blocks up to which one thread sums all of them up: 4.2 million points.
+MANY_BLOCKS = 2**14
+# Blocks that a thread sums up then.
+GROUP = 256
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the
 # force, far below what would change the tangent.
 TRIAL_STRAIN = 2e-3
@@ -106,7 +110,7 @@ class StableStep:
             stage, OWNER, kernels.respond, arrays, {"sums": buffers.sums}, ["response"], reach=buffers.reach,
             block=BLOCK,
         )  # fmt: skip
-        everything = context.all_blocks(stage, buffers.sums, "sums_of_all", OWNER)
+        everything = self._in_groups(stage, context.all_blocks(stage, buffers.sums, "sums_of_all", OWNER))
         stage.launch(
             OWNER, kernels.summarise, 1, sums=everything, scale=buffers.scale, momentum=buffers.momentum,
             squared_frequency=self._squared,
@@ -115,6 +119,15 @@ class StableStep:
             OWNER, kernels.renew, n, response=buffers.response, scale=buffers.scale, momentum=buffers.momentum,
             earlier=self._earlier, direction=direction,
         )  # fmt: skip
+
+    def _in_groups(self, stage: Stage, sums: Array) -> Array:
+        """Sums of groups of blocks, where one thread would take longer over all than the launches of the force."""
+        if sums.shape[1] <= MANY_BLOCKS:
+            return sums
+        groups = -(-sums.shape[1] // GROUP)
+        shorter = self.context.array("sums_of_groups", OWNER, wp.float64, shape=(4, groups), per="table")
+        stage.launch(OWNER, sums_of_groups(self.context.module), groups, sums=sums, group=GROUP, shorter=shorter)
+        return shorter
 
     def _with_noise(self, share: float, old: np.ndarray | None) -> np.ndarray:
         """A share of noise, with something added to it, of the points here, shape (n, 3); zero where they are held."""
