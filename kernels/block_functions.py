@@ -15,6 +15,25 @@ from .numeric import numeric
 from .rupture import Breaking
 
 
+_ADD_PRODUCTS = """
+    if (here) {
+        for (int a = 0; a < 3; ++a) {
+            sums[a] += w[3] * w[a];
+            sums[3 + a] += y * w[a];
+        }
+    }
+    return sums;
+"""
+
+_ADD_PARTS = """
+    if (here) {
+        for (int a = 0; a < 4; ++a) sums[a] += part[a];
+        for (int a = 0; a < 2; ++a) sums[4 + a] += rest[a];
+    }
+    return sums;
+"""
+
+
 @dataclass(frozen=True)
 class BlockFunctions:
     """Warp functions of one configuration.
@@ -35,6 +54,9 @@ class BlockFunctions:
     arrive: wp.Function
     missing_shapes: wp.Function
     answer: wp.Function
+    vec6: Any
+    add_products: wp.Function
+    add_parts: wp.Function
 
 
 @functools.cache
@@ -180,14 +202,16 @@ def block_functions(
         rises: vec2,
         G1: vec3,
         G2: vec3,
+        guess: real,
     ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family.
+        """A_ik of a bond, its weight and what the next stress may start from, from the sums over D_ik.
 
-        If `by_missing`, `shape` is of the members that are missing.
+        `shape`, `size` and `rises` are of a damaged family; if `by_missing`, `shape` is of the members that are missing.
         """
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
+        next_guess = guess
         if intact_here:
             tilt = f.tilt(family, i, k)
             if wp.static(damaged):
@@ -206,11 +230,26 @@ def block_functions(
                 H2 = G1 * inverse[1] + G2 * inverse[2]
                 if wp.static(curved):
                     H1, H2 = level(H1, H2, tilt)
-                S, _guess = stress_near(green(H1, H2, tilt), constants, real(0.0))
+                S, found = stress_near(green(H1, H2, tilt), constants, guess)
+                next_guess = found
                 weight = table_weight
                 if wp.static(damaged and not by_missing):
                     weight = area_weight(family, i, k, undamaged, size)
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-        return A1, A2, weight
+        return A1, A2, weight, next_guess
 
-    return BlockFunctions(Words, Constants, by_missing, arrive, missing_shapes, answer)
+    vec6 = wp.types.vector(length=6, dtype=real)
+
+    @wp.func_native(_ADD_PRODUCTS)
+    def add_products(sums: vec6, here: wp.uint32, w: vec4, y: real) -> vec6:
+        """The sums of c_k X_k1 U_k and c_k X_k2 U_k, with one more member if it is in the intersection."""
+        ...
+
+    @wp.func_native(_ADD_PARTS)
+    def add_parts(sums: vec6, here: wp.uint32, part: vec4, rest: vec2) -> vec6:
+        """The sums of the columns of A, with those of one more bond if it is in the intersection."""
+        ...
+
+    return BlockFunctions(
+        Words, Constants, by_missing, arrive, missing_shapes, answer, vec6, add_products, add_parts
+    )

@@ -91,6 +91,7 @@ def block_force(
     Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
     arrive, answer = functions.arrive, functions.answer
     missing_shapes = functions.missing_shapes
+    vec6, add_products, add_parts = functions.vec6, functions.add_products, functions.add_parts
     breaks = breaking is not None
     gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
 
@@ -189,24 +190,22 @@ def block_force(
                     for word in range(wp.static(words)):
                         common[word] = common[word] & ~gone[word]
                         far_common[word] = far_common[word] & ~gone[word]
-            G1 = vec3(real(0.0), real(0.0), real(0.0))
-            G2 = vec3(real(0.0), real(0.0), real(0.0))
-            far_G1 = vec3(real(0.0), real(0.0), real(0.0))
-            far_G2 = vec3(real(0.0), real(0.0), real(0.0))
+            near_sums = vec6()
+            far_sums = vec6()
             for other in range(wp.static(n)):
-                bit = wp.static(wp.uint32(1 << (other % word_size)))
                 if wp.static(other < half):
                     w = stretches[wp.static(other * together) + slot]
                     y = arms[wp.static(other * together) + slot][0]
                 else:
                     w = far_stretches[wp.static((other - half) * together) + slot]
                     y = far_arms[wp.static((other - half) * together) + slot][0]
-                on = (common[wp.static(other // word_size)] & bit) != wp.uint32(0)
-                G1 += wp.where(on, w[3], real(0.0)) * vec3(w[0], w[1], w[2])
-                G2 += wp.where(on, y, real(0.0)) * vec3(w[0], w[1], w[2])
-                on = (far_common[wp.static(other // word_size)] & bit) != wp.uint32(0)
-                far_G1 += wp.where(on, w[3], real(0.0)) * vec3(w[0], w[1], w[2])
-                far_G2 += wp.where(on, y, real(0.0)) * vec3(w[0], w[1], w[2])
+                bit = wp.static(wp.uint32(1 << (other % word_size)))
+                near_sums = add_products(near_sums, common[wp.static(other // word_size)] & bit, w, y)
+                far_sums = add_products(far_sums, far_common[wp.static(other // word_size)] & bit, w, y)
+            G1 = vec3(near_sums[0], near_sums[1], near_sums[2])
+            G2 = vec3(near_sums[3], near_sums[4], near_sums[5])
+            far_G1 = vec3(far_sums[0], far_sums[1], far_sums[2])
+            far_G2 = vec3(far_sums[3], far_sums[4], far_sums[5])
             shape = vec3(real(0.0), real(0.0), real(0.0))
             far_shape = vec3(real(0.0), real(0.0), real(0.0))
             size = real(0.0)
@@ -249,12 +248,13 @@ def block_force(
                                     far_shape += part
                                     far_size += area
                                     far_rises += moment
-            A1, A2, weight = answer(
-                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, size, rises, G1, G2
-            )
-            far_A1, far_A2, far_weight = answer(
+            A1, A2, weight, guess = answer(
+                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, size, rises, G1, G2,
+                real(0.0),
+            )  # fmt: skip
+            far_A1, far_A2, far_weight, _guess = answer(
                 family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape, far_size,
-                far_rises, far_G1, far_G2,
+                far_rises, far_G1, far_G2, guess,
             )  # fmt: skip
             firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
             far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
@@ -267,26 +267,22 @@ def block_force(
                 for other in range(half):
                     total += weights[other * together + slot]
                 scale = unit_force * family_scale(family, i, undamaged, total)
-            T1 = vec3(real(0.0), real(0.0), real(0.0))
-            T2 = vec3(real(0.0), real(0.0), real(0.0))
-            far_T1 = vec3(real(0.0), real(0.0), real(0.0))
-            far_T2 = vec3(real(0.0), real(0.0), real(0.0))
+            near_sums = vec6()
+            far_sums = vec6()
             for other in range(wp.static(n)):
-                bit = wp.static(wp.uint32(1 << (other % word_size)))
                 if wp.static(other < half):
                     a = firsts[wp.static(other * together) + slot]
                     b = seconds[wp.static(other * together) + slot]
                 else:
                     a = far_firsts[wp.static((other - half) * together) + slot]
                     b = far_seconds[wp.static((other - half) * together) + slot]
-                share = wp.where((common[wp.static(other // word_size)] & bit) != wp.uint32(0), real(1.0), real(0.0))
-                T1 += share * vec3(a[0], a[1], a[2])
-                T2 += share * vec3(a[3], b[0], b[1])
-                share = wp.where(
-                    (far_common[wp.static(other // word_size)] & bit) != wp.uint32(0), real(1.0), real(0.0)
-                )
-                far_T1 += share * vec3(a[0], a[1], a[2])
-                far_T2 += share * vec3(a[3], b[0], b[1])
+                bit = wp.static(wp.uint32(1 << (other % word_size)))
+                near_sums = add_parts(near_sums, common[wp.static(other // word_size)] & bit, a, b)
+                far_sums = add_parts(far_sums, far_common[wp.static(other // word_size)] & bit, a, b)
+            T1 = vec3(near_sums[0], near_sums[1], near_sums[2])
+            T2 = vec3(near_sums[3], near_sums[4], near_sums[5])
+            far_T1 = vec3(far_sums[0], far_sums[1], far_sums[2])
+            far_T2 = vec3(far_sums[3], far_sums[4], far_sums[5])
             pull = f.from_frame(family, i, scale * (u[3] * T1 + m[0] * T2))
             far_pull = f.from_frame(family, i, scale * (far_u[3] * far_T1 + far_m[0] * far_T2))
             pulls = wp.tile(pull + far_pull, preserve_type=True)
