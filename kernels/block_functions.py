@@ -14,12 +14,11 @@ from .kinematics import kinematics
 from .numeric import numeric
 from .rupture import Breaking
 
-
 _ADD_PRODUCTS = """
     if (here) {
         for (int a = 0; a < 3; ++a) {
             sums[a] += w[3] * w[a];
-            sums[3 + a] += y * w[a];
+            sums[3 + a] += y[0] * w[a];
         }
     }
     return sums;
@@ -30,6 +29,56 @@ _ADD_PARTS = """
         for (int a = 0; a < 4; ++a) sums[a] += part[a];
         for (int a = 0; a < 2; ++a) sums[4 + a] += rest[a];
     }
+    return sums;
+"""
+
+_ADD_PRODUCTS_AND_SHAPES = """
+    if (here) {
+        for (int a = 0; a < 3; ++a) {
+            sums[a] += w[3] * w[a];
+            sums[3 + a] += y[0] * w[a];
+        }
+        sums[6] += w[3] * y[1];
+        sums[7] += w[3] * y[2];
+        sums[8] += y[0] * y[2];
+    }
+"""
+
+_OPAQUE = """
+#if defined(__CUDA_ARCH__)
+    asm("" : "+r"(mask));
+#endif
+    return mask;
+"""
+
+
+@wp.func_native(_OPAQUE)
+def opaque(mask: wp.uint32) -> wp.uint32:
+    """The mask itself: a compiler that knows how it was found would find it anew for each bit."""
+    ...
+
+
+def _products_and_shapes(bits: int) -> str:
+    """Code of nine sums.
+
+    In float32 on a GPU it is PTX with predicates: a compiler would branch around so many sums, which takes longer than
+    to pass them by. %0 to %8 are the sums, %9 says whether, %10 to %16 are U, w[3] and y.
+    """
+    if bits == 64:
+        return f"{_ADD_PRODUCTS_AND_SHAPES}return sums;"
+    first, second = "%13", "%14"
+    factors = [*((first, f"%{10 + a}") for a in range(3)), *((second, f"%{10 + a}") for a in range(3))]
+    factors += [(first, "%15"), (first, "%16"), (second, "%16")]
+    lines = [f"@p fma.rn.f32 %{at}, {one}, {other}, %{at};" for at, (one, other) in enumerate(factors)]
+    text = " ".join(["{ .reg .pred p; setp.ne.u32 p, %9, 0;", *lines, "}"])
+    results = ", ".join(f'"+f"(sums[{at}])' for at in range(9))
+    read = ", ".join(f'"f"({value})' for value in ("w[0]", "w[1]", "w[2]", "w[3]", "y[0]", "y[1]", "y[2]"))
+    return f"""
+#if defined(__CUDA_ARCH__)
+    asm("{text}" : {results} : "r"(here), {read});
+#else
+    {_ADD_PRODUCTS_AND_SHAPES}
+#endif
     return sums;
 """
 
@@ -54,7 +103,9 @@ class BlockFunctions:
     arrive: wp.Function
     missing_shapes: wp.Function
     answer: wp.Function
+    summed: bool
     vec6: Any
+    Sums: Any
     add_products: wp.Function
     add_parts: wp.Function
 
@@ -68,6 +119,7 @@ def block_functions(
     breakable: str | None,
     breaking: Breaking | None,
     members: int,
+    listed: bool,
     module: str,
     fast_module: str,
 ) -> BlockFunctions:
@@ -83,10 +135,13 @@ def block_functions(
     area_weight, stress_near, stress_on_members = law.area_weight, near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
     by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
-    by_missing = not (redistribute or gradual or curved)
+    plain = not (redistribute or gradual or curved)
+    summed = plain and damaged and listed
+    by_missing = plain and not summed
     n, word_size, words = members, WORD, -(-members // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
+    Arm = vec4 if summed else vec2
     breaks = breaking is not None
     Constants: Any = breaking.criterion.struct if breaking else int
     exceeds = breaking.criterion.exceeds if breaking else None
@@ -141,7 +196,14 @@ def block_functions(
             together = f.common(family, i, member, wp.static(word)) & intact_members(family, intact, i, wp.static(word))
             common[word] = wp.where(intact_here, together, wp.uint32(0))
         exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
-        return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here, inverse, weight
+        arm = Arm()
+        arm[0] = moment[1]
+        if wp.static(summed):
+            arm[1] = moment[0] * moment[2]
+            arm[2] = moment[1] * moment[2]
+        else:
+            arm[1] = moment[2]
+        return intact_here, exchanged, arm, common, breaks_here, inverse, weight
 
     @wp.func(module=fast_module)
     def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
@@ -206,7 +268,7 @@ def block_functions(
     ):
         """A_ik of a bond, its weight and what the next stress may start from, from the sums over D_ik.
 
-        `shape`, `size` and `rises` are of a damaged family; if `by_missing`, `shape` is of the members that are missing.
+        `shape`, `size` and `rises` are of a damaged family; if `by_missing`, `shape` is of the members that it lost.
         """
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
@@ -240,8 +302,10 @@ def block_functions(
 
     vec6 = wp.types.vector(length=6, dtype=real)
 
-    @wp.func_native(_ADD_PRODUCTS)
-    def add_products(sums: vec6, here: wp.uint32, w: vec4, y: real) -> vec6:
+    Sums = wp.types.vector(length=9 if summed else 6, dtype=real)
+
+    @wp.func_native(_products_and_shapes(bits) if summed else _ADD_PRODUCTS)
+    def add_products(sums: Sums, here: wp.uint32, w: vec4, y: Arm) -> Sums:
         """The sums of c_k X_k1 U_k and c_k X_k2 U_k, with one more member if it is in the intersection."""
         ...
 
@@ -251,5 +315,5 @@ def block_functions(
         ...
 
     return BlockFunctions(
-        Words, Constants, by_missing, arrive, missing_shapes, answer, vec6, add_products, add_parts
+        Words, Constants, by_missing, arrive, missing_shapes, answer, summed, vec6, Sums, add_products, add_parts
     )

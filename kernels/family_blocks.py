@@ -18,7 +18,7 @@ import functools
 import warp as wp
 
 from .bits import bit_in_word
-from .block_functions import block_functions
+from .block_functions import block_functions, opaque
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
@@ -87,11 +87,12 @@ def block_force(
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
-    functions = block_functions(layout, bits, material, near, breakable, breaking, members, module, fast_module)
+    functions = block_functions(layout, bits, material, near, breakable, breaking, members, listed, module, fast_module)
     Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
     arrive, answer = functions.arrive, functions.answer
     missing_shapes = functions.missing_shapes
-    vec6, add_products, add_parts = functions.vec6, functions.add_products, functions.add_parts
+    vec6, Sums, add_products, add_parts = functions.vec6, functions.Sums, functions.add_products, functions.add_parts
+    summed = functions.summed
     breaks = breaking is not None
     gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
 
@@ -185,20 +186,22 @@ def block_force(
                     for word in range(wp.static(words)):
                         gone[word] = gone[word] | lost_bits[word]
                         any_gone = any_gone | lost_bits[word]
-                if any_gone != wp.uint32(0):
-                    undamaged = False
-                    for word in range(wp.static(words)):
-                        common[word] = common[word] & ~gone[word]
-                        far_common[word] = far_common[word] & ~gone[word]
-            near_sums = vec6()
-            far_sums = vec6()
+                undamaged = undamaged and any_gone == wp.uint32(0)
+                for word in range(wp.static(words)):
+                    common[word] = common[word] & ~gone[word]
+                    far_common[word] = far_common[word] & ~gone[word]
+            for word in range(wp.static(words)):
+                common[word] = opaque(common[word])
+                far_common[word] = opaque(far_common[word])
+            near_sums = Sums()
+            far_sums = Sums()
             for other in range(wp.static(n)):
                 if wp.static(other < half):
                     w = stretches[wp.static(other * together) + slot]
-                    y = arms[wp.static(other * together) + slot][0]
+                    y = arms[wp.static(other * together) + slot]
                 else:
                     w = far_stretches[wp.static((other - half) * together) + slot]
-                    y = far_arms[wp.static((other - half) * together) + slot][0]
+                    y = far_arms[wp.static((other - half) * together) + slot]
                 bit = wp.static(wp.uint32(1 << (other % word_size)))
                 near_sums = add_products(near_sums, common[wp.static(other // word_size)] & bit, w, y)
                 far_sums = add_products(far_sums, far_common[wp.static(other // word_size)] & bit, w, y)
@@ -212,7 +215,10 @@ def block_force(
             far_size = real(0.0)
             rises = vec2(real(0.0), real(0.0))
             far_rises = vec2(real(0.0), real(0.0))
-            if wp.static(damaged):
+            if wp.static(summed):
+                shape = vec3(near_sums[6], near_sums[7], near_sums[8])
+                far_shape = vec3(far_sums[6], far_sums[7], far_sums[8])
+            elif wp.static(damaged):
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
                     if wp.static(by_missing):
@@ -267,8 +273,8 @@ def block_force(
                 for other in range(half):
                     total += weights[other * together + slot]
                 scale = unit_force * family_scale(family, i, undamaged, total)
-            near_sums = vec6()
-            far_sums = vec6()
+            near_parts = vec6()
+            far_parts = vec6()
             for other in range(wp.static(n)):
                 if wp.static(other < half):
                     a = firsts[wp.static(other * together) + slot]
@@ -277,12 +283,12 @@ def block_force(
                     a = far_firsts[wp.static((other - half) * together) + slot]
                     b = far_seconds[wp.static((other - half) * together) + slot]
                 bit = wp.static(wp.uint32(1 << (other % word_size)))
-                near_sums = add_parts(near_sums, common[wp.static(other // word_size)] & bit, a, b)
-                far_sums = add_parts(far_sums, far_common[wp.static(other // word_size)] & bit, a, b)
-            T1 = vec3(near_sums[0], near_sums[1], near_sums[2])
-            T2 = vec3(near_sums[3], near_sums[4], near_sums[5])
-            far_T1 = vec3(far_sums[0], far_sums[1], far_sums[2])
-            far_T2 = vec3(far_sums[3], far_sums[4], far_sums[5])
+                near_parts = add_parts(near_parts, common[wp.static(other // word_size)] & bit, a, b)
+                far_parts = add_parts(far_parts, far_common[wp.static(other // word_size)] & bit, a, b)
+            T1 = vec3(near_parts[0], near_parts[1], near_parts[2])
+            T2 = vec3(near_parts[3], near_parts[4], near_parts[5])
+            far_T1 = vec3(far_parts[0], far_parts[1], far_parts[2])
+            far_T2 = vec3(far_parts[3], far_parts[4], far_parts[5])
             pull = f.from_frame(family, i, scale * (u[3] * T1 + m[0] * T2))
             far_pull = f.from_frame(family, i, scale * (far_u[3] * far_T1 + far_m[0] * far_T2))
             pulls = wp.tile(pull + far_pull, preserve_type=True)
