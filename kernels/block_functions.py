@@ -9,7 +9,7 @@ import warp as wp
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
+from .families import WORD, family_functions, has_shares, is_compact, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
 from .rupture import Breaking
@@ -132,11 +132,13 @@ def block_functions(
     intact_members, is_intact = law.intact_members, law.is_intact
     green, damaged_inverse = law.green, law.damaged_inverse
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
+    inverse_shape = kinematics(bits).inverse_shape
     area_weight, stress_near, stress_on_members = law.area_weight, near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
     by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
     plain = not (redistribute or gradual or curved)
-    summed = plain and damaged and listed
+    compact = is_compact(layout)
+    summed = compact or (plain and damaged and listed)
     by_missing = plain and not summed
     n, word_size, words = members, WORD, -(-members // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
@@ -173,9 +175,22 @@ def block_functions(
         if wp.static(by_row):
             row = family.family_class[i]
         m = wp.clamp(f.neighbour(family, i, member), 0, displacement.shape[0] - 1)
-        moment = moments[member, row]
+        X = vec2(real(0.0), real(0.0))
+        if wp.static(compact):
+            X = f.bond(family, i, member)
+            c = f.influence(family, i, member) * f.area(family, m)
+            moment = vec3(c * X[0], c * X[1], real(0.0))
+        else:
+            moment = moments[member, row]
+            if wp.static(summed):
+                X = moment[2] * vec2(moment[0], moment[1])
         stretch = f.to_frame(family, i, inverse_horizon * (displacement[m] - displacement[i]))
-        inverse = f.shape(family, i, member)
+        inverse = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(not compact):
+            inverse = f.shape(family, i, member)
+        elif wp.static(damaged):
+            # Only its determinant is needed, and any tensor that has it will do.
+            inverse = vec3(family.determinants[member, i], real(0.0), real(1.0))
         weight = f.weight(family, i, member)
         intact_here = here and k < wp.static(n) and is_intact(family, intact, i, member)
         breaks_here = bool(False)
@@ -199,8 +214,8 @@ def block_functions(
         arm = Arm()
         arm[0] = moment[1]
         if wp.static(summed):
-            arm[1] = moment[0] * moment[2]
-            arm[2] = moment[1] * moment[2]
+            arm[1] = X[0]
+            arm[2] = X[1]
         else:
             arm[1] = moment[2]
         return intact_here, exchanged, arm, common, breaks_here, inverse, weight
@@ -276,12 +291,15 @@ def block_functions(
         next_guess = guess
         if intact_here:
             tilt = f.tilt(family, i, k)
+            undamaged_inverse = inverse
+            if wp.static(compact):
+                inverse = inverse_shape(shape)
             if wp.static(damaged):
                 if not undamaged:
                     if wp.static(by_missing):
-                        inverse = without_missing(shape, inverse)
+                        inverse = without_missing(shape, undamaged_inverse)
                     else:
-                        inverse, size = damaged_inverse(shape, inverse, size)
+                        inverse, size = damaged_inverse(shape, undamaged_inverse, size)
                     if wp.static(curved):
                         slope = vec2(
                             inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import warp as wp
@@ -20,19 +20,25 @@ import warp as wp
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Span, Stage
-from ..interfaces import BondBreaking
+from ..interfaces import BondBreaking, Law
 from ..kernels.factories import FunctionFactory
-from ..kernels.families import WORD
+from ..kernels.families import WORD, is_compact
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
 from ..materials import capabilities
+from ..sheet import Sheet
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
+if TYPE_CHECKING:
+    from .bond_associated import BondAssociated
+
 # Largest family whose bonds share a thread block, and largest that a CPU sums by rows; larger ones compile slowly.
 MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
+# Largest horizon [spacings] with so few members also on an irregular cloud.
+MAX_COMPACT = 4.0
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
@@ -40,6 +46,8 @@ UNDAMAGED_BLOCK = 64
 MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
 # Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
 RING = 2**20
+# The same of a cloud, which has no such families.
+CLOUD_RING = 2**17
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -83,6 +91,20 @@ def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray
     small = force.context.whole.size * members <= MAX_SHARED
     stencil = undamaged_stencil(force.families, inverse, weights) if known.isotropic and not small else None
     return FastPath(force, known.near, stencil)
+
+
+def has_blocks(law: BondAssociated) -> bool:
+    """Whether families of a law, on a cloud of its horizon, share blocks of threads that find shape tensors."""
+    near = capabilities(law.material).near
+    able = law.fast and law.weights != "published" and law.broken == "drop" and near is not None
+    return able and law.horizon <= MAX_COMPACT
+
+
+def compact_tables(law: Law, sheet: Sheet, device: wp.Device) -> str:
+    """Name of the influence function if the families are those of kernels/compact_clouds.py, or empty."""
+    if not law.compact or sheet.layout != "cloud" or sheet.frames is not None or not shares_memory(device):
+        return ""
+    return law.compact if sheet.spacings is None else "table"
 
 
 def shares_memory(device: wp.Device) -> bool:
@@ -152,11 +174,14 @@ class FastPath:
         if self.listed:
             self.others = w.array("other_points", force.owner, wp.int32, shape=force.points, per="table")
             self.other_count = w.array("other_count", force.owner, wp.int32, shape=1, per="once")
-        self.strips = self._strips() if self.listed else []
-        self.moments = self._moments()
+        self.compact = is_compact(w.layout)
+        # The families of a cloud are all alike to their kernel: its strips may be short, and then stay in the cache.
+        self.ring = CLOUD_RING if self.compact else RING
+        self.strips = self._strips() if self.listed or (self.compact and w.share is None) else []
+        self.moments = None if self.compact else self._moments()
         members = force.families.members
         if len(self.strips) > 1:
-            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, RING), per="bond")
+            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, self.ring), per="bond")
         else:
             self.bond_force = force.pairs
 
@@ -187,9 +212,9 @@ class FastPath:
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete after it."""
         points, here = self.force.points, self.whole_families
-        reach = self.force.families.index_reach() if points > 2 * RING else 0
-        size = RING - 2 * reach
-        if points <= 2 * RING or size < RING // 2:
+        reach = self.force.families.index_reach() if points > 2 * self.ring else 0
+        size = self.ring - 2 * reach
+        if points <= 2 * self.ring or size < self.ring // 2:
             return [Strip(here.start, here.stop, 0, points)]
         strips: list[Strip] = []
         for begin in range(here.start, here.stop, size):
