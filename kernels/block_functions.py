@@ -52,6 +52,25 @@ _OPAQUE = """
 """
 
 
+@wp.func_native("WP_TILE_SYNC();")
+def synchronize():
+    """Wait for all threads of the block: what they put into tiles can then be read."""
+    ...
+
+
+@functools.cache
+def putting(kind: Any) -> wp.Function:
+    """Function (tile, index, value of a type) that writes an element of a shared tile, and does not wait for others.
+
+    `wp.tile` makes tiles of what the threads have, with two barriers for each; here one serves all of them.
+    """
+
+    @wp.func_native("tile.data(wp::tile_coord(index)) = value;")
+    def put(tile: Any, index: int, value: kind): ...
+
+    return put
+
+
 @wp.func_native(_OPAQUE)
 def opaque(mask: wp.uint32) -> wp.uint32:
     """The mask itself: a compiler that knows how it was found would find it anew for each bit."""
@@ -104,6 +123,7 @@ class BlockFunctions:
     missing_shapes: wp.Function
     answer: wp.Function
     summed: bool
+    Arm: Any
     vec6: Any
     Sums: Any
     add_products: wp.Function
@@ -333,5 +353,5 @@ def block_functions(
         ...
 
     return BlockFunctions(
-        Words, Constants, by_missing, arrive, missing_shapes, answer, summed, vec6, Sums, add_products, add_parts
+        Words, Constants, by_missing, arrive, missing_shapes, answer, summed, Arm, vec6, Sums, add_products, add_parts
     )

@@ -8,6 +8,7 @@ tensor of an intersection takes them a loop over its members.
 """
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -21,6 +22,20 @@ EVALUATED = ("linear", "inverse", "inverse_square")
 
 
 @functools.cache
+def entry_of(kind: Any, dimension: int) -> wp.Function:
+    """Function (array, number) -> an entry of a contiguous array, by its number in memory.
+
+    An array may have any strides, which a thread would have to read and multiply for each of its axes.
+    """
+    Values: Any = wp.array(dtype=kind, ndim=dimension)
+
+    @wp.func_native("return values.data[number];")
+    def entry(values: Values, number: int) -> kind: ...
+
+    return entry
+
+
+@functools.cache
 def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunctions:
     """Functions of a flat cloud whose bonds keep their weight; `influence_name` is one of EVALUATED or "table"."""
     types = numeric(bits)
@@ -29,6 +44,8 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
     evaluated = influence_name in EVALUATED
     linear, inverse = influence_name == "linear", influence_name == "inverse"
     word_size = WORD
+    short, byte, word_of, number = (entry_of(kind, 2) for kind in (wp.int16, wp.uint8, wp.uint32, real))
+    mask_of, place = entry_of(wp.uint32, 3), entry_of(wp.vec2d, 1)
 
     # What a sheet does not need stays without an array. With `far`, indices have a second half, and so have members of
     # reverse bonds with `large`.
@@ -36,6 +53,7 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
     class CompactFamily:
         members: wp.int32
         words: wp.int32
+        points: wp.int32
         far: wp.int32
         large: wp.int32
         inverse_horizon: wp.float64
@@ -54,21 +72,21 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
 
     @wp.func(module=module)
     def neighbour(family: CompactFamily, i: int, k: int):
-        difference = wp.int32(family.neighbours[k, i])
+        difference = wp.int32(short(family.neighbours, k * family.points + i))
         if family.far != 0:
-            difference = (difference & 0xFFFF) + (wp.int32(family.neighbours_high[k, i]) << 16)
+            difference = (difference & 0xFFFF) + (wp.int32(short(family.neighbours_high, k * family.points + i)) << 16)
         return i + difference
 
     @wp.func(module=module)
     def reverse(family: CompactFamily, i: int, k: int):
-        member = wp.int32(family.reverses[k, i])
+        member = wp.int32(byte(family.reverses, k * family.points + i))
         if family.large != 0:
-            member = member + (wp.int32(family.reverses_high[k, i]) << 8)
+            member = member + (wp.int32(byte(family.reverses_high, k * family.points + i)) << 8)
         return member
 
     @wp.func(module=module)
     def bond(family: CompactFamily, i: int, k: int):
-        X = family.inverse_horizon * (family.positions[neighbour(family, i, k)] - family.positions[i])
+        X = family.inverse_horizon * (place(family.positions, neighbour(family, i, k)) - place(family.positions, i))
         return vec2(real(X[0]), real(X[1]))
 
     @wp.func(module=module)
@@ -87,15 +105,15 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
             else:
                 return real(1.0) / (r * r)
         else:
-            return family.influences[k, i]
+            return number(family.influences, k * family.points + i)
 
     @wp.func(module=module)
     def common(family: CompactFamily, i: int, k: int, word: int):
-        return family.commons[k, word, i]
+        return mask_of(family.commons, (k * family.words + word) * family.points + i)
 
     @wp.func(module=module)
     def initial(family: CompactFamily, i: int, word: int):
-        return family.initials[word, i]
+        return word_of(family.initials, word * family.points + i)
 
     @wp.func(module=module)
     def area(family: CompactFamily, i: int):
@@ -116,7 +134,7 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
 
     @wp.func(module=module)
     def weight(family: CompactFamily, i: int, k: int):
-        return family.weights[k, i]
+        return number(family.weights, k * family.points + i)
 
     @wp.func(module=module)
     def family_area(family: CompactFamily, i: int):

@@ -18,7 +18,7 @@ import functools
 import warp as wp
 
 from .bits import bit_in_word
-from .block_functions import block_functions, opaque
+from .block_functions import block_functions, opaque, putting, synchronize
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
@@ -92,7 +92,8 @@ def block_force(
     arrive, answer = functions.arrive, functions.answer
     missing_shapes = functions.missing_shapes
     vec6, Sums, add_products, add_parts = functions.vec6, functions.Sums, functions.add_products, functions.add_parts
-    summed = functions.summed
+    summed, Arm = functions.summed, functions.Arm
+    put_vec2, put_vec3, put_vec4, put_arm, put_words = (putting(kind) for kind in (vec2, vec3, vec4, Arm, Words))
     breaks = breaking is not None
     gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
 
@@ -130,6 +131,14 @@ def block_force(
         count = stop - start
         if wp.static(listed):
             count = other_count[0]
+        # What the threads of a family tell each other: of near members first.
+        stretches = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec4, storage="shared")
+        arms = wp.tile_empty(shape=wp.static(2 * threads), dtype=Arm, storage="shared")
+        firsts = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec4, storage="shared")
+        seconds = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec2, storage="shared")
+        pulls = wp.tile_empty(shape=wp.static(threads), dtype=vec3, storage="shared")
+        if wp.static(breaks):
+            parts = wp.tile_empty(shape=wp.static(threads), dtype=Words, storage="shared")
         while block * together < count:
             place = block * together + slot
             here = place < count
@@ -168,10 +177,10 @@ def block_force(
                 far_k,
                 here,
             )
-            stretches = wp.tile(u, preserve_type=True)
-            far_stretches = wp.tile(far_u, preserve_type=True)
-            arms = wp.tile(m, preserve_type=True)
-            far_arms = wp.tile(far_m, preserve_type=True)
+            put_vec4(stretches, lane, u)
+            put_vec4(stretches, lane + wp.static(threads), far_u)
+            put_arm(arms, lane, m)
+            put_arm(arms, lane + wp.static(threads), far_m)
             gone = Words()
             if wp.static(breaks):
                 gone_here = Words()
@@ -179,7 +188,9 @@ def block_force(
                     gone_here[word] = wp.where(breaks_here, bit_in_word(k, word), wp.uint32(0)) | wp.where(
                         far_breaks_here, bit_in_word(far_k, word), wp.uint32(0)
                     )
-                parts = wp.tile(gone_here, preserve_type=True)
+                put_words(parts, lane, gone_here)
+            synchronize()
+            if wp.static(breaks):
                 any_gone = wp.uint32(0)
                 for other in range(wp.static(half)):
                     lost_bits = parts[wp.static(other * together) + slot]
@@ -196,12 +207,8 @@ def block_force(
             near_sums = Sums()
             far_sums = Sums()
             for other in range(wp.static(n)):
-                if wp.static(other < half):
-                    w = stretches[wp.static(other * together) + slot]
-                    y = arms[wp.static(other * together) + slot]
-                else:
-                    w = far_stretches[wp.static((other - half) * together) + slot]
-                    y = far_arms[wp.static((other - half) * together) + slot]
+                w = stretches[wp.static(other * together) + slot]
+                y = arms[wp.static(other * together) + slot]
                 bit = wp.static(wp.uint32(1 << (other % word_size)))
                 near_sums = add_products(near_sums, common[wp.static(other // word_size)] & bit, w, y)
                 far_sums = add_products(far_sums, far_common[wp.static(other // word_size)] & bit, w, y)
@@ -227,14 +234,8 @@ def block_force(
                         for word in range(wp.static(words)):
                             for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
                                 other = wp.static(word * word_size) + at
-                                x = real(0.0)
-                                arm = vec2(real(0.0), real(0.0))
-                                if other < half:
-                                    x = stretches[other * together + slot][3]
-                                    arm = arms[other * together + slot]
-                                else:
-                                    x = far_stretches[(other - half) * together + slot][3]
-                                    arm = far_arms[(other - half) * together + slot]
+                                x = stretches[other * together + slot][3]
+                                arm = arms[other * together + slot]
                                 part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
                                 area = real(0.0)
                                 near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
@@ -262,10 +263,11 @@ def block_force(
                 family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape, far_size,
                 far_rises, far_G1, far_G2, guess,
             )  # fmt: skip
-            firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
-            far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
-            seconds = wp.tile(vec2(A2[1], A2[2]), preserve_type=True)
-            far_seconds = wp.tile(vec2(far_A2[1], far_A2[2]), preserve_type=True)
+            put_vec4(firsts, lane, vec4(A1[0], A1[1], A1[2], A2[0]))
+            put_vec4(firsts, lane + wp.static(threads), vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]))
+            put_vec2(seconds, lane, vec2(A2[1], A2[2]))
+            put_vec2(seconds, lane + wp.static(threads), vec2(far_A2[1], far_A2[2]))
+            synchronize()
             scale = unit_force
             if wp.static(redistribute):
                 weights = wp.tile(weight + far_weight)
@@ -276,12 +278,8 @@ def block_force(
             near_parts = vec6()
             far_parts = vec6()
             for other in range(wp.static(n)):
-                if wp.static(other < half):
-                    a = firsts[wp.static(other * together) + slot]
-                    b = seconds[wp.static(other * together) + slot]
-                else:
-                    a = far_firsts[wp.static((other - half) * together) + slot]
-                    b = far_seconds[wp.static((other - half) * together) + slot]
+                a = firsts[wp.static(other * together) + slot]
+                b = seconds[wp.static(other * together) + slot]
                 bit = wp.static(wp.uint32(1 << (other % word_size)))
                 near_parts = add_parts(near_parts, common[wp.static(other // word_size)] & bit, a, b)
                 far_parts = add_parts(far_parts, far_common[wp.static(other // word_size)] & bit, a, b)
@@ -291,7 +289,8 @@ def block_force(
             far_T2 = vec3(far_parts[3], far_parts[4], far_parts[5])
             pull = f.from_frame(family, i, scale * (u[3] * T1 + m[0] * T2))
             far_pull = f.from_frame(family, i, scale * (far_u[3] * far_T1 + far_m[0] * far_T2))
-            pulls = wp.tile(pull + far_pull, preserve_type=True)
+            put_vec3(pulls, lane, pull + far_pull)
+            synchronize()
             if here:
                 column = i % bond_force.shape[1]
                 bond_force[k, column] = pull

@@ -113,6 +113,7 @@ def _put_compact(
     assert families.neighbours is not None
     index = np.arange(families.points, dtype=np.int32)[:, None]
     apart = np.where(families.exists, families.neighbours - index, 0)
+    s.points = families.points
     s.far, s.large = int(np.abs(apart).max() >= 2**15), int(families.members > 2**8)
     s.inverse_horizon = 1.0 / families.horizon
     s.positions = put("positions", context.sheet.points, wp.vec2d)
