@@ -8,6 +8,7 @@ import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
+from .entries import entry_of
 from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions, has_shares, is_compact, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
@@ -164,6 +165,7 @@ def block_functions(
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
     Arm = vec4 if summed else vec2
+    vector_of, moment_of = entry_of(vec3, 1), entry_of(vec3, 2)
     breaks = breaking is not None
     Constants: Any = breaking.criterion.struct if breaking else int
     exceeds = breaking.criterion.exceeds if breaking else None
@@ -201,10 +203,10 @@ def block_functions(
             c = f.influence(family, i, member) * f.area(family, m)
             moment = vec3(c * X[0], c * X[1], real(0.0))
         else:
-            moment = moments[member, row]
+            moment = moment_of(moments, member * moments.shape[1] + row)
             if wp.static(summed):
                 X = moment[2] * vec2(moment[0], moment[1])
-        stretch = f.to_frame(family, i, inverse_horizon * (displacement[m] - displacement[i]))
+        stretch = f.to_frame(family, i, inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i)))
         inverse = vec3(real(0.0), real(0.0), real(0.0))
         if wp.static(not compact):
             inverse = f.shape(family, i, member)

@@ -8,31 +8,17 @@ tensor of an intersection takes them a loop over its members.
 """
 
 import functools
-from typing import Any
 
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
+from .entries import entry_of
 from .families import WORD, FamilyFunctions
 from .kinematics import kinematics
 from .numeric import numeric
 
 # Influence functions that are evaluated; others have a table.
 EVALUATED = ("linear", "inverse", "inverse_square")
-
-
-@functools.cache
-def entry_of(kind: Any, dimension: int) -> wp.Function:
-    """Function (array, number) -> an entry of a contiguous array, by its number in memory.
-
-    An array may have any strides, which a thread would have to read and multiply for each of its axes.
-    """
-    Values: Any = wp.array(dtype=kind, ndim=dimension)
-
-    @wp.func_native("return values.data[number];")
-    def entry(values: Values, number: int) -> kind: ...
-
-    return entry
 
 
 @functools.cache
