@@ -159,7 +159,7 @@ def block_functions(
     by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
     plain = not (redistribute or gradual or curved)
     compact = is_compact(layout)
-    summed = compact or (plain and damaged and listed)
+    summed = compact
     by_missing = plain and not summed
     n, word_size, words = members, WORD, -(-members // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -21,12 +21,14 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Span, Stage
 from ..interfaces import BondBreaking, Law
+from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD, is_compact
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
-from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
+from ..kernels.stencil import Stencil
+from ..kernels.undamaged_lattice import undamaged_lattice_force
 from ..materials import capabilities
 from ..sheet import Sheet
 from .undamaged_lattice import undamaged_stencil
@@ -41,13 +43,15 @@ MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 MAX_COMPACT = 4.0
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
+# Threads of the kernel of damaged families inside a lattice: as many as a GPU holds at once.
+DAMAGED_THREADS = 528 * UNDAMAGED_BLOCK
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
 # With a list most blocks would find nothing, and starting them takes time.
 MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
 # Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
 RING = 2**20
 # The same of a cloud, which has no such families.
-CLOUD_RING = 2**17
+CLOUD_RING = 2**18
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -173,7 +177,10 @@ class FastPath:
         self.other_count: Array | None = None
         if self.listed:
             self.others = w.array("other_points", force.owner, wp.int32, shape=force.points, per="table")
-            self.other_count = w.array("other_count", force.owner, wp.int32, shape=1, per="once")
+            self.other_count = w.array("other_count", force.owner, wp.int32, shape=2, per="once")
+        self.damaged_points: Array | None = None
+        if self._lists_damaged:
+            self.damaged_points = w.array("damaged_points", force.owner, wp.int32, shape=force.points, per="table")
         self.compact = is_compact(w.layout)
         # The families of a cloud are all alike to their kernel: its strips may be short, and then stay in the cache.
         self.ring = CLOUD_RING if self.compact else RING
@@ -185,12 +192,18 @@ class FastPath:
         else:
             self.bond_force = force.pairs
 
+    @property
+    def _lists_damaged(self) -> bool:
+        """Whether inner families that lost bonds have a kernel: not if others get their weight, or they fade."""
+        return self.stencil is not None and self.force.key[3] == "drop" and not self.force.context.features.gradual
+
     def _undamaged_module(self) -> str:
         """Name of the module of the kernel of undamaged families: all sheets that need the same kernel share it."""
         _, bits, _, broken, _ = self.force.key
         stencil = None if self.stencil is None else self.stencil[0]
         near = (self.near.__module__, self.near.__qualname__)
-        key = (bits, near, stencil, self.gridded, broken is not None, self.force.context.device.is_cuda)
+        lists = self._lists_damaged
+        key = (bits, near, stencil, self.gridded, broken is not None, lists, self.force.context.device.is_cuda)
         return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
@@ -229,6 +242,8 @@ class FastPath:
         for strip in self.strips or [everything]:
             if self.stencil is not None:
                 self._add_undamaged(stage, strip, *self.stencil, displacement, force, breaking)
+                if self.damaged_points is not None:
+                    self._add_damaged(stage, *self.stencil, displacement, force, breaking)
             self._add_shared(stage, strip, displacement, force, breaking)
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
@@ -244,20 +259,46 @@ class FastPath:
         breaking: BondBreaking | None,
     ) -> None:  # fmt: skip
         law = self.force
-        _, bits, _, broken, _ = law.key
-        kernel = undamaged_lattice_force(
-            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, self.module
-        )
         stage.launch(
-            law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
-            family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
-            places=law.struct.centres if self.gridded else law.lattice_columns,
-            # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
-            turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
-            unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
-            squared_stretch=breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
-            other_count=self.other_count, bond_force=self.bond_force, force=force,
+            law.owner, self._lattice_kernel(stencil, False, breaking), strip.end - strip.begin, begin=strip.begin,
+            block_dim=UNDAMAGED_BLOCK, family_class=law.struct.family_class, inner=inner,
+            damaged_points=self.damaged_points,
+            **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
         )  # fmt: skip
+
+    def _add_damaged(
+        self, stage: Stage, stencil: Stencil, inner: int, displacement: Array, force: Array,
+        breaking: BondBreaking | None,
+    ) -> None:  # fmt: skip
+        assert self.other_count is not None
+        stage.launch(
+            self.force.owner, self._lattice_kernel(stencil, True, breaking), DAMAGED_THREADS, block_dim=UNDAMAGED_BLOCK,
+            damaged_points=self.damaged_points, damaged_count=self.other_count[1:], stride=DAMAGED_THREADS,
+            **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
+        )  # fmt: skip
+
+    def _lattice_kernel(self, stencil: Stencil, damaged: bool, breaking: BondBreaking | None) -> Kernel:
+        _, bits, _, broken, _ = self.force.key
+        return undamaged_lattice_force(
+            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None,
+            self.damaged_points is not None, damaged, self.module,
+        )  # fmt: skip
+
+    def _of_lattice(
+        self, stage: Stage, stencil: Stencil, inner: int, displacement: Array, force: Array,
+        breaking: BondBreaking | None,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Arguments of both kernels of inner families."""
+        law = self.force
+        return {
+            "intact": law.intact, "displacement": displacement,
+            "places": law.struct.centres if self.gridded else law.lattice_columns,
+            # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
+            "turns": stencil.turns, "constants": law.constants, "inverse_horizon": law.inverse_horizon,
+            "unit_force": law.unit_volume * law.inverse_horizon * law.families.areas[inner], "others": self.others,
+            "squared_stretch": breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
+            "other_count": self.other_count, "bond_force": self.bond_force, "force": force,
+        }  # fmt: skip
 
     def _add_shared(
         self, stage: Stage, strip: Strip, displacement: Array, force: Array, breaking: BondBreaking | None,
