@@ -203,7 +203,10 @@ def block_functions(
             c = f.influence(family, i, member) * f.area(family, m)
             moment = vec3(c * X[0], c * X[1], real(0.0))
         else:
-            moment = moment_of(moments, member * moments.shape[1] + row)
+            if wp.static(by_row):
+                moment = moment_of(moments, member * moments.shape[1] + row)
+            else:
+                moment = moments[member, row]
             if wp.static(summed):
                 X = moment[2] * vec2(moment[0], moment[1])
         stretch = f.to_frame(family, i, inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i)))

@@ -5,11 +5,15 @@ ahead of the point. A thread computes the bonds ahead of its point; a second ker
 the other sign, in the order of the members. The two ends of a bond agree to the last bit, and so do the sums with those
 of `sums_of_bonds`, which computes every bond at both ends.
 
+Where bonds break by their stretch, the first kernel also says of blocks of points whether `break_bonds` has to look, as
+`screening` in kernels/rupture.py does: bonds then break between the two kernels, and the second one leaves them out.
+
 The tables are arguments of their own, as a struct would be copied for every point, and the number of members is known
 when the kernel is compiled, which spells out the loops of short stencils: together 2.3 times as fast as without.
 """
 
 import functools
+from dataclasses import dataclass
 
 import warp as wp
 
@@ -17,11 +21,31 @@ from .bits import bit_of
 from .effects import Kernel, kernel
 from .families import WORD
 from .numeric import numeric
+from .rupture import SCREENED
+
+# Bonds that come that near the squared stretch at which they break are looked at, whatever the rounding.
+NEARLY = 0.9999
+
+
+@dataclass(frozen=True)
+class BondsOnce:
+    """Kernels of one configuration.
+
+    Attributes:
+        forces_ahead: Fills ahead [points, members / 2] with the forces of bonds ahead over the unit of force.
+        forces_and_screen: The same by blocks of SCREENED points, and whether a bond ahead of one may break; None where
+            no bond can.
+        sum_both_halves: The internal force [N].
+    """
+
+    forces_ahead: Kernel
+    forces_and_screen: Kernel | None
+    sum_both_halves: Kernel
 
 
 @functools.cache
-def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, module: str) -> tuple[Kernel, Kernel]:
-    """Kernels `forces_ahead`, which fills ahead [points, members / 2], and `sum_both_halves`, the internal force [N].
+def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, module: str) -> BondsOnce:
+    """The kernels.
 
     Args:
         bits: 32 or 64.
@@ -32,7 +56,7 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
     """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    half, word_size = members // 2, WORD
+    half, word_size, block = members // 2, WORD, SCREENED
 
     @wp.func(module=module)
     def bits_of(intact: wp.array2d(dtype=wp.uint32), initial: wp.array2d(dtype=wp.uint32), row: int, i: int, word: int):
@@ -40,6 +64,42 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
             return intact[word, i]
         else:
             return initial[row, word]
+
+    @wp.func(module=module)
+    def fill_ahead(
+        shift: wp.array(dtype=wp.int32),
+        bond: wp.array(dtype=vec2),
+        family_class: wp.array(dtype=wp.int32),
+        weight: wp.array2d(dtype=real),
+        initial: wp.array2d(dtype=wp.uint32),
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        constants: parameters,
+        inverse_horizon: real,
+        nearly: real,
+        i: int,
+        ahead: wp.array2d(dtype=vec3),
+    ):
+        """Fill in the forces of a point; whether one of its bonds is stretched beyond `nearly`, squared."""
+        ui = displacement[i]
+        row = family_class[i]
+        mask = wp.uint32(0)
+        beyond = bool(False)
+        for n in range(wp.static(half)):
+            k = n + half
+            if n == 0 or k % word_size == 0:
+                mask = bits_of(intact, initial, row, i, k // word_size)
+            if bit_of(mask, k % word_size):
+                m = i + shift[k]
+                both = weight[row, k] + weight[family_class[m], half - 1 - n]
+                xi = bond[k]
+                U = inverse_horizon * (displacement[m] - ui)
+                ahead[i, n] = pull(constants, both, xi, U)
+                if wp.static(breakable):
+                    Y = vec3(xi[0] + U[0], xi[1] + U[1], U[2])
+                    if wp.dot(Y, Y) > nearly * wp.dot(xi, xi):
+                        beyond = bool(True)
+        return beyond
 
     @kernel(module, gathers=("displacement",))
     def forces_ahead(
@@ -55,18 +115,10 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
         first: int,
         ahead: wp.array2d(dtype=vec3),
     ):
-        i = wp.tid() + first
-        ui = displacement[i]
-        row = family_class[i]
-        mask = wp.uint32(0)
-        for n in range(wp.static(half)):
-            k = n + half
-            if n == 0 or k % word_size == 0:
-                mask = bits_of(intact, initial, row, i, k // word_size)
-            if bit_of(mask, k % word_size):
-                m = i + shift[k]
-                both = weight[row, k] + weight[family_class[m], half - 1 - n]
-                ahead[i, n] = pull(constants, both, bond[k], inverse_horizon * (displacement[m] - ui))
+        fill_ahead(
+            shift, bond, family_class, weight, initial, intact, displacement, constants, inverse_horizon,
+            real(1.0), wp.tid() + first, ahead,
+        )  # fmt: skip
 
     @kernel(module, gathers=("ahead",))
     def sum_both_halves(
@@ -96,4 +148,33 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
                 total += ahead[i, n]
         force[i] = unit_force * total
 
-    return forces_ahead, sum_both_halves
+    forces_and_screen = None
+    if breakable:
+
+        @kernel(module, per="block")
+        def forces_and_screen(
+            shift: wp.array(dtype=wp.int32),
+            bond: wp.array(dtype=vec2),
+            family_class: wp.array(dtype=wp.int32),
+            weight: wp.array2d(dtype=real),
+            initial: wp.array2d(dtype=wp.uint32),
+            intact: wp.array2d(dtype=wp.uint32),
+            displacement: wp.array(dtype=vec3),
+            constants: parameters,
+            inverse_horizon: real,
+            nearly: real,
+            first: int,
+            ahead: wp.array2d(dtype=vec3),
+            exceeding: wp.array(dtype=wp.uint8),
+        ):
+            b = wp.tid() + first
+            found = wp.uint8(0)
+            for i in range(b * block, wp.min((b + 1) * block, displacement.shape[0])):
+                if fill_ahead(
+                    shift, bond, family_class, weight, initial, intact, displacement, constants, inverse_horizon,
+                    nearly, i, ahead,
+                ):  # fmt: skip
+                    found = wp.uint8(1)
+            exceeding[b] = found
+
+    return BondsOnce(forces_ahead, forces_and_screen, sum_both_halves)

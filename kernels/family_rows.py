@@ -9,6 +9,9 @@ any intersection that contains it. A CPU adds a row at once, and a family's rows
 The energy needs the first pass alone. k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one
 intersection. If it holds more than half of the family, the sum runs over the others and is subtracted from the sum over
 all. The loops over rows stand where they are needed: a Warp function would get a copy of the table at every call.
+
+Stresses that relax (kernels/relaxing_stress.py) are brought to the end of a step where the force needs them, so that a
+step of a viscous law takes each sum once.
 """
 
 import functools
@@ -22,6 +25,7 @@ from .factories import FunctionFactory, PairFactory
 from .families import WORD, family_functions, is_curved
 from .kinematics import kinematics
 from .numeric import numeric
+from .relaxing_stress import relaxing_stress
 
 # Numbers in a row: the two columns of a gradient, filled up to what a CPU adds at once.
 ROW = 8
@@ -35,13 +39,13 @@ def family_rows(
     near: FunctionFactory | None,
     breakable: str | None,
     words: int,
-    energetic: bool,
+    what: str,
     module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, points] with the forces of each family [N]; variational form.
 
-    With `energetic` it fills energies [points] with the energy of each family [J] instead. `unit` is the thickness
-    times the reference area, for forces divided by the horizon.
+    `unit` is the thickness times the reference area, for forces divided by the horizon. Arguments that do not apply
+    are None.
 
     Args:
         layout: "lattice", "grid" or "cloud".
@@ -50,11 +54,13 @@ def family_rows(
         near: Factory of stress_near, called with `bits`, or None.
         breakable: None, "redistribute" or "drop".
         words: Number of words of a family's masks.
-        energetic: Whether the energy is asked for.
+        what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
+            "viscous_force", with Prony terms; or "viscous_step", which also brings them to the end of a step and adds
+            what that dissipates or stores to viscous_work [points], J.
         module: Name of the Warp module.
     """
     types = numeric(bits)
-    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
     f = family_functions(layout, bits, module)
     Family = f.struct
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
@@ -65,6 +71,8 @@ def family_rows(
     (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
     damaged, curved, word_size = breakable is not None, is_curved(layout), WORD
+    energetic, viscous, advances = what == "energy", what.startswith("viscous"), what == "viscous_step"
+    relaxing = relaxing_stress(bits, advances, module) if viscous else None
     # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
     shape_row = ROW if curved else 4
     Row = wp.types.vector(length=ROW, dtype=real)
@@ -93,9 +101,7 @@ def family_rows(
         area = f.area(family, f.neighbour(family, i, k))
         return f.influence(family, i, k) * area * f.bond(family, i, k), area
 
-    name = "family_rows_energy" if energetic else "family_rows_force"
-
-    @kernel(module, gathers=("displacement",), name=name)
+    @kernel(module, gathers=("displacement",), name=f"family_rows_{what}")
     def family_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -103,9 +109,14 @@ def family_rows(
         constants: parameters,
         inverse_horizon: real,
         unit: real,
+        step: wp.array(dtype=real),
+        prony: wp.array(dtype=parameters),
         first: int,
         bond_force: wp.array2d(dtype=vec3),
         energies: wp.array(dtype=wp.float64),
+        strain: wp.array2d(dtype=vec3),
+        overstress: wp.array2d(dtype=vec3),
+        viscous_work: wp.array(dtype=wp.float64),
     ):
         i = wp.tid() + first
         undamaged = is_undamaged(family, intact, i)
@@ -157,6 +168,7 @@ def family_rows(
             answers = Rows()
             all_answers = Row()
         stored = real(0.0)
+        work = wp.float64(0.0)
         total = real(0.0)
         guess = real(0.0)
         for word in range(wp.static(words)):
@@ -202,16 +214,21 @@ def family_rows(
                     H2 = G1 * inverse[1] + G2 * inverse[2]
                     if wp.static(curved):
                         H1, H2 = level(H1, H2, tilt)
-                    strain = green(H1, H2, tilt)
+                    strain_now = green(H1, H2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
                     total += weight
                     if wp.static(energetic):
-                        stored += weight * energy(strain, constants)
+                        stored += weight * energy(strain_now, constants)
                     else:
                         if wp.static(quick):
-                            S, guess = stress_near(strain, constants, guess)
+                            S, guess = stress_near(strain_now, constants, guess)
                         else:
-                            S = stress(strain, constants)
+                            S = stress(strain_now, constants)
+                        if wp.static(viscous):
+                            H, power = relaxing(strain_now, i, j, family.members, step, prony, strain, overstress)
+                            S += mat22(H[0], H[2], H[2], H[1])
+                            if wp.static(advances):
+                                work += wp.float64(real(0.25) * weight * power)
                         A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
                         answer = Row()
                         for c in range(3):
@@ -221,6 +238,8 @@ def family_rows(
                         all_answers += answer
 
         scale = unit * family_scale(family, i, undamaged, total)
+        if wp.static(advances):
+            viscous_work[i] = viscous_work[i] + wp.float64(scale / inverse_horizon) * work
         if wp.static(energetic):
             energies[i] = wp.float64(scale * stored)
         else:

@@ -56,17 +56,32 @@ def relaxation_factors(bits: int) -> wp.Function:
 
 @dataclass(frozen=True)
 class ViscoKernels:
-    """Kernels of one configuration.
+    """Reference kernels of one configuration; kernels/family_rows.py has both in one.
 
     Attributes:
         update: Updates strain, overstress and viscous work after a step.
         visco_force: Fills bond_force [members, points] with the forces of each family, N.
-        stored_energy: Stored energy of each family and the energy that its Prony terms have dissipated [points], J.
     """
 
     update: Kernel
     visco_force: Kernel
-    stored_energy: Kernel
+
+
+@functools.cache
+def conversions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
+    """Functions Prony term -> constants of its Yeoh stress, and (11, 22, 12) -> tensor."""
+    types = numeric(bits)
+    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
+
+    @wp.func(module=module)
+    def term_constants(term: parameters):
+        return parameters(term[0], term[1], real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def tensor(v: vec3):
+        return mat22(v[0], v[2], v[2], v[1])
+
+    return term_constants, tensor
 
 
 @functools.cache
@@ -83,15 +98,7 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
     add_to_members, stress_on_members = law.add_to_members, law.stress_on_members
     retained = relaxation_factors(bits)
-    conjugate, energies = prony_energy(module), material(64)[1]
-
-    @wp.func(module=module)
-    def term_constants(term: parameters):
-        return parameters(term[0], term[1], real(0.0), real(0.0))
-
-    @wp.func(module=module)
-    def tensor(v: vec3):
-        return mat22(v[0], v[2], v[2], v[1])
+    term_constants, tensor = conversions(bits, module)
 
     @wp.func(module=module)
     def rate_of(G: mat22, old: mat22, step: real):
@@ -195,6 +202,23 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
                 share = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = f.from_frame(family, i, (scale * share) * bond_force[k, i])
 
+    return ViscoKernels(update, visco_force)
+
+
+@functools.cache
+def visco_energy(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> Kernel:
+    """Kernel `stored_energy`: stored energy of each family and the energy that it has dissipated [points], J."""
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family = f.struct
+    prony_stress = incompressible(yeoh).functions(bits)[0]
+    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
+    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
+    term_constants, tensor = conversions(bits, module)
+    conjugate, energies = prony_energy(module), material(64)[1]
+
     @kernel(module, gathers=("displacement",))
     def stored_energy(
         family: Family,
@@ -249,7 +273,7 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
         out[i] = scale * (elastic + viscous)
         dissipated[i] = viscous_work[i] - scale * viscous
 
-    return ViscoKernels(update, visco_force, stored_energy)
+    return stored_energy
 
 
 @functools.cache

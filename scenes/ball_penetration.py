@@ -56,6 +56,13 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        wrinkles: "relaxed": the energy of tension field theory; "resolved"; "auto": relaxed for laws that take it.
+        ball_speed: Speed of the ball [m/s].
+        clamp_can_tear: Whether bonds of the clamped points break, too.
+    """
     count("points", points, 3)
     positive("horizon", horizon)
     # The clamp continues outside the sheet for one horizon, so that no family inside is cut off.

@@ -51,6 +51,12 @@ def build(
     solver: str = "relaxation",
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        stretch: Stretch r / R at the end [-].
+        share: Part of mu that is the second constant of Mooney-Rivlin rubber, from 0 to below 1 [-].
+    """
     if not_negative("share", share) > 0.0:
         below_one("share", share)
     count("frames", frames, 1)

@@ -47,7 +47,12 @@ def build(
     frames: int = 60,
     safety: float = 0.3,
 ) -> Simulation:
-    """`stretch` is that of the inflated balloon, `speed` that of the needle [m/s]."""
+    """Build the scene.
+
+    Args:
+        stretch: Stretch of the inflated balloon [-].
+        speed: Speed of the needle [m/s].
+    """
     top = positive("stretch", stretch) * RADIUS
     sheet = Sheet.sphere(top, thickness=THICKNESS, density=DENSITY, points=count("points", points, 8))
     gauge = 2.0 * MU * THICKNESS / RADIUS * (1.0 / stretch - stretch**-7.0)

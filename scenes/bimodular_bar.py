@@ -38,6 +38,11 @@ def build(
     solver: str = "newton",
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        ratio: c-/c+, compressive over tensile modulus [-].
+    """
     solvers: dict[str, Solver] = {"newton": Newton(tolerance=tolerance), "relaxation": Relaxation(tolerance=tolerance)}
     sheet = Sheet.line(LENGTH, 1.0, density=1.0, points=points)
     z = sheet.points[:, 0]

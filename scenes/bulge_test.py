@@ -33,6 +33,15 @@ def build(
     load_steps: int = 10,
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        shape: Rim: "circle" or "square".
+        mu: Shear modulus [Pa].
+        lock: Jm of the Gent rubber [-].
+        ratio: Bulk over shear modulus [-].
+        thickness: Thickness [m].
+    """
     one_of("shape", shape, ("circle", "square"))
     count("points", points, 5)
     if positive("prestretch", prestretch) < 1.0:

@@ -36,6 +36,15 @@ def build(
     most_iterations: int = 30,
     most_cuts: int = 6,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        ratio: E+/E-, tensile over compressive modulus [-].
+        load: End load, downwards [N].
+        stiffness: Newton's matrix: "tangent", or "constant" as in the paper.
+        micromoduli: "published", or "corrected" for a horizon that cuts families short.
+        most_cuts: Largest number of halved load steps.
+    """
     if solver == "relaxation" and stiffness != "tangent":
         raise InputError(f"stiffness = {stiffness!r}: expected 'tangent' with solver 'relaxation'")
     finite("load", load)

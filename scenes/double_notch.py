@@ -47,6 +47,14 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        notch: Length of each notch [m].
+        speed: Speed of each grip [m/s].
+        slow_from: Frames are 1 ms apart from this time on [s].
+        slow_to: Frames are 1 ms apart up to this time [s].
+    """
     width, height = 20e-3, 10e-3
     if not 0.0 < positive("notch", notch) < 0.5 * width:
         raise InputError(f"notch = {notch!r}: expected a length less than {0.5 * width:g} m, half the width")

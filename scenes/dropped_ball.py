@@ -39,7 +39,14 @@ def build(
     friction: float = 0.0,
     safety: float = 0.15,
 ) -> Simulation:
-    """`drop` is the height from which the ball falls [m]."""
+    """Build the scene.
+
+    Args:
+        stretch: Stretch of the sheet before the ball falls [-].
+        diameter: Diameter of the ball [m].
+        mass: Mass of the ball [kg].
+        drop: Height from which the ball falls [m].
+    """
     sheet = Sheet.rectangle(0.3, 0.3, thickness=1e-3, density=1000.0, points=count("points", points, 11))
     radius = 0.5 * positive("diameter", diameter)
     middle = 0.15

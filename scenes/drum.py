@@ -36,6 +36,13 @@ def build(
     duration: float = 0.002,
     frames: int = 100,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        points: Points across the drum.
+        stretch: Stretch of the sheet on its rim [-].
+        amplitude: Height at the centre from which the sheet is let go [m]; 0: frequencies are measured.
+    """
     circle = Circle((0.0, 0.0), RADIUS)
     sheet = Sheet.outline(circle, spacing=2.0 * RADIUS / (points - 1), thickness=1e-3, density=DENSITY)
     sheet = sheet.prestretched(positive("stretch", stretch))

@@ -38,7 +38,13 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
-    """`points` are those along the width. The sheet wrinkles below the spacing, as its notch does not close."""
+    """Build the scene.
+
+    Args:
+        points: Points along the width. The sheet wrinkles below the spacing, as its notch does not close.
+        notch: Length of the notch [m].
+        advance: Growth of the crack at which its onset is read, in spacings.
+    """
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), "relaxed")
     columns, energy = count("points", points, 8), positive("tearing_energy", tearing_energy)
     rows = 2 * round(0.75 * columns)

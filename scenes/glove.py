@@ -36,7 +36,12 @@ def build(
     pull: float = 0.03,
     load_steps: int = 4,
 ) -> Simulation:
-    """`spacing` of points and `pull` of the fingers in meters."""
+    """Build the scene.
+
+    Args:
+        spacing: Distance of points [m].
+        pull: How far the fingertips are pulled [m].
+    """
     rings = read_outline(OUTLINE, unit="document", tolerance=0.01 * positive("spacing", spacing))
     sheet = Sheet.outline(rings.boundary, holes=rings.holes, spacing=spacing, thickness=THICKNESS, density=DENSITY)
     cuff = sheet.edges("outline side 1")

@@ -43,6 +43,14 @@ def build(
     load_steps: int = 4,
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        mu1: Constant mu of the first Ogden term [Pa].
+        a1: Exponent of the first Ogden term [-].
+        mu2: Constant mu of the second Ogden term [Pa]; 0: there is one term.
+        a2: Exponent of the second Ogden term [-].
+    """
     if not 1.0 < finite("stretch", stretch) <= 4.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1 and at most 4")
     terms = ((mu1, a1),) if mu2 == 0.0 else ((mu1, a1), (mu2, a2))

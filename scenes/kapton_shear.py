@@ -53,6 +53,11 @@ def build(
     most_iterations: int = 60,
     load_steps: int = 2,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        shear: How far the upper edge moves along x [m].
+    """
     finite("shear", shear)
     bonds = one_of("law", law, ("bonds", "tension_field")) == "bonds"
     if not bonds and solver != "newton":

@@ -56,6 +56,19 @@ def build(
     safety: float | None = None,
     wrinkles: str = "auto",
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        law: "stress_free", or "published", which is under tension when undeformed.
+        viscous: Whether the rubber has a Prony term; the sheet then moves in time.
+        crack: Whether there is a crack of 0.1 m along x in the middle.
+        failure: Whether bonds break.
+        stretch: Stretch at the end [-]; None: 1.5, or 1.2 with Prony term and crack, or 6 with failure.
+        rate: Rate of stretching [1/s]; None: 0.15, with failure 205, or 159.4 with a Prony term.
+        energy: Tearing energy Gc of the bonds [N/m].
+        density: Density [kg/m^3]; None: 2e6, and 1100 with failure.
+        wrinkles: "relaxed", "resolved" or "auto", as in visco_crack.
+    """
     if stretch is None:
         stretch = 6.0 if failure else 1.2 if viscous and crack else 1.5
     if positive("stretch", stretch) <= 1.0:

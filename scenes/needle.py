@@ -38,7 +38,13 @@ def build(
     frames: int = 60,
     safety: float = 0.4,
 ) -> Simulation:
-    """`thickness` of the needle in spacings, `speed` [m/s], and the `depth` to which its tip is pushed [m]."""
+    """Build the scene.
+
+    Args:
+        thickness: Diameter of the needle, in spacings.
+        speed: Speed of the needle [m/s].
+        depth: How far the tip is pushed [m].
+    """
     sheet = Sheet.rectangle(0.15, 0.15, thickness=1e-3, density=1000.0, points=count("points", points, 21))
     diameter, length = positive("thickness", thickness) * sheet.spacing, 0.2
     begin = 0.5 * (length + 1.02 * diameter)

@@ -16,6 +16,7 @@ default for "tension_field". `ends` are "free" to contract, but for the middle o
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from warp_pd import (
     Simulation,
     TensionField,
 )
-from warp_pd.checks import InputError, count, not_negative, one_of, positive
+from warp_pd.checks import InputError, count, finite, not_negative, one_of, positive
 from warp_pd.measures import TearLine, largest, support_force, when_above
 from warp_pd.solvers import Solver
 
@@ -60,7 +61,19 @@ def build(
     duration: float = 3.0,
     damping: float = 50.0,
     frames: int = 60,
+    slow_from: float | None = None,
+    slow_to: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        critical_strain: Strain at which a bond breaks [-].
+        start: Displacement of each end after the first load step [m].
+        increment: Displacement of each end in every further load step [m].
+        slow_from: Frames of explicit dynamics are 2 ms apart from this time on [s]; None: shortly before the notch
+            tears by Griffith's criterion, with the law "tension_field".
+        slow_to: Frames are 2 ms apart up to this time [s]; None: 1.4 times the time at which it tears.
+    """
     bonds = one_of("law", law, ("bonds", "tension_field")) == "bonds"
     if not_negative("compression", compression) > 0.0 and not bonds:
         raise InputError(f"compression = {compression!r}: expected 0 with the law 'tension_field'")
@@ -82,7 +95,12 @@ def build(
     margin = 2.0 * horizon * sheet.spacing
     beside = sheet.where(lambda x, y: (x < margin) | (x > WIDTH - margin))
     static, (times, path) = _static(solver, start, increment, tolerance)
-    pulled = Explicit(duration=positive("duration", duration), frames=frames, damping=damping)
+    pulled = Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping)
+    if not bonds or (slow_from is not None and slow_to is not None):
+        tears = duration * _griffith(critical_strain, sheet.spacing) / TRAVEL
+        begin = 0.9 * tears if slow_from is None else finite("slow_from", slow_from)
+        end = 1.4 * tears if slow_to is None else finite("slow_to", slow_to)
+        pulled = replace(pulled, frames=_with_slow(duration, frames, begin, end))
     if explicit:
         times, path = [0.0, duration], [0.0, TRAVEL]
     line, tip = TearLine(sheet), (0.5 * WIDTH, NOTCH)
@@ -136,6 +154,17 @@ def _static(solver: str, start: float, increment: float, tolerance: float) -> tu
     return Newton(tolerance=tolerance, load_steps=1 + further, most_iterations=60), path
 
 
+def _griffith(critical_strain: float, spacing: float) -> float:
+    """Ux at which G of the notch is the energy that the tension field's bonds release (docs/papers/im.md)."""
+    return 0.5 * WIDTH * critical_strain * math.sqrt(2.2 * spacing / (2.0 * 1.605 * math.pi * NOTCH))
+
+
+def _with_slow(duration: float, frames: int, begin: float, end: float) -> list[float]:
+    """Times of the frames [s], 2 ms apart from `begin` to `end`."""
+    slow = [t for t in np.arange(begin, end, 2e-3).round(9).tolist() if 0.0 < t < duration]
+    return sorted({*slow, *(duration * (np.arange(1, frames + 1) / frames)).tolist()})
+
+
 def _slack(frame):
     """Wrinkle level of the points: share of compressed bonds, or 0 taut, 0.5 wrinkled and 1 slack."""
     fields = frame.point_data
@@ -145,9 +174,7 @@ def _slack(frame):
 def pictures(history, folder):
     from warp_pd.output import plots
 
-    ends = np.array([row["end_displacement"] for row in history])
-    times = [history[int(np.argmin(np.abs(ends - end)))]["time"] for end in SHOWN]
-    shown = plots.frames_at(folder, times)
+    shown = plots.frames_at(folder, _shown(history))
     plots.reference(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     field = "wrinkle_level" if "wrinkle_level" in shown[0].fields else "wrinkle_state"
     limits = (0.0, 1.0 if field == "wrinkle_level" else 2.0)
@@ -155,3 +182,14 @@ def pictures(history, folder):
     plots.curves(
         folder / "load.png", history, ["load"], ylabel="load (N)", against="end_displacement", xlabel="Ux (m)"
     )  # fmt: skip
+
+
+def _shown(history):
+    """Times of the pictures [s]: at the paper's displacements; of a tear that is over by then, while it grows."""
+    ends, reach, times = (
+        np.array([row[name] for row in history]) for name in ("end_displacement", "crack_reach", "time")
+    )
+    across = reach.max()
+    if across > 0.0 and reach[np.argmin(np.abs(ends - SHOWN[0]))] == across:
+        return [float(times[np.argmax(reach >= share * across)]) for share in (0.05, 0.33, 0.67, 1.0)]
+    return [float(times[np.argmin(np.abs(ends - end))]) for end in SHOWN]

@@ -58,6 +58,14 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        boundary_force: A of the empirical force along free edges [N/m^7].
+        cut: Length of the cut [m].
+        speed: Speed of each leg [m/s].
+        travel: How far each leg moves [m].
+    """
     side = 0.1
     if not 0.0 < positive("cut", cut) < side:
         raise InputError(f"cut = {cut!r}: expected a length less than {side:g} m, the width")

@@ -33,6 +33,11 @@ def build(
     safety: float | None = None,
     patch: float = 0.04,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        patch: Radius of the patch that is pulled [m].
+    """
     if safety is None and wrinkles == "relaxed":
         safety = 0.4
     sheet = Sheet.rectangle(1.0, 1.0, thickness=0.01, density=1000.0, points=points)

@@ -58,6 +58,16 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        slit: Length of the slit [m].
+        slit_at: Distance of the slit from the fixed edge [m].
+        seed_height: Height of the waves at the start [m].
+        pull: Speed of the patch along x [m/s].
+        lift: Speed of the patch along z [m/s].
+        patch: Radius of the patch that is pulled [m].
+    """
     for name, value in (("slit", slit), ("slit_at", slit_at)):
         if not 0.0 < positive(name, value) < 1.0:
             raise InputError(f"{name} = {value!r}: expected a length less than 1 m, the width")

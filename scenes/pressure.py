@@ -21,6 +21,11 @@ def build(
     solver: str = "auto",
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        follower: Whether the pressure turns with the sheet.
+    """
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance),
         "relaxation": Relaxation(tolerance=tolerance),

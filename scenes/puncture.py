@@ -44,7 +44,13 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
-    """`depth` [m] is how far the ball is lowered, at `speed` [m/s], slow against waves of 20 to 100 m/s."""
+    """Build the scene.
+
+    Args:
+        slit: Length of the slit [m]; 0: there is none.
+        speed: Speed of the ball, slow against waves of 20 to 100 m/s [m/s].
+        depth: How far the ball is lowered [m].
+    """
     # The clamp continues outside the sheet for one horizon, so that no family inside is cut off.
     layer = math.ceil(positive("horizon", horizon))
     sheet = Sheet.filled(

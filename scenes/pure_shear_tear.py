@@ -69,7 +69,14 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
-    """`points` are those along the height: rows."""
+    """Build the scene.
+
+    Args:
+        points: Points along the height: rows.
+        critical_stretch: Stretch at which a bond breaks, in place of the tearing energy [-].
+        gradual: Whether bonds lose their weight gradually, or break at once at the critical stretch.
+        advance: Growth of the crack at which its onset is read, in spacings.
+    """
     sheet_material = with_wrinkles(MATERIALS[one_of("material", material, tuple(MATERIALS))], wrinkles)
     sheet, top, bottom = strip(points, horizon, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
     spacing, grips = sheet.spacing, np.concatenate([top, bottom])

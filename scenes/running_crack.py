@@ -38,7 +38,12 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
-    """`points` are those along the height: rows."""
+    """Build the scene.
+
+    Args:
+        points: Points along the height: rows.
+        overload: Energy release rate of the stretched strip over the tearing energy, above 1 [-].
+    """
     if positive("overload", overload) <= 1.0:
         raise InputError(f"overload = {overload!r}: expected a number greater than 1, or the crack rests")
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), wrinkles)

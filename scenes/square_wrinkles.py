@@ -27,6 +27,11 @@ def build(
     tolerance: float | None = None,
     most_iterations: int = 60,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        pull: Force on each corner [N].
+    """
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance, most_iterations=most_iterations),
         "relaxation": Relaxation(tolerance=tolerance, ramp_steps=20 * points),

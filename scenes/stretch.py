@@ -86,6 +86,13 @@ def build(
     solver: str = "auto",
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        defect: none, hole, crack, inclusion or stiff_inclusion.
+        law: Mode whose constants the bonds take; auto: the scene's.
+        grip: What edges hold: roller the direction across the edge, clamp both.
+    """
     one_of("mode", mode, MODES)
     one_of("defect", defect, DEFECTS)
     one_of("law", law, ("auto", *MODES))

@@ -22,6 +22,11 @@ def build(
     solver: str = "auto",
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        extension: Displacement of the right edge [m].
+    """
     solvers: dict[str, Solver] = {
         "newton": Newton(tolerance=tolerance),
         "relaxation": Relaxation(tolerance=tolerance, ramp_steps=12 * points),

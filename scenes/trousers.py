@@ -48,7 +48,12 @@ def build(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Simulation:
-    """`points` are those along the width of both legs; `speed` [m/s] is that of each end."""
+    """Build the scene.
+
+    Args:
+        points: Points along the width of both legs.
+        speed: Speed of each end [m/s].
+    """
     columns, energy = even_rows(points), positive("tearing_energy", tearing_energy)
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), "relaxed")
     sheet = Sheet.filled(

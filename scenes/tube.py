@@ -51,6 +51,13 @@ def build(
     solver: str = "relaxation",
     tolerance: float | None = None,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        points: Points around the tube.
+        around: Stretch around the tube at the end [-].
+        along: Stretch along the tube at the end [-].
+    """
     sheet = Sheet.tube(RADIUS, LENGTH, thickness=THICKNESS, density=1000.0, points=points)
     duration = 0.1 if solver == "explicit" else 1.0
     solvers: dict[str, Solver] = {

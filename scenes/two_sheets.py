@@ -42,6 +42,12 @@ def build(
     frames: int = 100,
     damping: float = 200.0,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        pressure: Pressure on the upper sheet [Pa].
+        speed: Speed at which the upper sheet is pulled [m/s].
+    """
     spacing = SIDE / (points - 1)
     lower = Sheet.rectangle(0.1, 0.06, thickness=THICKNESS, density=DENSITY, points=round(0.1 / spacing) + 1)
     upper = Sheet.rectangle(SIDE, SIDE, thickness=THICKNESS, density=DENSITY, points=points)

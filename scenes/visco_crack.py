@@ -73,6 +73,17 @@ def build(
     safety: float | None = None,
     wrinkles: str = "auto",
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        law: "stress_free", or "published", which is under tension when undeformed.
+        viscous: Whether the rubber has a Prony term; the sheet then moves in time.
+        failure: Whether bonds break.
+        rate: Rate of stretching [1/s]; None: 0.15, with failure 205, or 159.4 with a Prony term.
+        energy: Tearing energy Gc of the bonds [N/m].
+        density: Density [kg/m^3]; None: 2e6, and 1100 with failure.
+        wrinkles: "relaxed": the energy of tension field theory; "resolved"; "auto": resolved with a Prony term.
+    """
     if positive("stretch", stretch) <= 1.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1")
     published = one_of("law", law, ("stress_free", "published")) == "published"

@@ -59,6 +59,13 @@ def build(
     safety: float = 0.5,
     rim: str = "auto",
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        law: "stress_free", by Newton's method, or "published", by dynamic relaxation.
+        viscous: Whether the rubber has a Prony term; the sheet then moves in time.
+        rate: Rate of stretching [1/s].
+    """
     if not 1.0 < positive("stretch", stretch) <= 10.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1 and at most 10")
     published = one_of("law", law, ("stress_free", "published")) == "published"

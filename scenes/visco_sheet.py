@@ -41,6 +41,13 @@ def build(
     density: float = 2e6,
     safety: float = 0.5,
 ) -> Simulation:
+    """Build the scene.
+
+    Args:
+        law: "stress_free", or "published", which is under tension when undeformed.
+        viscous: Whether the rubber has a Prony term; the sheet then moves in time.
+        rate: Rate of stretching [1/s].
+    """
     if positive("stretch", stretch) <= 1.0:
         raise InputError(f"stretch = {stretch!r}: expected a stretch greater than 1")
     duration = (stretch - 1.0) / positive("rate", rate)

@@ -89,6 +89,7 @@ def main():
     parser.add_argument("--triangles", type=int, default=10000)
     parser.add_argument("--steps", type=int, default=200)
     parser.add_argument("--device", default=None)
+    parser.add_argument("--cases", nargs="*", default=[""], help="only those whose name contains one of these")
     given = parser.parse_args()
     sheet = Sheet.rectangle(1.0, 1.0, thickness=1e-3, density=1000.0, points=given.points)
     mesh, ball = sphere_mesh(0.4, given.triangles), Sphere(0.4)
@@ -106,11 +107,13 @@ def main():
         "free sphere": RigidBody(ball, Free(0.1, (0.5, 0.5, 0.2001), (0.0, 0.0, -10.0))),
         f"free mesh of {len(mesh.triangles)}": RigidBody(mesh, Free(0.1, (0.5, 0.5, 0.2001), (0.0, 0.0, -10.0))),
     }
+    cases = {name: it for name, it in cases.items() if it is None or any(part in name for part in given.cases)}
     for name, contact in cases.items():
         if "lens" in name or (name.startswith("mesh") and contact.friction == 0.0):
             near, first, later = searches(sheet, contact, given.device)
             print(
-                f"{name:32s} {near} points in its bounding sphere; {first} search in the first step, {later:.1f} later"
+                f"{name:32s} {near} points in its bounding sphere; {first} search in the first step, {later:.1f} later",
+                flush=True,
             )
     none = None
     for name, contact in cases.items():

@@ -4,8 +4,8 @@
     python tools/gallery.py --scenes needle drum   these alone; the others keep their pictures and pages
     python tools/gallery.py --only-page            from the runs in runs/gallery, without running anything
 
-Pictures are those of the pages, taken by Chromium. All pages of the gallery share the library vendor.js beside them;
-a page that `warp-pd view` writes has it inside.
+Pictures are those of the pages, taken by Chromium. All pages of the gallery share scripts and styles beside them, also
+those that are not made again; a page that `warp-pd view` writes has them inside.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from study import DOCS, ROOT, RUNS, run_tool, study_parser, write_page
 
 from warp_pd import InputError
 from warp_pd.cli import load_scene, scene_names
+from warp_pd.output.view import shared_files
 from warp_pd.output.vtkhdf import read_series
 from warp_pd.run.view import page
 
@@ -69,7 +70,7 @@ SCENES: dict[str, Shown] = {
     "metamaterial": Shown({"points": 30, "horizon": 2.015, "crack": True}),
     "needle": Shown({"points": 41, "frames": 40}, share=0.5),
     "notched_strip": Shown(
-        {"points": 60, "increment": 4e-5, "critical_strain": 9e-3, "tolerance": 1e-4}, "wrinkle level"
+        {"points": 60, "law": "tension_field", "frames": 12, "slow_from": 0.71, "slow_to": 0.76}, "wrinkle state", 0.4
     ),
     "off_plane_load": Shown(
         {"points": 41, "horizon": 2.015, "speed": 5e-3, "duration": 12.0, "frames": 30},
@@ -124,7 +125,8 @@ def write_pages(scenes: Sequence[str]) -> None:
     from playwright.sync_api import sync_playwright
 
     GALLERY.mkdir(exist_ok=True)
-    shutil.copyfile(ROOT / "warp_pd" / "output" / "page" / "vendor.js", GALLERY / "vendor.js")
+    for name, text in shared_files().items():
+        (GALLERY / name).write_text(text, encoding="utf-8")
     with sync_playwright() as playwright:
         options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=options)
@@ -142,7 +144,7 @@ def _page_of(scene: str) -> str:
     """The page of a run, small: without the velocity, which packs badly."""
     folder = RUNS / "gallery" / scene
     fields = [name for name in read_series(folder / "frames.vtkhdf").fields if name != "velocity"]
-    return page(folder, POINTS, FRAMES, fields, library="vendor.js")
+    return page(folder, POINTS, FRAMES, fields, shared=".")
 
 
 def _pictured(browser: Any, path: Path, shown: Shown) -> bytes:

@@ -5,6 +5,11 @@
 A square lattice under pressure, or with --cloud a jittered cloud. With --weak every process has a square of so many
 points along x; otherwise all share one. On GPUs exchanges run beside the interior, with --in-line one after the other;
 `bits` is the same in all runs of one sheet. The page docs/scaling.md has the results.
+
+    python tools/scaling.py --largest 1e8 --steps 100 --processes 2 --device cuda --out FOLDER [--stride 16]
+
+A run of a square of so many points to its end, --steps with frames at 0, half and the end: memory a point of the whole
+sheet on device and host, the most of any process, and seconds of set-up, of a step and of a frame.
 """
 
 from __future__ import annotations
@@ -16,7 +21,9 @@ import json
 import resource
 import subprocess
 import sys
+from pathlib import Path
 from time import perf_counter, process_time
+from typing import Any
 
 import warp as wp
 
@@ -25,8 +32,14 @@ from warp_pd.built import compose
 from warp_pd.cores import start_warp
 from warp_pd.device import exchange
 from warp_pd.device.launches import Call
-from warp_pd.run.processes import crew_here, processes_here
+from warp_pd.run import files
+from warp_pd.run.processes import crew_here, is_first, processes_here
+from warp_pd.run.recorder import Recorder
 from warp_pd.scene_context import share_of
+from warp_pd.solvers.stable_step import StableStep
+
+# Stable step of a sheet times its intervals, from below [s].
+STABLE = 0.05
 
 
 def scene(points: int, rows: int, horizon: float, tears: bool, cloud: bool) -> Simulation:
@@ -92,6 +105,63 @@ def measure(arguments: argparse.Namespace) -> None:
         print(json.dumps(row), flush=True)
 
 
+def largest(arguments: argparse.Namespace) -> None:
+    """Run a large sheet in this process, one of those that torchrun started; the first prints a line of JSON."""
+    crew, device = crew_here(arguments.device)
+    start_warp()
+    side = round(arguments.largest**0.5)
+    # A quarter of the stable step.
+    step = 0.25 * STABLE / (side - 1)
+    begun, begin = _most_memory(), perf_counter()
+    made = scene(side, side, arguments.horizon, arguments.tears, False)
+    made.solver = Explicit(step * arguments.steps, frames=2, step=step)
+    seconds: dict[str, list[float]] = {"frame": [], "save": [], "omega": []}
+    for kind, name in ((Recorder, "frame"), (files.DividedFiles, "save"), (StableStep, "omega")):
+        _timed(kind, name, seconds[name])
+    result = made.run(
+        out=arguments.out, device=device, usd=False, view=False, pictures=False, stride=arguments.stride,
+        restarts=not arguments.no_restart, overwrite=True, fields=arguments.fields,
+    )  # fmt: skip
+    built, size = result.built, made.sheet.size
+    warp_device = built.context.device
+    high = wp.get_mempool_used_mem_high(warp_device) if warp_device.is_cuda else 0
+    taken = warp_device.total_memory - warp_device.free_memory if warp_device.is_cuda else 0
+    most = {
+        "host_bytes_a_point": _most_memory() - begun, "device_arrays_a_point": built.context.fields.nbytes,
+        "device_high_water_a_point": high, "device_taken_a_point": taken,
+    }  # fmt: skip
+    # The rate of a run counts its estimates of the stable step.
+    steps = result.summary["steps"]
+    each = size / max(result.summary["point_steps_per_s"], 1e-30) - sum(seconds["omega"]) / max(steps, 1)
+    row = {
+        "processes": processes_here(), "points": size, "status": result.status, "steps": steps,
+        "setup_s": result.summary["setup_s"], "compile_s": result.summary["compile_s"],
+        "step_s": each, "estimate_s": seconds["omega"], "frame_s": seconds["frame"],
+        "restart_s": seconds["save"], "wall_s": perf_counter() - begin, "stable_step_s": result.summary["stable_dt"],
+        "step_given_s": step,
+        **{name: round(-crew.least(-value) / size, 2) for name, value in most.items()},
+    }  # fmt: skip
+    if crew.leads:
+        files_bytes = sum(p.stat().st_size for p in Path(arguments.out).rglob("*") if p.is_file())
+        print(json.dumps({**row, "files_bytes_a_point": round(files_bytes / size, 2)}), flush=True)
+
+
+def _timed(kind: type, name: str, seconds: list[float]) -> None:
+    """Note how long the calls of a method take."""
+    method = getattr(kind, name)
+
+    @functools.wraps(method)
+    def call(*given: Any) -> Any:
+        begin = perf_counter()
+        found = method(*given)
+        seconds.append(round(perf_counter() - begin, 3))
+        if is_first():
+            print(f"{name}: {seconds[-1]} s", file=sys.stderr, flush=True)
+        return found
+
+    setattr(kind, name, call)
+
+
 def _most_memory() -> int:
     """Most memory that this process has had [bytes]."""
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -103,17 +173,25 @@ def main() -> None:
     parser.add_argument("--processes", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--points", type=int, default=301)
     parser.add_argument("--horizon", type=float, default=2.015)
-    parser.add_argument("--steps", type=int, default=50)
+    parser.add_argument("--steps", type=int, default=50, help="by default 50; the page has 100 with --largest")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--weak", action="store_true")
     parser.add_argument("--in-line", action="store_true")
     parser.add_argument("--tears", action="store_true")
     parser.add_argument("--cloud", action="store_true")
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--largest", type=float)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--stride", type=int, default=1)
+    parser.add_argument("--no-restart", action="store_true")
+    parser.add_argument("--fields", nargs="*")
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.here:
-        measure(arguments)
+        if arguments.largest:
+            largest(arguments)
+        else:
+            measure(arguments)
         return
     for number in arguments.processes:
         start = [sys.executable]

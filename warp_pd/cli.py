@@ -15,6 +15,7 @@ from .device.crew import LostError
 from .fitting.command import fit_command
 from .run.processes import crew_here, is_first, launch, processes_here
 from .run.scene_files import build_scene, load_scene, scene_names
+from .run.scene_help import SceneCommand
 
 WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
 
@@ -132,7 +133,7 @@ def list_scenes() -> None:
         click.echo(f"{name:20s} {text.splitlines()[0]}")
 
 
-@main.command()
+@main.command(cls=SceneCommand)
 @_scene_options
 @click.option("--out", help="Folder for the results; by default runs/SCENE, or runs/SCENE-2, ... if it holds some.")
 @click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
@@ -146,6 +147,8 @@ def list_scenes() -> None:
 @click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
 @click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
+@click.option("--stride", type=int, default=1, help="Frames hold every so many-th column and row of a lattice.")
+@click.option("--no-restart", is_flag=True, help="Do not write restart.npz: the run cannot go on.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")
 @click.option("--gpus", type=int, default=1, help="Divide the sheet among so many GPUs of this machine.")
@@ -155,7 +158,7 @@ def run(
     solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
     precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
     fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
-    gpus: int, processes: int,
+    gpus: int, processes: int, stride: int, no_restart: bool,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
@@ -186,6 +189,8 @@ def run(
             pictures=False if no_pictures else pictures,
             view=not no_view,
             history_every=history_every,
+            stride=stride,
+            restarts=not no_restart,
             reporter=Progress(quiet),
         )
     except DivergedError as error:
@@ -205,7 +210,7 @@ def run(
         sys.exit(130)
 
 
-@main.command("sweep")
+@main.command("sweep", cls=SceneCommand)
 @click.argument("scene")
 @_of_a_sweep
 @click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
@@ -271,7 +276,7 @@ def _sweep(
     return DIVERGED if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0
 
 
-@main.command()
+@main.command(cls=SceneCommand)
 @_scene_options
 def plan(
     scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,

@@ -66,11 +66,11 @@ def share_of(scene: Scene, crew: Crew) -> Share:
 def _context_here(whole: Context, share: Share) -> Context:
     """The context of one of several processes."""
     whole.crew.bind(whole.fields.stored)
-    placement, points = whole.placement, share.points
+    placement = whole.placement
     return replace(
-        whole, sheet=part_of_sheet(whole.sheet, share), undivided=whole.sheet, share=share, held=whole.held[points],
-        initial_displacement=whole.initial_displacement[points],
-        placement=None if placement is None else placement[points],
+        whole, sheet=part_of_sheet(whole.sheet, share), undivided=whole.sheet, share=share,
+        held=share.rows(whole.held), initial_displacement=share.rows(whole.initial_displacement),
+        placement=None if placement is None else share.rows(placement),
     )  # fmt: skip
 
 
@@ -92,29 +92,32 @@ def constraints_here(constraints: Sequence[Constraint], context: Context) -> tup
     return tuple(replace(constraint, points=share.here(constraint.points)[1]) for constraint in constraints)
 
 
-def shared_state(scene: Scene, context: Context, constant: np.ndarray, energy: EnergyBalance) -> State:
+def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, energy: EnergyBalance) -> State:
     """The arrays that parts have in common.
 
     Args:
         scene: The scene.
         context: Takes the arrays.
-        constant: Sum of the loads that never change [N], (N, 3).
+        constant: Sum of the loads that never change [N], (N, 3); None if there are none.
         energy: Work and losses.
     """
     sheet, types, features, solver = context.sheet, context.types, context.features, scene.solver
     n, real, vec3 = sheet.size, types.real, types.vec3
     mass = sheet.areas * sheet.thickness * sheet.density
-    u, v = context.initial_displacement, scene.initial("initial_velocity")
-    if context.share is not None:
-        v = v[context.share.points]
+    u: np.ndarray | None = context.initial_displacement
+    v = None if scene.initial_velocity is None else scene.initial("initial_velocity")
+    if scene.initial_displacement is None and context.placement is None:
+        u = None
+    if context.share is not None and v is not None:
+        v = context.share.rows(v)
     return State(
         displacement=context.array(
-            "displacement", OWNER, vec3, u, restart=True, halo=True, output="displacement"
+            "displacement", OWNER, vec3, u, shape=n, restart=True, halo=True, output="displacement"
         ),
-        velocity=context.array("velocity", OWNER, vec3, v, restart=True, halo=True, output="velocity"),
+        velocity=context.array("velocity", OWNER, vec3, v, shape=n, restart=True, halo=True, output="velocity"),
         force=context.array("force", OWNER, vec3, shape=n),
         mass=context.array("mass", OWNER, real, mass),
-        external=context.array("external", "loads", vec3, constant) if features.loaded else None,
+        external=context.array("external", "loads", vec3, constant, shape=n) if features.loaded else None,
         held_mask=context.array("held", "supports", wp.uint8, context.held) if features.held else None,
         step=context.array("step", "solver", real, shape=1, per="once") if solver.steps_explicitly else None,
         damping=None if solver.mass_damping is None else context.array(

@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 from warp_pd import InputError
 from warp_pd.cli import build_scene, main
+from warp_pd.scenes import notched_strip
 
 
 def test_the_bar_meets_the_exact_solution_and_its_error_halves_with_the_spacing():
@@ -89,9 +90,15 @@ def test_the_notch_tears_with_the_law_that_is_right_at_free_edges_and_rows_part_
     first = next(row for row in torn.history if row["crack_length"] > 0.0)
     assert abs(first["crack_direction"]) > 70.0
     assert torn.history[-1]["crack_reach"] > 0.025
+    reach = {row["time"]: row["crack_reach"] for row in torn.history}
+    seen = [reach[time] for time in notched_strip._shown(torn.history)]
+    assert 0.0 < seen[0] < seen[1] < seen[2] < seen[3] == max(reach.values())
     printed = build_scene("notched_strip", small).run(device="cpu")
     unbroken = [row for row in printed.history if row["end_displacement"] < 2.0e-4]
     assert len(unbroken) > 15 and all(row["crack_length"] == 0.0 for row in unbroken)
+    ends = {row["time"]: row["end_displacement"] for row in printed.history}
+    shown = [ends[time] for time in notched_strip._shown(printed.history)]
+    np.testing.assert_allclose(shown, notched_strip.SHOWN, rtol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,14 @@ def test_the_front_of_error_over_time_holds_what_nothing_beats():
 def test_observed_orders_come_from_the_spacings():
     table = orders([row(11, 1.0, 0.16), row(21, 2.0, 0.04), row(41, 2.0, 0.01)])
     assert table[-1].endswith("| 2.0, 2.0 |")
+    assert orders([row(11, 1.0, 0.16), row(11, 1.0, 0.2, law="corrected")]) == []
+
+
+def test_a_page_has_no_empty_tables_and_no_orders_of_a_tear(tmp_path):
+    torn = [row(n, 1.0, 1.0 / n, scene="double_notch", solver="explicit", precision=32) for n in (30, 60)]
+    text = page([row(11, 1.0, 0.16), *torn], tmp_path)
+    assert "## double_notch" in text and "Observed orders" not in text
+    assert "Observed orders" in page([row(11, 1.0, 0.16), row(21, 2.0, 0.04)], tmp_path)
 
 
 def test_what_the_published_settings_lose():

@@ -1,6 +1,5 @@
 """The gallery has every scene, with picture, command and page, and stays small."""
 
-import filecmp
 import re
 from pathlib import Path
 
@@ -8,6 +7,9 @@ import gallery
 import pytest
 
 from warp_pd.cli import build_scene, scene_names
+from warp_pd.output.packed import Arrays
+from warp_pd.output.view import _html as page_of
+from warp_pd.output.view import shared_files
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "gallery.md").read_text()
@@ -29,5 +31,18 @@ def test_every_scene_has_a_picture_a_page_and_a_command(scene):
     build_scene(scene, settings)
 
 
-def test_pages_of_the_gallery_share_the_library_of_the_package():
-    assert filecmp.cmp(ROOT / "warp_pd" / "output" / "page" / "vendor.js", gallery.GALLERY / "vendor.js", shallow=False)
+def test_pages_of_the_gallery_share_the_scripts_and_styles_of_the_package():
+    files = shared_files()
+    assert {path.name for path in gallery.GALLERY.iterdir() if path.suffix in (".js", ".css")} == set(files)
+    for name, text in files.items():
+        assert (gallery.GALLERY / name).read_text(encoding="utf-8") == text, name
+
+
+@pytest.mark.parametrize("scene", scene_names())
+def test_a_page_of_the_gallery_holds_data_alone(scene):
+    """The rest is what the package writes around the data of any run, with addresses that need no server."""
+    text = (gallery.GALLERY / f"{scene}.html").read_text(encoding="utf-8")
+    empty = page_of({"title": scene}, Arrays(), shared=".")
+    data = r'<script type="(?:application/json|text/plain)" id="\w+">[^<]*</script>\n+'
+    assert re.sub(data, "", text) == re.sub(data, "", empty)
+    assert re.findall(r'(?:src|href)="([^"]*)"', text) == ["./page.css", "./vendor.js", "./page.js"]

@@ -112,7 +112,7 @@ STUDIES = (
         "double_notch",
         "Sheet torn between two notches (BA 6.3): largest load, and in place of a field the L2 norm of load over "
         "extension. Reference: plain weights, 3.15, float32, twice as fine as the finest row. A critical stretch is no "
-        "fracture energy, so the load falls with the spacing, and no order of convergence can be expected.",
+        "fracture energy, so the load falls with the spacing: there is no order to observe.",
         ("published", "plain"),
         ("explicit",),
         tear_errors,

@@ -89,7 +89,10 @@ def published_text(rows: Sequence[Row]) -> str:
 
 
 def orders(rows: Sequence[Row]) -> list[str]:
-    """Observed orders of the field error in the spacing, from the most precise runs of each law and horizon."""
+    """Observed orders of the field error in the spacing, from the most precise runs of each law and horizon.
+
+    Empty if no law was run at two spacings.
+    """
     groups: dict[tuple[str, float], dict[int, Row]] = {}
     for row in sorted(with_errors(rows), key=lambda r: (r.case.precision, r.case.solver != "newton")):
         groups.setdefault((row.case.law, row.case.horizon), {}).setdefault(row.case.points, row)
@@ -106,7 +109,7 @@ def orders(rows: Sequence[Row]) -> list[str]:
         ]
         errors = ", ".join(f"{r.case.points}: {100 * field_of(r):.3g} %" for r in ladder)
         cells.append([law, f"{horizon:g}", errors, ", ".join(f"{rate:.1f}" for rate in rates)])
-    return table(["law", "horizon", "points: field error", "orders"], cells)
+    return table(["law", "horizon", "points: field error", "orders"], cells) if cells else []
 
 
 def choices(rows: Sequence[Row]) -> list[str]:

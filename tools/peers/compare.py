@@ -153,15 +153,15 @@ def introduction(header: str) -> list[str]:
 
 
 ONCE = (
-    "Since commit 13069ed a CPU computes each bond of a lattice once (kernels/bonds_once.py) and looks once at each "
-    "before it breaks any (`screening` in kernels/rupture.py), both to the last bit what the reference kernels do. "
-    "Measured on 2026-11-22 on a machine that others used, so in CPU time of one core and one thread (64 x 64 points, "
-    "float64, best of many steps): 256 ns a point-step before, 141 ns now (force 188 to 97, rupture 64 to 39); pypd, "
-    "in its version of August 2025, 105 ns. That is 0.74 of pypd where it was 0.41. The times of two cores above are "
-    "older and were not measured again; pypd sums its bond forces on one core, which ours does not. What is left: 5.7 "
-    "ns a bond for the force in space, 17 ns to sum both halves, 39 ns for rupture, which pypd tests where it has the "
-    "stretch anyway. 0.8 would take the rupture test into the force, against the order of a step: bonds break before "
-    "the force here. Half the divisions and roots had gained 2 to 8 % only."
+    "Since commit 13069ed a CPU computes each bond of a lattice once (kernels/bonds_once.py), and where bonds break by "
+    "their stretch the same kernel says which blocks of points have bonds to break: the sum of the forces, after "
+    "`break_bonds`, leaves those out. All of it is to the last bit what the reference kernels do. Measured on "
+    "2026-11-22, float64, pypd in its version of August 2025 (its kernels have other names than above, and a stiffness "
+    "for every bond), with a priority above all that the machine did else, best of many steps: 64 x 64 points on one "
+    "core 256 ns a point-step at commit 13069ed, 141 ns with bonds once, 101 ns now (force and test 76, `break_bonds` "
+    "6, sum 16), pypd 106 ns: 1.05 times its speed (0.41, then 0.74). On two cores 71 ns, and pypd 64 ns: 0.91 (0.30 "
+    "in the table). 128 x 128 points: 105 ns on one core, and pypd 104 (1.0); 58 to 71 ns on two, and pypd 65 (1.1 to "
+    "0.91). At 64 x 64 a step takes 290 us on two cores, of which 25 to 50 us go to waking the second one."
 )
 
 

@@ -270,7 +270,7 @@ class Context:
         if per == "face":
             return np.asarray(whole[share.faces])
         if per == "point":
-            return np.asarray(whole[share.points])
+            return share.rows(whole)
         # Families that are not whole here are empty.
         found = np.asarray(whole[:, share.points])
         found[:, ~share.near] = 0

@@ -58,6 +58,10 @@ class Crew:
         """The least of a number of all processes."""
         return value
 
+    def gather(self, value: T) -> list[T]:
+        """What all processes have, by their number."""
+        return [value]
+
     def spread(self, value: T) -> T:
         """The value that the first process has."""
         return value

@@ -12,6 +12,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import warp as wp
 
+from ..checks import InputError
+
 Array: TypeAlias = "wp.array[Any]"
 
 # What an array has an entry for; a "table" never changes, "once" is for single numbers and other data without entries.
@@ -99,6 +101,7 @@ class FieldRegister:
 
         Raises:
             ValueError: for a second restart field of the same name.
+            InputError: for rows that are too long.
         """
         if declared.restart and any(s.field.restart and s.name == declared.name for s in self.stored):
             raise ValueError(f"field {declared.name!r} exists already: expected a new name for a restart field")
@@ -106,6 +109,7 @@ class FieldRegister:
             array = wp.zeros(shape, dtype=dtype, device=self.device)
         else:
             array = wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+        _require_short_rows(declared, array)
         self.stored.append(Stored(declared, array))
         return array
 
@@ -121,6 +125,20 @@ class FieldRegister:
     def nbytes(self) -> int:
         """Bytes of all arrays."""
         return sum(s.nbytes for s in self.stored)
+
+
+def _require_short_rows(declared: Field, array: Array) -> None:
+    """Refuse an array whose rows are too long: Warp counts the bytes from row to row in 32 bits.
+
+    Raises:
+        InputError: for one.
+    """
+    if array.ndim > 1 and array.strides[0] >= 2**31:
+        most = (2**31 - 1) // int(wp.types.type_size_in_bytes(array.dtype))
+        raise InputError(
+            f"{declared.owner}: {declared.name} has {array.shape[1]} entries in a row: expected at most {most}; "
+            "divide the sheet among more processes (--gpus)"
+        )
 
 
 def on_cpu(array: Array) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..shapes.on_demand import CHUNK, OnDemand
+from ..shapes.on_demand import CHUNK, for_each_chunk, mean_of
 from ..shapes.triangulation import Segment, crosses, lattice_box
 from ..sheet import Sheet
 from .masks import pack
@@ -54,7 +54,7 @@ def lattice_families(
         here = np.where(touched[at] == first, at, -1) if len(touched) else np.full(len(first), -1)
         exists[here >= 0] &= ~lost[here[here >= 0]]
         severed_rows[here >= 0] = lost[here[here >= 0]].any(axis=1)
-    areas, reference_area = sheet.stored("areas"), float(sheet.areas.mean())
+    areas, reference_area = sheet.stored("areas"), mean_of(sheet.stored("areas"))
     member = np.where(exists, to_y * lattice.columns + to_x, 0)
     return Families(
         horizon=horizon,
@@ -89,7 +89,14 @@ def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.nda
     _, first_y, of_y = np.unique(near_y, return_index=True, return_inverse=True)
     first = (len(near_x) * first_y[:, None] + first_x).ravel()
     found = np.empty((len(near_y), len(near_x)), np.int32)
-    np.add((len(first_x) * of_y)[:, None], of_x, out=found, casting="same_kind")
+    rows, columns = (len(first_x) * of_y).astype(np.int32)[:, None], of_x.astype(np.int32)
+    some = max(1, CHUNK // len(near_x))
+
+    def fill(begin: int) -> None:
+        chunk = slice(begin, begin + some)
+        np.add(rows[chunk], columns, out=found[chunk])
+
+    for_each_chunk(0, len(near_y), fill, some)
     return first, found.ravel()
 
 
@@ -142,13 +149,10 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
         return None
     offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
     reach = float(np.linalg.norm(offsets, axis=1).max())
-    if isinstance(points, OnDemand):
-        spacings = reach / min(lattice.dx, lattice.dy) + 1.0
-        boxes = [lattice_box(points[np.zeros(1, int)][0], lattice, segment, spacings) for segment in sheet.cuts]
-        touched = functools.reduce(np.union1d, boxes)
-        touched = touched[_near_cuts(points[touched], sheet.cuts, reach)]
-    else:
-        touched = np.flatnonzero(near_cuts(sheet, reach))
+    spacings = reach / min(lattice.dx, lattice.dy) + 1.0
+    boxes = [lattice_box(points[np.zeros(1, int)][0], lattice, segment, spacings) for segment in sheet.cuts]
+    touched = functools.reduce(np.union1d, boxes)
+    touched = touched[_near_cuts(points[touched], sheet.cuts, reach)]
     tail = np.repeat(points[touched][:, None], len(offsets), axis=1)
     lost = np.zeros((len(touched), len(offsets)), bool)
     for segment in sheet.cuts:

@@ -35,23 +35,9 @@ class RowsHere:
 
 def rows_here(families: Families, share: Share) -> RowsHere:
     """The families of the points of a share."""
-    if families.family_class is None:
-        rows, empty, family_class = share.points, ~share.near, None
-    else:
-        whole_class = families.family_class[share.points]
-        # Row 0 of a grid and the commonest one of a lattice keep their places: kernels know them.
-        kept = np.arange(len(families.exists))
-        if families.layout == "grid":
-            kept = np.unique(np.append(whole_class[share.near], 0))
-        # Empty rows keep their area, which the families around them read.
-        emptied = np.unique(whole_class[~share.near])
-        rows, empty = np.append(kept, emptied), np.arange(len(kept) + len(emptied)) >= len(kept)
-        at = np.searchsorted(kept, whole_class), len(kept) + np.searchsorted(emptied, whole_class)
-        family_class = np.where(share.near, *at).astype(np.int32)
+    rows, empty, family_class = _kept_rows(families, share)
     made = RowsHere(families, rows, empty)
-    by_row = families.neighbours is not None
-    local = np.full(families.points, -1, np.int32)
-    local[share.points] = np.arange(len(share.points))
+    by_row, local = families.neighbours is not None, _Local(families, share)
 
     def row(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else values[rows]
@@ -62,7 +48,7 @@ def rows_here(families: Families, share: Share) -> RowsHere:
     neighbours, exists = None, made.table(families.exists)
     if families.neighbours is not None:
         found = families.neighbours[rows]
-        neighbours = np.where(found >= 0, local[found], -1).astype(np.int32)
+        neighbours = np.where(found >= 0, local.of(found), -1).astype(np.int32)
         neighbours[empty] = -1
     here = replace(
         families,
@@ -75,8 +61,8 @@ def rows_here(families: Families, share: Share) -> RowsHere:
         reverses=families.reverses[rows] if by_row else families.reverses,
         neighbours=neighbours,
         family_class=family_class,
-        centres=None if families.centres is None else local[families.centres[:, share.points]],
-        first=None if families.first is None else np.maximum(local[families.first[rows]], 0),
+        centres=None if families.centres is None else local.of(families.centres[:, share.points]),
+        first=None if families.first is None else np.maximum(local.of(families.first[rows]), 0),
         severed=row(families.severed),
         stiffness=row(families.stiffness),
         frames=point(families.frames),
@@ -86,7 +72,43 @@ def rows_here(families: Families, share: Share) -> RowsHere:
     return replace(made, families=here)
 
 
+def _kept_rows(families: Families, share: Share) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Rows of the whole families that are rows here, which of them are empty, and the row here of each point."""
+    if families.family_class is None:
+        return share.points, ~share.near, None
+    # Row 0 of a grid and the commonest one of a lattice keep their places: kernels know them.
+    family_class = share.rows(families.family_class).copy()
+    kept = np.arange(len(families.exists))
+    if families.layout == "grid":
+        kept = np.unique(np.append(family_class[share.near], 0))
+        family_class[share.near] = np.searchsorted(kept, family_class[share.near])
+    # Empty rows keep their area, which the families around them read.
+    far = np.flatnonzero(~share.near)
+    emptied, of_far = np.unique(family_class[far], return_inverse=True)
+    family_class[far] = len(kept) + of_far.ravel()
+    return np.append(kept, emptied), np.arange(len(kept) + len(emptied)) >= len(kept), family_class
+
+
+class _Local:
+    """Indices here of points of the whole sheet, -1 for those that are not here."""
+
+    def __init__(self, families: Families, share: Share) -> None:
+        self.share, self._table = share, None
+        if share.owners is not None:
+            self._table = np.full(families.points, -1, np.int32)
+            self._table[share.points] = np.arange(len(share.points))
+
+    def of(self, points: np.ndarray) -> np.ndarray:
+        """The index here of each, int32."""
+        if self._table is not None:
+            return np.asarray(self._table[points])
+        span = self.share.span
+        return np.where((points >= span.start) & (points < span.stop), points - span.start, -1).astype(np.int32)
+
+
 def _whole(families: Families) -> WholeFamilies:
-    cloud = families.family_class is None
-    row = 0 if cloud else families.commonest_row
-    return WholeFamilies(families.bond_count, row, not cloud and families.has_common)
+    if families.family_class is None:
+        return WholeFamilies(families.bond_count, 0, False)
+    points = families.points_of_rows()
+    row = 0 if families.layout == "grid" else int(points.argmax())
+    return WholeFamilies(int((families.exists.sum(axis=1) * points).sum()), row, bool(points[row] > 0))

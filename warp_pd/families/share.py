@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+import itertools
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -51,6 +52,15 @@ class Share:
     def size(self) -> int:
         """Number of processes."""
         return len(self.bounds) - 1
+
+    @functools.cached_property
+    def span(self) -> slice:
+        """The points here in the whole sheet, if they follow each other; see `rows`."""
+        return slice(int(self.points[0]), int(self.points[-1]) + 1)
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """What is here of an array of points of the whole sheet; a view where points follow each other."""
+        return values[self.span] if self.owners is None else np.asarray(values[self.points])
 
     @property
     def block_points(self) -> int:
@@ -119,8 +129,8 @@ def divided(sheet: Sheet, horizon: float, rank: int, processes: int) -> Share:
     begin, end = int(bounds[rank]), int(bounds[rank + 1])
     reach = _lattice_reach(sheet, horizon)
     ranges = [(max(begin - k * reach, 0), min(end + k * reach, sheet.size)) for k in range(1, HALO + 1)]
-    points = np.arange(*ranges[-1])
-    near = (points >= ranges[0][0]) & (points < ranges[0][1])
+    points, near = np.arange(*ranges[-1]), np.zeros(ranges[-1][1] - ranges[-1][0], bool)
+    near[ranges[0][0] - ranges[-1][0] : ranges[0][1] - ranges[-1][0]] = True
     own = slice(begin - ranges[-1][0], end - ranges[-1][0])
     inner = slice(own.start + (reach if own.start else 0), own.stop - (reach if own.stop < len(points) else 0))
     return Share(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
@@ -139,12 +149,20 @@ def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
         low, high = row * (begin // lattice.columns), row * (end // lattice.columns)
         first = max(low - lost, 0), min(low + row, number)
         last = min(max(high - lost, first[1]), number), min(high + row, number)
-    found = [np.arange(first[1], last[0])] if first[1] else []
+    found = []
     for start, stop in (first, last):
         for at in range(start, stop, CHUNK):
             lowest = triangles[np.arange(at, min(at + CHUNK, stop))].min(axis=1)
             found.append(at + np.flatnonzero((lowest >= begin) & (lowest < end)))
-    return np.sort(np.concatenate(found), kind="stable") if found else np.zeros(0, np.int64)
+        if first[1] and start == first[0]:
+            found.append(np.arange(first[1], last[0]))
+    some = [each for each in found if len(each)]
+    if not some:
+        return np.zeros(0, np.int64)
+    rising = all(a[-1] < b[0] for a, b in itertools.pairwise(some))
+    if rising and int(some[-1][-1]) + 1 - int(some[0][0]) == sum(map(len, some)):
+        return np.arange(some[0][0], some[-1][-1] + 1)
+    return np.sort(np.concatenate(some), kind="stable")
 
 
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
@@ -259,7 +277,7 @@ def part_of_sheet(sheet: Sheet, share: Share) -> Sheet:
         arrays["triangles"] = share.here(corners.ravel())[1].reshape(-1, 3)
 
     def of(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else values[points]
+        return None if values is None else share.rows(values)
 
     return replace(
         sheet,
@@ -269,12 +287,17 @@ def part_of_sheet(sheet: Sheet, share: Share) -> Sheet:
     )  # fmt: skip
 
 
+def _moved(values: Stored, by: int) -> Callable[[int, int], np.ndarray] | None:
+    """What computes consecutive entries from another first one."""
+    return (lambda begin, end: values.run(begin + by, end + by)) if isinstance(values, OnDemand) else None
+
+
 def _rows_of(stored: Mapping[str, Stored], points: np.ndarray, faces: np.ndarray) -> dict[str, Stored]:
     """Points that follow each other in a lattice whose arrays are computed on demand."""
     first = int(points[0])
     places, areas, triangles = stored["points"], stored["areas"], stored["triangles"]
     return {
-        "points": OnDemand(len(points), lambda i: places[i + first]),
-        "areas": OnDemand(len(points), lambda i: areas[i + first]),
+        "points": OnDemand(len(points), lambda i: places[i + first], _moved(places, first)),
+        "areas": OnDemand(len(points), lambda i: areas[i + first], _moved(areas, first)),
         "triangles": OnDemand(len(faces), lambda i: triangles[faces[i]] - np.int32(first)),
     }

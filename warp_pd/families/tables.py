@@ -16,6 +16,7 @@ from ..checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..cores import cores
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE, SAMPLE
+from ..shapes.on_demand import CHUNK
 from .intersections import shapes_by_row
 from .masks import unpack
 
@@ -152,13 +153,20 @@ class Families:
         """c_k = w a_k of each member divided by the reference area, shape (R, n); zero where there is none."""
         return np.asarray(np.where(self.exists, self.influence, 0.0) * self.member_areas)
 
+    def points_of_rows(self) -> np.ndarray:
+        """Number of points of each row, shape (R,), on a lattice or grid."""
+        assert self.family_class is not None
+        family_class, rows = self.family_class, len(self.exists)
+        begins = range(0, len(family_class), CHUNK)
+        counts = cores().map(lambda at: np.bincount(family_class[at : at + CHUNK], minlength=rows), begins)
+        return np.asarray(np.sum(list(counts), axis=0))
+
     @property
     def commonest_row(self) -> int:
         """The row of most points of the whole sheet, on a lattice or grid; on a grid that of the points deep inside."""
         if self.whole is not None:
             return self.whole.commonest_row
-        assert self.family_class is not None
-        return 0 if self.layout == "grid" else int(np.bincount(self.family_class).argmax())
+        return 0 if self.layout == "grid" else int(self.points_of_rows().argmax())
 
     @property
     def has_common(self) -> bool:
@@ -171,7 +179,7 @@ class Families:
         if self.whole is not None:
             return self.whole.bonds
         sizes = self.exists.sum(axis=1)
-        return int(sizes.sum() if self.family_class is None else sizes[self.family_class].sum())
+        return int(sizes.sum() if self.family_class is None else (sizes * self.points_of_rows()).sum())
 
     def rows_of_points(self, values: np.ndarray) -> np.ndarray:
         """Values by row, shape (R, ...), as values by point, shape (N, ...)."""

@@ -12,7 +12,7 @@ from ..built import Built
 from ..checks import InputError
 from ..device.fields import assign
 from ..frame import Frame
-from ..run.recorder import snapshot
+from ..run.pictured import AllPoints, snapshot
 from ..simulation import Simulation
 from ..solvers.search import Search
 
@@ -158,7 +158,7 @@ class Equilibrium:
     def frame(self) -> Frame:
         """The present state as measures see it."""
         self.built.context.run("frame")
-        return snapshot(self.built, 1, self.factor * self.duration).in_double()
+        return snapshot(AllPoints(self.built), 1, self.factor * self.duration).in_double()
 
     def bare_frame(self) -> Frame:
         """The displacement of the present state alone, for probes."""

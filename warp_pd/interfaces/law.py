@@ -152,6 +152,19 @@ class BuiltLaw(BuiltPart, Protocol):
         """Whether the force breaks the bonds in the stages that `breaking` names, so that no launch before has to."""
         return False
 
+    def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
+        """Add, if it has one, a launch of the force that also says which blocks of points have bonds to break.
+
+        Args:
+            stage: Stage in which bonds break.
+            squared_stretch: Squared stretch |Y|^2/|X|^2 [-] up to which no bond breaks.
+            exceeding: To fill with 1 where a bond ahead of a point of a block of SCREENED may break, and 0 elsewhere.
+
+        Returns:
+            Whether there is one.
+        """
+        return False
+
     def bond_force(self) -> Array:
         """Force of the family of a point on each of its pairs [N], (members, N) vec3, updated with every force.
 

@@ -153,7 +153,11 @@ class BondAssociatedForce(FamilyLaw):
         self.kernels = bond_associated(*self.key, context.module)
         self.earlier_energy = self.kernels.earlier_energy
         self._breaking: BondBreaking | None = None
-        self.fast_path: FastForce | None = fast_path(self, inverse, weights)
+        self.fast_path: FastForce | None = self.fast_kernels(inverse, weights)
+
+    def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
+        """The fast kernels, from K^-1 and weights by row, or None."""
+        return fast_path(self, inverse, weights)
 
     @functools.cached_property
     def pairs(self) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -17,7 +17,7 @@ from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw, Tangent
 from ..kernels.bond_based import bond_based, pull_of_bond
-from ..kernels.bonds_once import bonds_once
+from ..kernels.bonds_once import NEARLY, BondsOnce, bonds_once
 from ..kernels.effects import Kernel
 from ..materials import PairwiseMaterial, capabilities, check_material
 from ..phases import Phase
@@ -112,7 +112,8 @@ class BondBasedForce(FamilyLaw):
         self.earlier_energy = self.kernels.earlier_energy
         # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
         self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
-        self.once: tuple[Kernel, Kernel] | None = None
+        self.once: BondsOnce | None = None
+        self._screened: Stage | None = None
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
         if law.fast and context.layout == "lattice" and not context.device.is_cuda:
             members = families.members
@@ -136,7 +137,12 @@ class BondBasedForce(FamilyLaw):
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         if self.once is not None:
-            self._add_forces_once(stage, displacement, out, *self.once)
+            if self._screened is not stage:
+                stage.launch(self.owner, self.once.forces_ahead, self.points, **self._forces_once(displacement))
+            stage.launch(
+                self.owner, self.once.sum_both_halves, self.points, **self._tables(), intact=self.intact,
+                ahead=self._ahead, unit_force=self.unit_volume * self.inverse_horizon, force=out,
+            )  # fmt: skip
             return
         stage.launch(
             self.owner, self.kernels.pair_force, self.points,
@@ -150,21 +156,33 @@ class BondBasedForce(FamilyLaw):
         shape = (self.points, self.families.members // 2)
         return self.context.array("forces_ahead", self.owner, self.context.types.vec3, shape=shape)
 
-    def _add_forces_once(
-        self, stage: Stage, displacement: Array, out: Array, forces_ahead: Kernel, sum_both_halves: Kernel
-    ) -> None:
-        """Add the launches that compute each bond once."""
-        s, ahead = self.struct, self._ahead
-        tables = {"shift": s.stencil_shift, "family_class": s.family_class, "initial": s.class_initial}
+    def _tables(self) -> dict[str, Any]:
+        """Arguments common to the kernels that compute each bond once."""
+        s = self.struct
+        return {"shift": s.stencil_shift, "family_class": s.family_class, "initial": s.class_initial}
+
+    def _forces_once(self, displacement: Array) -> dict[str, Any]:
+        """Arguments of those that fill `_ahead`."""
+        s = self.struct
+        return {
+            **self._tables(), "bond": s.stencil_bond, "weight": s.class_weight, "intact": self.intact,
+            "displacement": displacement, "constants": self.constants, "inverse_horizon": self.inverse_horizon,
+            "ahead": self._ahead,
+        }  # fmt: skip
+
+    def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
+        """Add the launch that computes each bond once, in the stage of a step before bonds break.
+
+        The sum of the forces leaves out what has broken since.
+        """
+        if self.once is None or self.once.forces_and_screen is None or stage.name != "step":
+            return False
+        self._screened = stage
         stage.launch(
-            self.owner, forces_ahead, self.points, **tables, bond=s.stencil_bond, weight=s.class_weight,
-            intact=self.intact, displacement=displacement, constants=self.constants,
-            inverse_horizon=self.inverse_horizon, ahead=ahead,
+            self.owner, self.once.forces_and_screen, len(exceeding),
+            **self._forces_once(self.context.state.displacement), nearly=NEARLY * squared_stretch, exceeding=exceeding,
         )  # fmt: skip
-        stage.launch(
-            self.owner, sum_both_halves, self.points, **tables, intact=self.intact, ahead=ahead,
-            unit_force=self.unit_volume * self.inverse_horizon, force=out,
-        )  # fmt: skip
+        return True
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""

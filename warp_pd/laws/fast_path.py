@@ -11,6 +11,7 @@ most of the memory, and those of a strip stay in the cache of a GPU.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 # Largest horizon [spacings] with so few members also on an irregular cloud.
 MAX_COMPACT = 4.0
+# Largest number of points of such a cloud: entries of its tables have numbers of 31 bits.
+MAX_COMPACT_POINTS = 2**24
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
 # Threads of the kernel of damaged families inside a lattice: as many as a GPU holds at once.
@@ -87,7 +90,7 @@ def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray
     if not force.fast or force.weights == "published":
         return None
     if not shares_memory(force.context.device):
-        return RowSums(force) if members <= MAX_CPU_MEMBERS else None
+        return RowSums(force) if sums_rows(force) else None
     known = capabilities(force.material)
     if known.near is None or members > MAX_MEMBERS:
         return None
@@ -106,7 +109,8 @@ def has_blocks(law: BondAssociated) -> bool:
 
 def compact_tables(law: Law, sheet: Sheet, device: wp.Device) -> str:
     """Name of the influence function if the families are those of kernels/compact_clouds.py, or empty."""
-    if not law.compact or sheet.layout != "cloud" or sheet.frames is not None or not shares_memory(device):
+    flat_cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < MAX_COMPACT_POINTS
+    if not law.compact or not flat_cloud or not shares_memory(device):
         return ""
     return law.compact if sheet.spacings is None else "table"
 
@@ -116,17 +120,29 @@ def shares_memory(device: wp.Device) -> bool:
     return bool(device.is_cuda)
 
 
-class RowSums:
-    """The fast kernels of a CPU."""
+# What only viscous laws give to the kernel of a CPU.
+NO_PRONY: dict[str, Any] = {"step": None, "prony": None, "strain": None, "overstress": None, "viscous_work": None}
 
-    def __init__(self, force: BondAssociatedLaw) -> None:
+
+def sums_rows(force: BondAssociatedLaw) -> bool:
+    """Whether the kernel of a CPU can take a law on a sheet."""
+    return not shares_memory(force.context.device) and force.families.members <= MAX_CPU_MEMBERS
+
+
+class RowSums:
+    """The fast kernels of a CPU.
+
+    Attributes:
+        kernels: By what they fill in, see `family_rows`.
+    """
+
+    def __init__(self, force: BondAssociatedLaw, what: Sequence[str] = ("force", "energy")) -> None:
         self.force = force
         layout, bits, material, broken, _ = force.key
         near, words = capabilities(force.material).near, -(-force.families.members // WORD)
-        self.kernels = [
-            family_rows(layout, bits, material, near, broken, words, energetic, force.context.module)
-            for energetic in (False, True)
-        ]
+        self.kernels = {
+            name: family_rows(layout, bits, material, near, broken, words, name, force.context.module) for name in what
+        }
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
         """They cannot."""
@@ -135,19 +151,23 @@ class RowSums:
     def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
         assert breaking is None
+        self.add_pairs(stage, displacement, "force", NO_PRONY)
+        self.force.add_gather(stage, self.force.kernels.gather, self.force.pairs, force)
+
+    def add_pairs(self, stage: Stage, displacement: Array, what: str, prony: Mapping[str, Any]) -> None:
+        """Add the launch that fills the forces of each family on its pairs [N]; `what` as for `family_rows`."""
         law = self.force
         stage.launch(
-            law.owner, self.kernels[0], law.points, **law.family_arguments(displacement), constants=law.constants,
-            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None,
+            law.owner, self.kernels[what], law.points, **law.family_arguments(displacement), constants=law.constants,
+            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None, **prony,
         )  # fmt: skip
-        law.add_gather(stage, law.kernels.gather, law.pairs, force)
 
     def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
         """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
         law = self.force
         stage.launch(
-            law.owner, self.kernels[1], law.points, **law.family_arguments(displacement), constants=law.constants,
-            unit=law.unit_volume, bond_force=None, energies=energies,
+            law.owner, self.kernels["energy"], law.points, **law.family_arguments(displacement),
+            constants=law.constants, unit=law.unit_volume, bond_force=None, energies=energies, **NO_PRONY,
         )  # fmt: skip
 
 

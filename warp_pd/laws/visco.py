@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
 import warp as wp
 
 from ..checks import InputError
@@ -13,11 +14,12 @@ from ..device.context import Context
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
-from ..kernels.visco import visco
+from ..kernels.visco import ViscoKernels, visco, visco_energy
 from ..materials import Prony, capabilities
 from ..phases import Phase
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
+from .fast_path import NO_PRONY, FastForce, RowSums, sums_rows
 from .prony import at_once, check_prony, prony_array
 
 
@@ -36,10 +38,11 @@ class Visco(BondAssociated):
     Attributes:
         material: What is left after a long time, such as Yeoh; see BondAssociated for all but prony.
         prony: Terms that relax, by name only; none makes this the elastic law, on the reference kernels.
+        fast: Whether a CPU takes force and relaxation of a step in one fast kernel, by name only; a GPU has none.
     """
 
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
-    fast: bool = field(default=False, init=False)
+    fast: bool = field(default=True, kw_only=True)
 
     has_tangent: ClassVar[bool] = False
 
@@ -69,6 +72,14 @@ class Visco(BondAssociated):
 class ElasticVisco(BondAssociatedForce):
     """The law without Prony terms."""
 
+    def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
+        """None: those of elastic laws know of no Prony terms."""
+        return None
+
+    def bond_force(self) -> Array:
+        """Force of the family of a point on each of its pairs [N], (members, N) vec3."""
+        return self.pairs
+
     def tangent(self, context: Context, geometric: bool) -> Tangent:
         """The law has no tangent.
 
@@ -83,6 +94,7 @@ class ViscoForce(ElasticVisco):
 
     Attributes:
         internal: Internal variables by name.
+        rows: The fast kernels of a CPU, or None.
         viscous: Energy that each family has dissipated [J], (N,) float64, as of the last frame.
     """
 
@@ -91,8 +103,8 @@ class ViscoForce(ElasticVisco):
 
     def __init__(self, law: Visco, context: Context) -> None:
         super().__init__(law, context)
-        layout, bits, material, broken, _form = self.key
-        self.visco = visco(layout, bits, material, broken, context.module)
+        self.rows = RowSums(self, ("viscous_force", "viscous_step")) if law.fast and sums_rows(self) else None
+        self._updated: Stage | None = None
         members, terms, vec3 = self.families.members, len(law.prony), context.types.vec3
         self.prony_terms = law.prony
         self.prony = prony_array(law.prony, context)
@@ -129,11 +141,22 @@ class ViscoForce(ElasticVisco):
         return {**super().sums(), "viscous": self.viscous}
 
     def add_update(self, stage: Stage, displacement: Array, step: Array, prony: Array) -> None:
-        """Add the launch that brings the internal variables to the end of a step [s], one real number."""
+        """Add the launch that brings the internal variables to the end of a step [s], one real number.
+
+        The fast kernel also fills `pairs` with the forces there.
+        """
+        if self.rows is not None:
+            self.rows.add_pairs(stage, displacement, "viscous_step", {"step": step, "prony": prony, **self.internal})
+            self._updated = stage
+            return
         stage.launch(
-            "Visco", self.visco.update, self.points, **self.family_arguments(displacement), step=step, prony=prony,
-            unit_volume=self.unit_volume, **self.internal,
+            "Visco", self._reference().update, self.points, **self.family_arguments(displacement), step=step,
+            prony=prony, unit_volume=self.unit_volume, **self.internal,
         )  # fmt: skip
+
+    def _reference(self) -> ViscoKernels:
+        layout, bits, material, broken, _form = self.key
+        return visco(layout, bits, material, broken, self.context.module)
 
     @property
     def shown_internal(self) -> dict[str, Any]:
@@ -143,17 +166,21 @@ class ViscoForce(ElasticVisco):
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         state = {name: self.internal[name] for name in ("strain", "overstress")}
-        stage.launch(
-            "Visco", self.visco.visco_force, self.points,
-            **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony, **state, bond_force=self.pairs,
-        )  # fmt: skip
+        if self.rows is None:
+            stage.launch(
+                "Visco", self._reference().visco_force, self.points,
+                **self.family_arguments(displacement), constants=self.constants,
+                unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony, **state, bond_force=self.pairs,
+            )  # fmt: skip
+        elif self._updated is not stage:
+            self.rows.add_pairs(stage, displacement, "viscous_force", {**NO_PRONY, "prony": self.prony, **state})
         self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
+        layout, bits, material, broken, _form = self.key
         stage.launch(
-            "Visco", self.visco.stored_energy, self.points,
+            "Visco", visco_energy(layout, bits, material, broken, self.context.module), self.points,
             **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
             prony=self.prony, **self.internal, out=out, dissipated=self.viscous,
         )  # fmt: skip

@@ -9,6 +9,8 @@ import numpy as np
 # HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
 # file. Chunks of many frames make splits rare.
 _CHUNK_BYTES = 2**20
+# HDF5 takes no chunk of 4 GB.
+_MOST_BYTES = 2**30
 
 
 def create_column(
@@ -22,7 +24,7 @@ def create_column(
     row_bytes = np.dtype(dtype).itemsize * int(np.prod(row_shape, dtype=int))
     # A whole number of frames, at most 16 of them, so that a short run of a small sheet makes a small file.
     frames = min(max(_CHUNK_BYTES // (row_bytes * max(rows_per_frame, 1)), 1), 16)
-    rows = max(frames * rows_per_frame, 64)
+    rows = min(max(frames * rows_per_frame, 64), _MOST_BYTES // row_bytes)
     group.create_dataset(name, (0, *row_shape), dtype, maxshape=(None, *row_shape), chunks=(rows, *row_shape))
 
 

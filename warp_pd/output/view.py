@@ -19,8 +19,11 @@ from ..frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packed import Arrays
 from .quantities import choices, column_unit, curves
-from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
+from .series import SeriesInfo
+from .vtkhdf import read_frame, read_outlines, read_series
 
+STYLES = ("vendor.css", "page.css")
+# The library of others, and the scripts of the page, which it loads in this order.
 LIBRARY = "vendor.js"
 SCRIPTS = ("data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
 # What a page holds unless told otherwise: points; and numbers, in all frames, but some frames in any case.
@@ -62,7 +65,7 @@ def page(
     summary: Mapping[str, Any],
     history: Sequence[Mapping[str, float]],
     limits: Limits | None = None,
-    library: str | None = None,
+    shared: str | None = None,
 ) -> str:
     """The page of a run: HTML that needs neither a server nor a network.
 
@@ -71,7 +74,7 @@ def page(
         summary: Content of its summary.json; empty for a run that has none.
         history: Its history, one row per frame; empty for a run that has none.
         limits: How much of the run the page holds.
-        library: Address of vendor.js, for pages that share it; by default it is inside the page.
+        shared: Address of the folder with `shared_files`, for pages that share them; by default they are inside.
 
     Raises:
         InputError: for frames that are missing or damaged.
@@ -87,7 +90,16 @@ def page(
         "history": _history(history, summary.get("measures", {})),
         **_sheet(path, info, limits, arrays),
     }
-    return _html(content, arrays, library)
+    return _html(content, arrays, shared)
+
+
+def shared_files() -> dict[str, str]:
+    """Scripts and styles that are the same on every page, by the names of the files that pages can share."""
+    return {
+        LIBRARY: _part(LIBRARY),
+        "page.js": "\n".join(map(_part, SCRIPTS)),
+        "page.css": "\n".join(map(_part, STYLES)),
+    }
 
 
 def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict[str, Any]:
@@ -184,24 +196,33 @@ def _finite(value: Any) -> Any:
     return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _html(content: Mapping[str, Any], arrays: Arrays, library: str | None) -> str:
+def _part(name: str) -> str:
+    return (files("warp_pd.output") / "page" / name).read_text(encoding="utf-8")
+
+
+def _html(content: Mapping[str, Any], arrays: Arrays, shared: str | None) -> str:
     """The page, with styles, scripts and data in their places."""
-    folder = files("warp_pd.output") / "page"
-
-    def part(name: str) -> str:
-        return (folder / name).read_text(encoding="utf-8")
-
     # Neither a name of a scene nor a note may end the element that holds it.
     data = json.dumps(content, allow_nan=False).replace("<", "\\u003c")
     texts = "\n".join(f'<script type="text/plain" id="array{k}">{text}</script>' for k, text in enumerate(arrays.texts))
-    shared = (
-        f"<script>{part(LIBRARY)}</script>" if library is None else f'<script src="{html.escape(library)}"></script>'
-    )
+    style, scripts = _inside() if shared is None else _beside(html.escape(shared))
     filled = {
         "TITLE": html.escape(str(content["title"])),
-        "STYLE": "\n".join(part(name) for name in ("vendor.css", "page.css")),
+        "STYLE": style,
         "DATA": f'<script type="application/json" id="content">{data}</script>\n{texts}',
-        "SCRIPTS": "\n".join([shared, *(f"<script>{part(name)}</script>" for name in SCRIPTS)]),
+        "SCRIPTS": scripts,
     }
-    pieces = part("page.html").split("%%")
+    pieces = _part("page.html").split("%%")
     return "".join(filled[piece] if k % 2 else piece for k, piece in enumerate(pieces))
+
+
+def _inside() -> tuple[str, str]:
+    """Elements with the styles and the scripts."""
+    style = "\n".join(map(_part, STYLES))
+    return f"<style>{style}</style>", "\n".join(f"<script>{_part(name)}</script>" for name in (LIBRARY, *SCRIPTS))
+
+
+def _beside(folder: str) -> tuple[str, str]:
+    """Elements that name the files of the styles and the scripts."""
+    scripts = "\n".join(f'<script src="{folder}/{name}"></script>' for name in (LIBRARY, "page.js"))
+    return f'<link rel="stylesheet" href="{folder}/page.css">', scripts

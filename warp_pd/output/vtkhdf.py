@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -26,36 +25,11 @@ from numpy.typing import NDArray
 from ..checks import InputError
 from ..frame import Body, Frame, Surface
 from .hdf_columns import add_rows, columns, create_column, shorten
+from .partitions import is_joined, joined_info, read_joined_frame
 from .point_fields import plain_value, point_fields, same_arrays
+from .series import KINDS, POLYGONS, VERSION, NotASeriesError, SeriesInfo
 from .shapes import require_writable
 from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies, outlines_in
-
-_VERSION = (2, 2)
-
-# The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
-_KINDS = ("Vertices", "Lines", "Polygons", "Strips")
-_POLYGONS = _KINDS.index("Polygons")
-
-
-@dataclass(frozen=True, eq=False)
-class SeriesInfo:
-    """What a VTKHDF file of frames holds.
-
-    Attributes:
-        frames: Number of frames.
-        times: Simulated time of each frame [s], shape (frames,).
-        points: Number of points of the sheet.
-        faces: Number of intact triangles at each frame, shape (frames,).
-        fields: Names of the point data.
-        metadata: Configuration, version, units, as given with the surface.
-    """
-
-    frames: int
-    times: NDArray[np.float64]
-    points: int
-    faces: NDArray[np.int64]
-    fields: tuple[str, ...]
-    metadata: dict[str, Any]
 
 
 class VtkHdfSeries:
@@ -204,7 +178,7 @@ class VtkHdfSeries:
             root["Steps"].attrs.modify("NSteps", first)
             file.flush()
             _cut(root, first)
-            begin = root["Steps/ConnectivityIdOffsets"][first - 1, _POLYGONS]
+            begin = root["Steps/ConnectivityIdOffsets"][first - 1, POLYGONS]
             self._held_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
         self._fields = info.fields
         self._frames = first
@@ -221,8 +195,8 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
         raise FileNotFoundError(f"path is {path}; expected a file that exists")
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return _read_info(file)
-    except (OSError, KeyError, IndexError, RuntimeError, _NotASeries) as error:
+            return joined_info(file) if is_joined(file) else _read_info(file)
+    except (OSError, KeyError, IndexError, RuntimeError, NotASeriesError) as error:
         reason = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: expected a whole file of frames in VTKHDF ({reason})") from error
 
@@ -244,9 +218,11 @@ def read_frame(
     if not 0 <= index < info.frames:
         raise ValueError(f"index is {index}; expected 0 to {info.frames - 1}, the frames of {path}")
     with h5py.File(path, "r", locking=False) as file:
+        if is_joined(file):
+            return read_joined_frame(file, index)
         root = file["VTKHDF"]
         rows = slice(index * info.points, (index + 1) * info.points)
-        begin = int(root["Steps/ConnectivityIdOffsets"][index, _POLYGONS])
+        begin = int(root["Steps/ConnectivityIdOffsets"][index, POLYGONS])
         corners = root["Polygons/Connectivity"][begin : begin + 3 * int(info.faces[index])]
         fields = {name: root["PointData"][name][rows] for name in info.fields}
         return float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
@@ -272,24 +248,20 @@ def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.f
         return outlines_in(file)
 
 
-class _NotASeries(Exception):
-    """The file is HDF5, but what it holds does not fit together as a series of frames."""
-
-
 def _read_info(file: h5py.File) -> SeriesInfo:
     root, own = file["VTKHDF"], file["warp_pd"]
     steps = root["Steps"]
     frames = min(int(steps.attrs["NSteps"]), len(steps["Values"]))
     if frames < 1:
-        raise _NotASeries("no frame")
+        raise NotASeriesError("no frame")
     parts = steps["PartOffsets"][:frames]
     points = int(root["NumberOfPoints"][0])
     for name, column in {"Points": root["Points"], **root["PointData"]}.items():
         if len(column) < frames * points:
-            raise _NotASeries(f"{frames} steps of {points} points but {len(column)} rows of {name}")
+            raise NotASeriesError(f"{frames} steps of {points} points but {len(column)} rows of {name}")
     faces = root["Polygons/NumberOfCells"][: parts[-1] + 1]
     if len(faces) <= parts[-1] or len(root["Polygons/Connectivity"]) < 3 * faces.sum():
-        raise _NotASeries("triangles are missing")
+        raise NotASeriesError("triangles are missing")
     return SeriesInfo(
         frames=frames,
         times=steps["Values"][:frames],
@@ -304,12 +276,12 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
     """Create every group and column, all without rows."""
     points = len(surface.points)
     root = file.create_group("VTKHDF")
-    root.attrs["Version"] = np.array(_VERSION, np.int64)
+    root.attrs["Version"] = np.array(VERSION, np.int64)
     # Readers take a fixed-length ASCII string only.
     root.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", len("PolyData")))
     create_column(root, "Points", np.float32, (3,), points)
     create_column(root, "NumberOfPoints", np.int64)
-    for kind in _KINDS:
+    for kind in KINDS:
         cells = root.create_group(kind)
         faces = len(surface.faces) if kind == "Polygons" else 0
         create_column(cells, "NumberOfCells", np.int64)
@@ -323,7 +295,7 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
     for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
         create_column(steps, name, np.int64)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
-        create_column(steps, name, np.int64, (len(_KINDS),))
+        create_column(steps, name, np.int64, (len(KINDS),))
     for name, values in fields.items():
         create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
         create_column(steps.require_group("PointDataOffsets"), name, np.int64)
@@ -342,7 +314,7 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
     """Add the triangles of a frame, shape (number of faces, 3), and the other, empty kinds of cells."""
     add_rows(root["NumberOfPoints"], [points])
-    for kind in _KINDS:
+    for kind in KINDS:
         corners = faces if kind == "Polygons" else np.empty((0, 3), np.int64)
         cells = root[kind]
         add_rows(cells["NumberOfCells"], [len(corners)])
@@ -353,8 +325,8 @@ def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> Non
 
 def _before_last(root: h5py.Group, count: str) -> list[int]:
     """Rows that stand before the latest triangles, one number a kind of cells."""
-    before = [0] * len(_KINDS)
-    before[_POLYGONS] = int(np.sum(root["Polygons"][count][:-1]))
+    before = [0] * len(KINDS)
+    before[POLYGONS] = int(np.sum(root["Polygons"][count][:-1]))
     return before
 
 
@@ -372,7 +344,7 @@ def _cut(root: h5py.Group, frames: int) -> None:
         for column in columns(root["FieldData"]):
             shorten(column, frames)
     shorten(root["NumberOfPoints"], parts)
-    for kind in _KINDS:
+    for kind in KINDS:
         cells = root[kind]
         shorten(cells["NumberOfCells"], parts)
         shorten(cells["NumberOfConnectivityIds"], parts)

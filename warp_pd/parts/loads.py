@@ -245,25 +245,26 @@ class ExternalForce(External):
     """The sum of all loads: what never changes is added up once, the rest by launches.
 
     Attributes:
-        constant: Sum of the loads that never change [N], shape (N, 3).
+        constant: Sum of the loads that never change [N], shape (N, 3); None if there are none.
         changing: The other loads.
         following: Those of them that follow the displacement.
     """
 
     def __init__(self, context: Context, loads: Sequence[BuiltLoad]) -> None:
         self.context = context
-        self.constant = np.zeros((context.sheet.size, 3))
+        self.constant: np.ndarray | None = None
         self.changing: list[BuiltLoad] = []
         for load in loads:
             force = load.constant_force()
             if force is None:
                 self.changing.append(load)
             else:
-                self.constant += force
+                # From zero, so that no sum keeps the sign of a zero.
+                self.constant = (0.0 if self.constant is None else self.constant) + force
         self.following = [load for load in self.changing if load.follows_displacement]
         self._constant: Array | None = None
         # All of several processes have the same fields.
-        if self.changing and (self.constant.any() or context.share is not None):
+        if self.changing and self.constant is not None and (self.constant.any() or context.share is not None):
             self._constant = context.array("constant_loads", "loads", context.types.vec3, self.constant)
         self._dead: Array | None = None
 

@@ -260,10 +260,12 @@ class BreakingBonds(Damaged):
         if self._screen is not None:
             blocks = -(-size // SCREENED)
             exceeding = self.context.array("exceeding", self.owner, wp.uint8, shape=blocks, per="block")
-            stage.launch(
-                self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
-                **{name: arguments[name] for name in ("family", "displacement", "horizon", "intact")},
-            )  # fmt: skip
+            limit = self._breaking.squared_stretch
+            if limit is None or not self.law.screen_with_force(stage, limit, exceeding):
+                stage.launch(
+                    self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
+                    **{name: arguments[name] for name in ("family", "displacement", "horizon", "intact")},
+                )  # fmt: skip
         stage.launch(self.owner, self._kernel, size, **arguments, criterion=self.criterion, exceeding=exceeding)
 
 

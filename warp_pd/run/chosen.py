@@ -20,20 +20,27 @@ class Files:
         vtkhdf: Whether to write frames.vtkhdf.
         pictures: Formats of the pictures; empty for none.
         view: Whether to write view.html.
+        restarts: Whether to write restart files.
     """
 
     usd: bool = True
     vtkhdf: bool = True
     pictures: tuple[str, ...] = ()
     view: bool = True
+    restarts: bool = True
 
-    def require_same(self, folder: Path) -> None:
+    def require_same(self, folder: Path, divided: bool = False) -> None:
         """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.
+
+        Args:
+            folder: The folder.
+            divided: Whether every process writes frames of its own points; then there is no animation.
 
         Raises:
             InputError: for a file that is there and should not be, or the other way.
         """
-        for name, option, wanted in (("animation.usd", "usd", self.usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
+        usd = self.usd and not divided
+        for name, option, wanted in (("animation.usd", "usd", usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
             begun = (folder / name).is_file()
             # Frames that are gone are told by their writer.
             if begun != wanted and (begun or name != "frames.vtkhdf"):

@@ -6,9 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
-
-import numpy as np
+from typing import Any, Protocol
 
 from ..built import Built
 from ..checks import InputError, kind_and_text, user_code
@@ -18,11 +16,28 @@ from ..scene import Measure, Outcome
 from .divergence import Soundness
 from .energy_balance import balance_error
 from .fine_history import FineHistory
+from .pictured import AllPoints, Pictured, snapshot
 
 # Restart files of a run, about: each makes the writers bring their files to the disk.
 RESTARTS = 40
 # Seconds that a frame may take to end after the user asked to stop.
 PATIENCE = 5.0
+
+
+class Joint(Protocol):
+    """Writes what every process has a part of; all call the same methods."""
+
+    def write(self, frame: Frame | None) -> None:
+        """Write a frame of the own points, where processes have one."""
+        ...
+
+    def save(self) -> None:
+        """Save the state for a restart."""
+        ...
+
+    def close(self) -> None:
+        """The run is over."""
+        ...
 
 
 @dataclass(eq=False)
@@ -41,6 +56,8 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
+        pictured: The points that frames hold.
+        joint: Writes frames that every process holds a part of, and their restart files; or None.
     """
 
     built: Built
@@ -60,10 +77,13 @@ class Recorder:
     step_seconds: float = 0.0
     fine: FineHistory | None = None
     stop_asked: bool = False
+    pictured: Pictured = field(init=False)
+    joint: Joint | None = None
 
     def __post_init__(self) -> None:
         """Begin to look at the state."""
         self.soundness = Soundness(self.built)
+        self.pictured = AllPoints(self.built)
         if getattr(self.built.simulation.solver, "history_every", None) is not None:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
@@ -103,32 +123,47 @@ class Recorder:
         self.stop_asked = crew.any(self.stop_asked)
         self.built.context.run("frame")
         self.step_seconds += perf_counter() - self._clock
-        found = crew.lead(lambda: self._look(index, now, dt))
+        row = crew.lead(lambda: self._look(index, now, dt))
+        frame = self.pictured.take(index, now)
+        measured = frame if self.pictured.whole or not self.built.simulation.measures else self._whole(index, now)
         for part in self.built.parts:
             part.end_frame()
-        crew.lead(lambda: None if found is None else self._record(*found, index, steps, dt))
+        crew.lead(lambda: None if row is None else self._judge(measured, row, index, dt))
+        if self.joint is not None:
+            self.joint.write(frame)
+        crew.lead(lambda: None if frame is None or row is None else self._record(frame, row, index, steps, dt))
+        if self.joint is not None and self._restart_due(index):
+            self.joint.save()
         if self.fine is not None and not crew.leads:
             self.fine.forget()
+        self.accept(frame)
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
         if self.stop_asked:
             raise KeyboardInterrupt
 
-    def _look(self, index: int, now: float, dt: float) -> tuple[Frame, dict[str, float]]:
-        """The state as a frame, and its row of the history without measures; it is sound."""
+    def _look(self, index: int, now: float, dt: float) -> dict[str, float]:
+        """The row of the history without measures, of a state that is sound."""
         built = self.built
         totals = built.sums.totals()
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
-        frame = snapshot(built, index, now)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
-        return frame, self._row(frame, totals, now - self.time, dt)
+        return self._row(now, totals, now - self.time, dt)
+
+    def _whole(self, index: int, now: float) -> Frame | None:
+        """A frame of all points, for measures, in the first process."""
+        return self.built.context.crew.lead(lambda: snapshot(AllPoints(self.built), index, now))
+
+    def _judge(self, frame: Frame | None, row: dict[str, float], index: int, dt: float) -> None:
+        """Measure, and refuse a frame that holds more energy than was put in."""
+        if frame is not None:
+            self._measure(frame, row)
+        self.soundness.require_no_gain(row, index, dt)
 
     def _record(self, frame: Frame, row: dict[str, float], index: int, steps: int, dt: float) -> None:
         """Hand a frame to the writers, and save it for a restart."""
-        self._measure(frame, row)
-        self.soundness.require_no_gain(row, index, dt)
         self.history.append(row)
         self.frame_index, self.time, self.dt = index, frame.time, dt
         self.steps += steps
@@ -149,18 +184,19 @@ class Recorder:
         when = format_time(self.time, scene.load_duration)
         return FrameReport(when, share, rate, scene.solver.frame_count, row)
 
-    def accept(self, frame: Frame) -> None:
-        """Take a sound frame as the last one."""
-        self.last, self.soundness.last_time = frame, frame.time
+    def accept(self, frame: Frame | None) -> None:
+        """Take a sound frame as the last one; None where another process has it."""
+        if frame is not None:
+            self.last, self.soundness.last_time = frame, frame.time
 
     def _restart_due(self, index: int) -> bool:
         """At the first and last frame, when the user stops the run, and some forty times in between."""
         frames = self.built.simulation.solver.frame_count
         return self.stop_asked or index in (0, frames) or index % max(1, frames // RESTARTS) == 0
 
-    def _row(self, frame: Frame, totals: dict[str, float], elapsed: float, dt: float) -> dict[str, float]:
+    def _row(self, now: float, totals: dict[str, float], elapsed: float, dt: float) -> dict[str, float]:
         built = self.built
-        row: dict[str, float] = {"time": frame.time, "step": dt}
+        row: dict[str, float] = {"time": now, "step": dt}
         row |= built.energy.columns(totals, elapsed)
         if "rupture" in row:
             row["balance_error"] = balance_error(self.history, row)
@@ -194,30 +230,3 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
         return None if value is None else float(value)
     except (TypeError, ValueError):
         raise InputError(f"{what} gives {value!r}: expected a number") from None
-
-
-def _from_the_clamped_sheet(built: Built, displacement: np.ndarray) -> np.ndarray:
-    """The displacement from the sheet as it was clamped [m], in the same precision."""
-    placement = built.simulation.sheet.placement() if built.context.share else built.context.placement
-    return displacement if placement is None else (displacement - placement).astype(displacement.dtype)
-
-
-def snapshot(built: Built, index: int, now: float) -> Frame:
-    """The state as a frame; the launches of the stage "frame" have run."""
-    shown = {}
-    for stored in built.context.fields.shown():
-        values = built.to_host(stored.array)
-        shown[stored.field.output] = values / built.volume if stored.field.density else values
-    rupture = built.rupture
-    poses = [pose for c in built.contacts if (pose := c.pose()) is not None]
-    return Frame(
-        index=index,
-        time=now,
-        displacement=_from_the_clamped_sheet(built, shown.pop("displacement")),
-        velocity=shown.pop("velocity"),
-        intact_faces=None if rupture is None else built.to_host(rupture.intact_faces).view(bool),
-        damage=None if rupture is None else built.to_host(rupture.damage),
-        ball_center=next((centre for c in built.contacts if (centre := c.centre(now)) is not None), None),
-        point_data=shown,
-        bodies=np.array(poses) if poses else None,
-    )

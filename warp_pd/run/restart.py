@@ -10,8 +10,8 @@ import json
 import math
 import os
 import zipfile
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,11 @@ import numpy as np
 
 from ..built import Built
 from ..checks import InputError
-from ..device.fields import host_shape
+from ..device.fields import host_shape, to_host
 from ..scene import Scene
+from ..shapes.on_demand import OnDemand
 from .recorder import Recorder
+from .restart_parts import DividedField, Part, divides, own_part, remove_others, save_part
 
 NAME = "restart.npz"
 VERSION = 4
@@ -65,10 +67,15 @@ def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
     """Names and values of a part and of its parts."""
     if isinstance(part, np.ndarray):
         yield name, f"array {part.shape} {_hash(np.ascontiguousarray(part).tobytes())}"
+    elif isinstance(part, OnDemand):
+        # It follows from the lattice and the cuts, which have texts of their own.
+        ends = part[np.array([0, len(part) - 1])] if len(part) else np.zeros(0)
+        yield name, f"computed {len(part)} {_hash(ends.tobytes())}"
     elif is_dataclass(part):
         yield name, type(part).__name__
         for f in fields(part):
-            yield from _texts(f"{name}.{f.name}", getattr(part, f.name))
+            value = vars(part).get(f.name)
+            yield from _texts(f"{name}.{f.name}", value if isinstance(value, OnDemand) else getattr(part, f.name))
     elif isinstance(part, list | tuple) and any(is_dataclass(p) or isinstance(p, np.ndarray) for p in part):
         for index, p in enumerate(part):
             yield from _texts(f"{name}.{index}", p)
@@ -106,19 +113,46 @@ def extends(began: Identity, here: Identity) -> bool:
     return more > many and math.isclose(long / many, longer / more, rel_tol=1e-12)
 
 
-def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
-    """Copies of all that a restart file holds."""
-    built = recorder.built
-    arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
+def numbers_of(recorder: Recorder, known: Identity, parts: Sequence[Part] = ()) -> np.ndarray:
+    """All that a restart file holds besides arrays, as bytes."""
     numbers = {
         "version": VERSION,
         "parts": known.parts,
         "settings": known.settings,
-        "solver": built.solver.host_state(),
+        "solver": recorder.built.solver.host_state(),
         **{name: getattr(recorder, name) for name in NUMBERS},
     }
-    arrays["numbers"] = np.frombuffer(json.dumps(numbers).encode(), np.uint8)
-    return arrays
+    if parts:
+        numbers["files"] = [asdict(part) for part in parts]
+        numbers["divided"] = [
+            s.name for s in recorder.built.context.fields if s.field.restart and divides(recorder.built, s)
+        ]
+    return np.frombuffer(json.dumps(numbers).encode(), np.uint8)
+
+
+def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
+    """Copies of all that a restart file holds."""
+    built = recorder.built
+    arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
+    return {**arrays, "numbers": numbers_of(recorder, known)}
+
+
+def save_divided(folder: Path, recorder: Recorder, known: Identity) -> None:
+    """Save the state, in every process what it owns; all processes call it."""
+    built, crew = recorder.built, recorder.built.context.crew
+    parts: list[Part] = []
+    if built.context.share is not None:
+        frame = crew.spread(recorder.frame_index)
+        crew.together(lambda: save_part(folder, built, frame))
+        parts = crew.gather(own_part(built, frame))
+
+    def finish() -> None:
+        kept = [s for s in built.context.fields if s.field.restart and not divides(built, s)]
+        arrays = {stored.name: to_host(stored.array) for stored in kept}
+        save(folder / NAME, {**arrays, "numbers": numbers_of(recorder, known, parts)})
+        remove_others(folder, "restart", [part.file for part in parts])
+
+    crew.together(lambda: finish() if crew.leads else None)
 
 
 def save(path: Path, arrays: dict[str, Any]) -> None:
@@ -153,7 +187,9 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
         same = numbers["settings"] == known.settings
         other = _different(*(p if same else {**s, "precision": p["precision"]} for s, p in sides))
         raise InputError(f"{where}: it belongs to other settings ({other}); expected those that the run began with")
-    return {**data, "numbers": numbers}
+    parts = tuple(Part(p["file"], tuple(p["points"]), tuple(p["faces"])) for p in numbers.get("files", ()))
+    divided = {name: DividedField(name, path.parent, parts) for name in numbers.get("divided", ())}
+    return {**data, **divided, "numbers": numbers}
 
 
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
@@ -163,7 +199,10 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
         name, array = stored.name, stored.array
         if not stored.field.restart:
             continue
-        values = built.context.values_here(stored, data[name]) if name in data else None
+        found = data.get(name)
+        values = found.here(built.context, stored) if isinstance(found, DividedField) else found
+        if isinstance(found, np.ndarray):
+            values = built.context.values_here(stored, found)
         if values is None or values.shape != host_shape(array):
             raise InputError(f"resume: the restart file has no {name!r} of shape {array.shape}; it is damaged")
         array.assign(values)

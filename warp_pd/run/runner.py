@@ -10,45 +10,36 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from ..built import Built, compose
-from ..checks import InputError, kind_and_text, one_of, user_code
+from ..checks import InputError, count, kind_and_text, one_of, user_code
 from ..drawing.picture_files import FORMATS, Drawing, drawing, pictures_in
-from ..frame import Surface
 from ..interfaces import History, Reporter, Writer
-from ..output.background import Background
-from ..output.formats import file_writers
+from ..output.series import Segment
 from ..scene import Scene, check_writers
 from ..scene_context import share_of
 from . import restart
 from .chosen import Files, held_fields
 from .divergence import DivergedError
+from .files import add_files, begun_segments, notes_of_divided, pictured
 from .fine_history import with_fine_history
 from .folder import (
-    FINE,
     PAGE,
     clear,
     clear_unfinished,
-    read_history,
     remove_if_empty,
-    require_room,
     sole_use,
     writable_folder,
     write_atomically,
-    write_history,
 )
 from .processes import crew_here
-from .recorder import Recorder, snapshot
+from .recorder import Recorder
 from .result import Result
 from .summary import Seconds, summary_of
 from .view import LARGE, write_page
-
-# Bytes that a frame takes per point, in both formats, and those of history, summary and what is about them.
-BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
 
 # A search that got a part of the way, and no farther.
 LIMIT_POINT = (
@@ -76,6 +67,8 @@ def run(
     fields: Sequence[str] | None = None,
     view: bool = True,
     history_every: float | None = None,
+    stride: int = 1,
+    restarts: bool = True,
 ) -> Result:
     """Run a scene to its end.
 
@@ -97,6 +90,9 @@ def run(
             `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
         view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
         history_every: Time between rows of the finer history [s], in place of that of the solver; see `Explicit`.
+        stride: Frames hold every so many-th column and row of a lattice, and the last ones: of a sheet too large to
+            be drawn. Restart files hold all points, measures see all.
+        restarts: Whether to write restart files. Without them a run cannot go on.
 
     Raises:
         InputError: for input that cannot be run, before anything is written.
@@ -106,13 +102,14 @@ def run(
         The result; `status` says whether the run finished, diverged, did not converge or was interrupted.
     """
     check_writers(writers or [])
+    count("stride", stride, 1)
     crew, device = crew_here(device)
     if fields is not None:
         scene = replace(scene, chosen_fields=fields)
     if history_every is not None:
         scene = with_fine_history(scene, history_every)
     formats = picture_formats(pictures)
-    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf)
+    files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts)
     # Files and progress are those of the first process.
     new = crew.leads and isinstance(out, str | Path) and not Path(out).exists()
     folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)
@@ -125,33 +122,34 @@ def run(
         if crew.size > 1:
             crew.divide(crew.together(lambda: share_of(scene, crew)))
         built = crew.together(lambda: compose(scene, device, precision, crew))
-        return _run(built, folder, begin, resume, files, shown, given)
+        return _run(built, folder, begin, resume, files, shown, given, stride)
 
 
 def _run(
     built: Built, folder: Path | None, begin: float, resume: bool, files: Files, reporter: Reporter | None,
-    writers: list[Writer],
+    writers: list[Writer], stride: int,
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene, crew = built.simulation, built.context.crew
     held = held_fields(built)
     known = None if folder is None else restart.identity(scene, built)
-    saved = crew.spread(crew.together(lambda: _saved(folder, known, resume, files)))
+    saved, begun = crew.spread(crew.together(lambda: _saved(folder, known, resume, files)))
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = crew.in_turn(built.context.compile)
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
+    recorder.pictured = crew.together(lambda: pictured(built, begun, saved is not None, stride))
     crew.together(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
-    crew.lead(lambda: _add_files(recorder, folder, known, files, held, append_from))
+    add_files(recorder, folder, known, files, held, append_from, begun)
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
         message = "the run had finished already: nothing was left to do"
-    last = crew.spread(recorder.last)
+    last = recorder.last if recorder.pictured.divided else crew.spread(recorder.last)
     if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
@@ -160,7 +158,8 @@ def _run(
         result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
         if folder is not None:
-            _finish(result, folder, files)
+            result.summary["notes"] += notes_of_divided(recorder, files)
+            _finish(result, folder, replace(files, pictures=(), usd=False) if recorder.pictured.divided else files)
         return result.summary, result.history, result.fine_history, folder
 
     summary, history, fine, folder = crew.spread(crew.lead(finish)) or ({}, [], [], None)
@@ -169,20 +168,26 @@ def _run(
     return result
 
 
-def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, files: Files) -> dict[str, Any] | None:
-    """What the restart file of a run that goes on holds, or None; clears what must not be mistaken for this run's."""
+def _saved(
+    folder: Path | None, known: restart.Identity | None, resume: bool, files: Files
+) -> tuple[dict[str, Any] | None, list[Segment] | None]:
+    """What the restart file of a run that goes on holds, or None, and the files of its frames if there are several.
+
+    Clears what must not be mistaken for this run's.
+    """
     if folder is None or known is None:
-        return None
+        return None, None
     saved = restart.load(folder / restart.NAME, known) if resume else None
+    begun = begun_segments(folder, resume)
     if saved is not None:
-        files.require_same(folder)
+        files.require_same(folder, divided=begun is not None)
         # They tell of a run that is over, which this one is not.
         for name in ("summary.json", PAGE):
             (folder / name).unlink(missing_ok=True)
     else:
         clear(folder)
     clear_unfinished(folder)
-    return saved
+    return saved, begun
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
@@ -197,62 +202,6 @@ def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
     built.context.run("setup")
 
 
-def _add_files(
-    recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
-    held: frozenset[str] | None, append_from: int | None,
-) -> None:  # fmt: skip
-    """Let the recorder write frames, history and restart files, in a thread beside the computation."""
-    if folder is None or known is None:
-        return
-    scene = recorder.built.simulation
-    equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
-    surface = surface_of(recorder.built)
-    room = partial(_require_room, folder, _room_of_a_frame(recorder.built))
-    room()
-    writers = file_writers(
-        folder, surface, usd=chosen.usd, seconds_per_frame=equal, append_from=append_from, vtkhdf=chosen.vtkhdf,
-        fields=held,
-    )  # fmt: skip
-    files = Background(writers, room)
-    others = list(recorder.writers)
-    recorder.writers.append(files)
-    fine = recorder.fine
-    if fine is not None and append_from is not None and (folder / FINE).is_file():
-        fine.resume(read_history(folder / FINE), recorder.time)
-
-    def keep(history: History) -> None:
-        write_history(folder / "history.csv", history)
-        if fine is not None:
-            write_history(folder / FINE, fine.rows)
-
-    recorder.kept = keep
-
-    def save() -> None:
-        for writer in others:
-            writer.save()
-        files.save_then(partial(restart.save, folder / restart.NAME, restart.collect(recorder, known)))
-
-    recorder.saved = save
-
-
-def _room_of_a_frame(built: Built) -> int:
-    """Room for two frames, restart files and the small files [bytes]."""
-    context = built.context
-    frame = BYTES_OF_POINT * context.whole.size + 12 * len(context.whole.stored("triangles"))
-    restarts = sum(array.capacity for array in context.fields.kept().values()) * context.crew.size
-    return int(2 * frame + 2 * restarts + SMALL_FILES)
-
-
-def _require_room(folder: Path, needed: int) -> None:
-    """Check that the disk has room [bytes], and for a copy of the animation as it is now.
-
-    Raises:
-        OutputError: otherwise.
-    """
-    copied = sum(path.stat().st_size for path in folder.glob(".animation.*.usdc"))
-    require_room(folder, needed + copied)
-
-
 def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
     """Run to the end; status and message."""
     built, status, message = recorder.built, FINISHED, ""
@@ -261,7 +210,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         recorder.start_clock()
         if resumed:
             built.context.run("frame")
-            built.context.crew.lead(lambda: recorder.accept(snapshot(built, recorder.frame_index, recorder.time)))
+            recorder.accept(recorder.pictured.take(recorder.frame_index, recorder.time))
         else:
             recorder.frame(0, 0.0, 0, 0.0)
         recorder.start_clock()
@@ -274,7 +223,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         status, message = STOPPED, "interrupted: --resume goes on from here"
     finally:
         restore_signal()
-        for writer in recorder.writers:
+        for writer in [*recorder.writers, *([recorder.joint] if recorder.joint else [])]:
             writer.close()
         if recorder.reporter is not None:
             recorder.reporter.close()
@@ -311,20 +260,6 @@ def headline(built: Built) -> str:
         f"{scene.scene}: {scene.sheet.size} points, {built.law.families.bond_count} bonds, horizon "
         f"{scene.force.horizon:g} spacings, {built.law.weights} weights, float{built.context.bits}, on "
         f"{built.context.device.name}" + (f", {processes} processes" if processes > 1 else "")
-    )
-
-
-def surface_of(built: Built) -> Surface:
-    """The reference surface, as writers need it."""
-    scene, sheet = built.simulation, built.simulation.sheet
-    static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
-    return Surface(
-        points=sheet.positions,
-        faces=sheet.triangles,
-        ball_diameter=next((d for c in built.contacts if (d := c.ball_diameter()) is not None), None),
-        title=scene.scene,
-        metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static},
-        bodies=tuple(body for c in built.contacts if (body := c.outline()) is not None),
     )
 
 

@@ -20,7 +20,7 @@ def page(
     points: int | None = None,
     frames: int | None = None,
     fields: Collection[str] | None = None,
-    library: str | None = None,
+    shared: str | None = None,
 ) -> str:
     """The page of a run as text: HTML with everything in it.
 
@@ -31,7 +31,7 @@ def page(
         points: Largest number of points to draw; by default 40 000.
         frames: Largest number of frames; by default as many as keep the page small.
         fields: Names of the point fields to choose from, besides the displacement; None for all.
-        library: Address of vendor.js, for pages that share it; by default it is inside the page.
+        shared: Address of the folder with scripts and styles, for pages that share them; by default they are inside.
 
     Raises:
         InputError: for a folder without frames, damaged frames, or a field that they do not hold.
@@ -54,7 +54,7 @@ def page(
         limits = replace(limits, frames=count("frames", frames, 2))
     history = read_history(folder / "history.csv") if (folder / "history.csv").is_file() else []
     summary: dict[str, Any] = run_summary(folder) or {}
-    return page_of(path, summary, history, limits, library)
+    return page_of(path, summary, history, limits, shared)
 
 
 def write_page(

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..checks import InputError
-from .on_demand import OnDemand
 from .shape import Shape
 
 SIDES = ("left", "right", "bottom", "top")
@@ -16,11 +15,12 @@ SIDES = ("left", "right", "bottom", "top")
 def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
     """Indices of the points on the named edges, ascending; arguments as for `Sheet.edges`."""
     known = {**_sides(shape), **shape.parts} if shape.frames is None else dict(shape.parts)
-    known["all"] = known["all"] if "all" in known else whole_edge(shape, known)
     chosen = np.zeros(shape.size, bool)
     for name in names or ("all",):
+        if name == "all" and name not in known:
+            known["all"] = whole_edge(shape, known)
         if name not in known:
-            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in known)}")
+            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in (*known, 'all'))}")
         chosen[known[name]] = True
     return np.flatnonzero(chosen)
 
@@ -35,9 +35,9 @@ def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _sides(shape: Shape) -> dict[str, np.ndarray]:
-    """Points within a quarter of a spacing of the sides of the bounding box; on a lattice those on them."""
-    points, lattice = shape.stored("points"), shape.lattice
-    if lattice is not None and isinstance(points, OnDemand):
+    """Points within a quarter of a spacing of the sides of the bounding box; of a lattice those on them."""
+    lattice = shape.whole_lattice
+    if lattice is not None:
         column, row = np.arange(lattice.columns), lattice.columns * np.arange(lattice.rows)
         return {"left": row, "right": row + column[-1], "bottom": column, "top": column + row[-1]}
     tolerance = shape.spacing * (1e-6 if shape.lattice else 0.25)

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..checks import InputError
 from .holes import square_grid, triangulation_without
-from .on_demand import OnDemand, Without
+from .on_demand import Stored, entries
 from .shape import Shape
 from .topology import boundary_edges
-from .triangulation import Segment, crossed_triangles, lattice_box
+from .triangulation import Lattice, Segment, crossed_triangles, lattice_box
 
 AnyShape = TypeVar("AnyShape", bound=Shape)
 
@@ -32,28 +32,26 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
             f"{name} crosses no bond: expected segments inside the sheet, "
             f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
         )
-    triangles = shape.stored("triangles")
     # As they are stored: `replace` alone would compute them.
     arrays: dict[str, Any] = {name: shape.stored(name) for name in ("points", "areas")}
-    arrays["triangles"] = Without(triangles, gone) if isinstance(triangles, OnDemand) else np.delete(triangles, gone, 0)
+    arrays["triangles"] = entries(shape.stored("triangles")).without(gone)
     return replace(shape, **arrays, cuts=(*shape.cuts, segment))
 
 
 def _crossed(shape: Shape, segment: Segment) -> np.ndarray:
-    """Indices of the triangles that a segment crosses, rising; on demand, of those of a lattice before any cut."""
-    triangles, points, lattice = shape.stored("triangles"), shape.stored("points"), shape.lattice
-    if not isinstance(triangles, OnDemand) or lattice is None:
-        return np.flatnonzero(crossed_triangles(shape.points, shape.triangles, segment))
-    source = triangles.source if isinstance(triangles, Without) else triangles
+    """Numbers of the triangles that a segment crosses, rising, for `Entries.without`."""
+    triangles, points = entries(shape.stored("triangles")), shape.stored("points")
+    at = triangles.remaining(None if shape.whole_lattice is None else _near(points, shape.whole_lattice, segment))
+    places = points[triangles.at(at).ravel()]
+    return np.asarray(at[crossed_triangles(places, np.arange(len(places)).reshape(-1, 3), segment)])
+
+
+def _near(points: Stored, lattice: Lattice, segment: Segment) -> np.ndarray:
+    """Numbers of the triangles of a lattice before any cut in the box around a segment, rising."""
     cells = lattice_box(points[np.zeros(1, int)][0], lattice, segment, 2.0)
     cells = cells[(cells % lattice.columns < lattice.columns - 1) & (cells // lattice.columns < lattice.rows - 1)]
     numbers = cells - cells // lattice.columns
-    at = (2 * numbers[:, None] + np.arange(2)).ravel()
-    if isinstance(triangles, Without):
-        at = np.setdiff1d(at, triangles.gone, assume_unique=True)
-    corners = source[at]
-    places = points[corners.ravel()]
-    return np.asarray(at[crossed_triangles(places, np.arange(len(places)).reshape(-1, 3), segment)])
+    return np.asarray((2 * numbers[:, None] + np.arange(2)).ravel())
 
 
 def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:

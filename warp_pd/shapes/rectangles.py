@@ -55,9 +55,21 @@ def rectangle(
     if not centred:
         share_x[[0, -1]] *= 0.5
         share_y[[0, -1]] *= 0.5
+
+    def points_of(begin: int, end: int) -> np.ndarray:
+        of_rows = slice(begin // columns, -(-end // columns))
+        found = np.empty((of_rows.stop - of_rows.start, columns, 2))
+        found[..., 0], found[..., 1] = x, y[of_rows, None]
+        return found.reshape(-1, 2)[begin - of_rows.start * columns :][: end - begin]
+
+    def areas_of(begin: int, end: int) -> np.ndarray:
+        of_rows = slice(begin // columns, -(-end // columns))
+        found: np.ndarray = (share_y[of_rows, None] * share_x).ravel()
+        return found[begin - of_rows.start * columns :][: end - begin]
+
     arrays: dict[str, Any] = {
-        "points": OnDemand(columns * rows, lambda i: np.stack([x[i % columns], y[i // columns]], axis=-1)),
-        "areas": OnDemand(columns * rows, lambda i: share_y[i // columns] * share_x[i % columns]),
+        "points": OnDemand(columns * rows, lambda i: np.stack([x[i % columns], y[i // columns]], axis=-1), points_of),
+        "areas": OnDemand(columns * rows, lambda i: share_y[i // columns] * share_x[i % columns], areas_of),
         "triangles": OnDemand(2 * (columns - 1) * (rows - 1), lambda i: lattice_triangles(columns, i)),
     }
     if columns * rows < STORED_POINTS:

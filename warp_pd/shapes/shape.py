@@ -63,11 +63,15 @@ class Shape:
     @property
     def extent(self) -> np.ndarray:
         """Size along each axis [m]."""
-        points = self.stored("points")
         # The first and the last corner of a lattice.
-        return np.asarray(
-            np.ptp(points if isinstance(points, np.ndarray) else points[np.array([0, len(points) - 1])], axis=0)
-        )
+        corners = None if self.whole_lattice is None else self.stored("points")[np.array([0, self.size - 1])]
+        return np.asarray(np.ptp(self.points if corners is None else corners, axis=0))
+
+    @property
+    def whole_lattice(self) -> Lattice | None:
+        """The grid, if the points are all of it in order; None for a part of a lattice, too."""
+        lattice = self.lattice
+        return lattice if lattice is not None and self.size == lattice.columns * lattice.rows else None
 
     def stored(self, name: str) -> Stored:
         """The array `points`, `areas` or `triangles`; of a large lattice what computes its entries."""

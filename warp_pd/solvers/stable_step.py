@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..device.fields import Array
 from ..interfaces import System
 from ..kernels.integrate import RIGID
 from ..kernels.stable_step import power_iteration
+from ..shapes.on_demand import CHUNK, for_each_chunk
 
 BLOCK = 256
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the
@@ -40,7 +41,9 @@ class StableStep:
         self.context = context = system.context
         state, types, n = context.state, context.types, context.sheet.size
         self._noise = np.random.default_rng(0)
-        self.direction = context.array("direction", OWNER, types.vec3, self._random(), restart=True, halo=True)
+        self.direction = context.array(
+            "direction", OWNER, types.vec3, self._with_noise(1.0, None), restart=True, halo=True
+        )
         trial = context.array("trial", OWNER, types.vec3, shape=n)
         plus = context.array("force_plus", OWNER, types.vec3, shape=n)
         response = context.array("response", OWNER, types.vec3, shape=n)
@@ -78,26 +81,41 @@ class StableStep:
             direction=self.direction,
         )  # fmt: skip
 
-    def _random(self) -> np.ndarray:
-        held, share = self.context.held, self.context.share
-        noise = self._noise_at(None if share is None else share.points)
-        for c in range(3):
-            noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
-        return noise
+    def _with_noise(self, share: float, old: np.ndarray | None) -> np.ndarray:
+        """A share of noise, with something added to it, of the points here, shape (n, 3); zero where they are held."""
+        context, held = self.context, self.context.held
+        real = wp.dtype_to_numpy(context.types.real)
+        found = np.empty((len(held), 3), real)
+        of, size = self._noise_of(), context.whole.size
 
-    def _noise_at(self, points: np.ndarray | None) -> np.ndarray:
-        """Random numbers from -1 to 1 of all points or some, shape (n, 3); those of a point are the same."""
-        size = self.context.whole.size
-        if points is None:
-            return self._noise.uniform(-1.0, 1.0, (size, 3))
-        # The generator takes one step for a number.
-        begin, end = int(points.min()), int(points.max()) + 1
-        steps = self._noise.bit_generator
-        assert isinstance(steps, np.random.PCG64)
-        steps.advance(3 * begin)
-        found = self._noise.uniform(-1.0, 1.0, (end - begin, 3))
-        steps.advance(3 * (size - end))
-        return np.asarray(found[points - begin])
+        def fill(begin: int) -> None:
+            some = slice(begin, min(begin + CHUNK, len(held)))
+            noise = of(some)
+            for c in range(3):
+                noise[(held[some] & ((1 << c) | RIGID)) != 0, c] = 0.0
+            found[some] = noise if old is None else old[some].astype(np.float64) + share * noise
+
+        for_each_chunk(0, len(held), fill)
+        self._noise.bit_generator.advance(3 * size)  # type: ignore[attr-defined]
+        return found
+
+    def _noise_of(self) -> Callable[[slice], np.ndarray]:
+        """Random numbers from -1 to 1 of some points here, shape (n, 3); those of a point are always the same."""
+        state, share = self._noise.bit_generator.state, self.context.share
+
+        def from_point(first: int, number: int) -> np.ndarray:
+            # The generator takes one step for a number.
+            steps = np.random.PCG64()
+            steps.state = state  # type: ignore[assignment]
+            steps.advance(3 * first)
+            return np.random.Generator(steps).uniform(-1.0, 1.0, (number, 3))
+
+        if share is None or share.owners is None:
+            begin = 0 if share is None else share.span.start
+            return lambda some: from_point(begin + some.start, some.stop - some.start)
+        lowest = int(share.points.min())
+        everything = from_point(lowest, int(share.points.max()) + 1 - lowest)
+        return lambda some: everything[share.points[some] - lowest]
 
     def host_state(self) -> dict[str, Any]:
         """State of the generator of the noise, for a restart."""
@@ -112,8 +130,7 @@ class StableStep:
 
         Ends early when five iterations changed it by less than the share `settle`. Zero if nothing resists.
         """
-        old = self.direction.numpy().astype(np.float64)
-        self.direction.assign((old + 0.05 * self._random()).astype(self.direction.numpy().dtype))
+        self.direction.assign(self._with_noise(0.05, self.direction.numpy()))
         self._earlier.zero_()
         sequence = self.context.sequence("estimate")
         before = squared = 0.0

@@ -175,6 +175,13 @@ class TorchCrew(Crew):
             dist.all_reduce(number, operation)
         return float(number[0])
 
+    def gather(self, value: T) -> list[T]:
+        """What all processes have, by their number."""
+        found: list[Any] = [None] * self.size
+        with talking():
+            dist.all_gather_object(found, value)
+        return found
+
     def spread(self, value: T) -> T:
         """The value that the first process has."""
         return self._tell(value)  # type: ignore[no-any-return]

@@ -11,6 +11,7 @@ from warp_pd.families import build_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
 from warp_pd.shapes import on_demand, rectangles
+from warp_pd.solvers import stable_step
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
@@ -115,13 +116,21 @@ def test_a_lattice_on_demand_is_divided_like_a_stored_one(name, monkeypatch):
             np.testing.assert_array_equal(*(getattr(part, array) for part in parts))
 
 
-def test_noise_of_some_points_is_that_of_all():
-    """Each process draws its own, and its generator goes on like that of one process."""
-    made = scene("cloud")
+@pytest.mark.parametrize("name", ["cloud", "torn"])
+def test_noise_of_some_points_is_that_of_all(name, monkeypatch):
+    """Each process draws its own, chunk by chunk, and its generator goes on like that of one process."""
+    made = scene(name)
+    expected = np.random.default_rng(0)
     alone, several = made.build(device="cpu"), [composed(made, rank, 2) for rank in range(2)]
+    monkeypatch.setattr(stable_step, "CHUNK", 100)
+    monkeypatch.setattr(on_demand, "CHUNK", 100)
+    free = alone.context.held[:, None] & np.array([1, 2, 4]) == 0
+    expected.uniform(-1.0, 1.0, (made.sheet.size, 3))
     for _ in range(2):
-        whole = alone.solver.stable_step._noise_at(None)
+        whole = alone.solver.stable_step._with_noise(1.0, None)
+        drawn = np.where(free, expected.uniform(-1.0, 1.0, whole.shape), 0.0).astype(whole.dtype)
+        np.testing.assert_array_equal(whole, drawn)
         for built in several:
             points, step = built.context.share.points, built.solver.stable_step
-            np.testing.assert_array_equal(step._noise_at(points), whole[points])
+            np.testing.assert_array_equal(step._with_noise(1.0, None), whole[points])
             assert step.host_state() == alone.solver.stable_step.host_state()

@@ -8,6 +8,7 @@ while all other entries hold NaN.
 import ast
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,7 @@ def further():
         ),
         "fields of families": Simulation(plane, Nodal(NEO, 2.015), Explicit(1.0), fields=shown),
         "fields of viscous bonds": Simulation(small_tube(), visco, Explicit(1.0), fields=shown),
+        "visco slow": Simulation(plane, replace(visco, fast=False), Explicit(1.0)),
         "gas torn": Simulation(plane, law, Explicit(1.0), loads=[clamp, gas], damage=CriticalStretch(2.0)),
         "volume": Simulation(plane, law, Newton(preconditioner="jacobi"), loads=[clamp, volume]),
         "prestretched": Simulation(drawn, law, Explicit(1.0), loads=moves),
@@ -118,6 +120,7 @@ def further():
         "newton multigrid": Simulation(plane, law, Newton(preconditioner="multigrid"), loads=[*dead, Pressure(2.0)]),
         "relaxed bonds": Simulation(plane, bonds, Relaxation(), loads=in_plane),
         "relaxed pressure and dead loads": Simulation(plane, law, Relaxation(), loads=[*dead, *loads(plane)[1:]]),
+        "bonds torn": Simulation(plane, bonds, Explicit(1.0), damage=CriticalStretch(2.0)),
         "newton bonds": Simulation(plane, bonds, Newton(preconditioner="jacobi"), loads=in_plane),
     }
 

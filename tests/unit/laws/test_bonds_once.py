@@ -113,6 +113,33 @@ def test_screened_bonds_break_as_without_screening(monkeypatch, law, spared):
     np.testing.assert_array_equal(screened.rupture.released.numpy(), plain.rupture.released.numpy())
 
 
+def test_a_step_looks_at_each_bond_once_for_force_and_rupture():
+    """Other stages, and criteria that are no stretch, keep kernels of their own."""
+    fast, slow, _ = both(SHEETS["square"], damage=CriticalStretch(1.25))
+    names = {name: [part for item in fast.context.stages[name] for part in item.parts] for name in ("step", "setup")}
+    step = names["step"]
+    assert "screen" not in step and "forces_ahead" not in step
+    assert step.index("forces_and_screen") < step.index("break_bonds") < step.index("sum_both_halves")
+    assert names["setup"] == ["forces_ahead", "sum_both_halves"]
+    assert "screen" in [part for item in slow.context.stages["step"] for part in item.parts]
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_a_bond_at_its_critical_stretch_is_looked_at(precision):
+    """Whatever the rounding: a bond that breaks is never passed by."""
+    sheet, stretch = square(12), 1.25
+    fast, slow, _ = both(sheet, precision=precision, damage=CriticalStretch(stretch))
+    for factor in (1.0 - 1e-7, 1.0, 1.0 + 1e-7, 1.0 + 1e-6):
+        for built in (fast, slow):
+            built.state.velocity.zero_()
+            internal_force(built, (factor * stretch - 1.0) * sheet.positions)
+            built.solver._set_step(1e-12, 0.0)
+            built.context.run("step")
+        np.testing.assert_array_equal(fast.law.intact.numpy(), slow.law.intact.numpy())
+        np.testing.assert_array_equal(fast.state.force.numpy(), slow.state.force.numpy())
+    assert np.bitwise_count(fast.law.intact.numpy()).sum() < fast.law.families.bond_count
+
+
 def test_all_stages_share_the_array_of_forces():
     built, *_ = both(SHEETS["square"])
     assert [stored.name for stored in built.context.fields].count("forces_ahead") == 1

@@ -31,13 +31,20 @@ def names_of(law, damage=None):
 def test_without_prony_terms_there_is_no_state():
     fields, launches = names_of(LAWS["stress-free"], CriticalEnergy(1.0))
     assert {"strain", "overstress", "viscous_work", "prony", "energy_release"} <= fields
-    assert {"update", "add_release"} <= launches
+    assert {"family_rows_viscous_step", "add_release"} <= launches
     fields, launches = names_of(LAWS["published"])
     assert {"strain", "viscous_stretch", "prony"} <= fields and "update" in launches
     for law in (Visco(POLYUREA, horizon=2.015), ViscoBondBased(POLYUREA, horizon=2.015)):
         fields, launches = names_of(law)
         assert not fields & {"strain", "overstress", "viscous_work", "viscous_stretch", "prony", "energy_release"}
-        assert not launches & {"update", "add_release"}
+        assert not launches & {"update", "add_release", "family_rows_viscous_step"}
+
+
+def test_forces_of_bonds_for_the_energy_release_are_those_of_the_step():
+    """All of them are stored, so that each bond has its work; also those of the law without Prony terms."""
+    for law in (LAWS["stress-free"], Visco(POLYUREA, horizon=2.015)):
+        built = Simulation(square(7), law, Explicit(1.0), damage=CriticalEnergy(1.0)).build("cpu")
+        assert built.law.bond_force() is built.law.pairs
 
 
 def test_the_printed_series_that_outran_the_relaxation_says_so():

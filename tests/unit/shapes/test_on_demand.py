@@ -8,7 +8,7 @@ import pytest
 
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, MooneyRivlin, Sheet, Simulation
 from warp_pd.shapes import on_demand, rectangles
-from warp_pd.shapes.on_demand import OnDemand
+from warp_pd.shapes.on_demand import OnDemand, mean_of
 
 SIZE = {"thickness": 1e-3, "density": 1000.0}
 ARRAYS = ("points", "areas", "triangles")
@@ -55,6 +55,8 @@ def test_copies_compute_too_and_changed_ones_store(monkeypatch):
     for change in (
         lambda s: s.hole((0.5, 0.6), 0.1),
         lambda s: s.cut((0.1, 0.61), (0.5, 0.61)),
+        lambda s: s.cut((0.1, 0.61), (0.5, 0.61)).cut((0.2, 0.4), (0.7, 0.9)),
+        lambda s: s.as_cloud().cut((0.1, 0.61), (0.5, 0.61)).cut((0.2, 0.4), (0.7, 0.9)),
         lambda s: s.turned(20),
     ):
         one, other = change(stored), change(computed)
@@ -70,3 +72,13 @@ def test_points_of_another_sheet_are_refused_all_the_same(monkeypatch):
     Simulation(computed, law, Explicit(1.0), loads=[Fixed(plates(monkeypatch)[1].edges("left"))]).check()
     with pytest.raises(InputError, match="expected points of this sheet"):
         Simulation(computed, law, Explicit(1.0), loads=[Fixed(other.edges("left"))]).check()
+
+
+@pytest.mark.parametrize("points", [(1201, 801), (1000, 1000), (524288, 3)])
+def test_the_mean_is_that_of_numpy_to_the_last_bit(points):
+    sheet = Sheet.rectangle(1.1, 0.7, points=points, **SIZE)
+    areas = sheet.stored("areas")
+    assert isinstance(areas, OnDemand)
+    by_index = areas.of(np.arange(len(areas)))
+    np.testing.assert_array_equal(areas.whole(), by_index)
+    assert mean_of(areas) == by_index.mean() and mean_of(by_index) == by_index.mean()

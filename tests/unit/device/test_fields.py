@@ -1,0 +1,16 @@
+"""The register of fields."""
+
+import pytest
+import warp as wp
+
+from warp_pd import InputError
+from warp_pd.device.fields import Field, FieldRegister
+
+
+def test_rows_that_warp_cannot_address_are_refused():
+    """Its kernels hold the bytes from one row to the next in 32 bits; one row costs 2 GB of addresses, unused."""
+    register = FieldRegister(wp.get_device("cpu"))
+    with pytest.raises(InputError, match="has 178956971 entries in a row: expected at most 178956970;"):
+        register.allocate(Field("bond_force", "law", "bond"), wp.vec3, shape=(0, 178_956_971))
+    held = register.allocate(Field("bond_force", "law", "bond"), wp.vec3, shape=(0, 178_956_970))
+    assert held.strides[0] == 12 * 178_956_970 < 2**31

@@ -1,0 +1,107 @@
+"""Visco by rows on a CPU: force and relaxation in one kernel, against the reference kernels that take them apart."""
+
+import numpy as np
+import pytest
+from curved_sheets import small_tube
+from grid_sheets import holed
+from helpers import jittered, sever, soften, square
+from visco_laws import POLYUREA, TERMS
+
+from warp_pd import CriticalStretch, Explicit, Prony, Simulation, TearingEnergy, Visco
+
+# Of the largest value of a field after STEPS steps.
+TOLERANCE = {32: 2e-6, 64: 1e-12}
+# What is lost is a difference of work and stored energy.
+LOSS_TOLERANCE = {32: 5e-5, 64: 1e-12}
+STEPS, STEP = 6, 2e-5
+CUT = ((0.02, 0.031), (0.071, 0.08))
+# Times that are constant and that depend on the rate, slow, and so fast that a step relaxes a term.
+ALL_TERMS = (*TERMS, Prony(0.05e6, 0.01e6, time=0.5, exponent=0.6), Prony(0.02e6, time=1e-5))
+
+
+def fields_after_steps(sheet, bits, fast, damage=None, tear=None, **law):
+    """Force, displacement, internal variables, energies and losses of a sheet that flies apart, and its launches."""
+    velocity = 300.0 * sheet.spacing * np.random.default_rng(0).normal(size=(sheet.size, 3))
+    made = Visco(POLYUREA, prony=ALL_TERMS, fast=fast, **{"horizon": 2.015, **law})
+    built = Simulation(sheet, made, Explicit(1.0), initial_velocity=velocity, damage=damage).build("cpu", bits)
+    built.context.compile()
+    if tear:
+        tear(built)
+    for name in ("start", "setup"):
+        built.context.run(name)
+    built.state.step.assign(np.array([STEP]))
+    built.context.sequence("step", STEPS).run()
+    built.context.run("frame")
+    arrays = {
+        "force": built.state.force, "displacement": built.state.displacement, **built.law.internal,
+        "stored": built.law.strain_energy,
+    }  # fmt: skip
+    names = [name for launch in built.context.stages["step"] for name in launch.parts]
+    return {name: built.to_numpy(array) for name, array in arrays.items()}, built.to_numpy(built.law.viscous), names
+
+
+def compare(sheet, bits, **options):
+    found, lost, quick = fields_after_steps(sheet, bits, True, **options)
+    expected, wanted, reference = fields_after_steps(sheet, bits, False, **options)
+    for name, values in expected.items():
+        assert np.isfinite(values).all() and np.abs(values).max() > 0.0, name
+        assert np.abs(found[name] - values).max() <= TOLERANCE[bits] * np.abs(values).max(), name
+    assert np.abs(lost - wanted).max() <= LOSS_TOLERANCE[bits] * wanted.max()
+    assert {"update", "visco_force"} <= set(reference) and not {"update", "visco_force"} & set(quick)
+    assert quick.count("family_rows_viscous_step") == 1 and "family_rows_viscous_force" not in quick
+
+
+@pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
+@pytest.mark.parametrize(
+    ("sheet", "horizon"), [(square(13), 3.015), (jittered(11), 2.015), (holed(19), 4.15)],
+    ids=["lattice", "cloud", "grid, two words"],
+)  # fmt: skip
+def test_a_step_is_that_of_the_reference_kernels(sheet, horizon, torn, bits):
+    tear = {"damage": CriticalStretch(1e3), "tear": lambda built: sever(built, CUT)} if torn else {}
+    compare(sheet, bits, horizon=horizon, **tear)
+
+
+@pytest.mark.parametrize("weights", ["plain", "corrected"])
+def test_weights(weights):
+    compare(square(11), 64, weights=weights)
+
+
+@pytest.mark.parametrize("bits", [32, 64])
+def test_broken_families_that_keep_their_weight(bits):
+    compare(square(13), bits, broken="redistribute", damage=CriticalStretch(1e3), tear=lambda built: sever(built, CUT))
+
+
+@pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize("sheet", [square(11), jittered(11)], ids=["lattice", "cloud"])
+def test_softened_bonds(sheet, bits):
+    compare(sheet, bits, damage=TearingEnergy(1e6), tear=soften)
+
+
+@pytest.mark.parametrize("bits", [32, 64])
+def test_a_curved_sheet(bits):
+    compare(small_tube(), bits, horizon=2.5)
+
+
+def test_off_the_path_the_state_is_kept():
+    """The force of the set-up and of the estimate of the stable step responds at once and relaxes nothing."""
+    sheet = square(9)
+    law = Visco(POLYUREA, 2.015, prony=TERMS)
+    start = 0.05 * np.column_stack([sheet.points, np.zeros(sheet.size)])
+    built = Simulation(sheet, law, Explicit(1.0), initial_displacement=start).build("cpu", 64)
+    built.context.compile()
+    built.context.run("start")
+    before = {name: array.numpy() for name, array in built.law.internal.items()}
+    assert before["strain"].any() and before["overstress"].any() and before["viscous_work"].any()
+    for _ in range(2):
+        built.context.run("setup")
+    names = [name for launch in built.context.stages["setup"] for name in launch.parts]
+    assert "family_rows_viscous_force" in names and "family_rows_viscous_step" not in names
+    for name, values in before.items():
+        assert (built.law.internal[name].numpy() == values).all()
+
+
+def test_bits_repeat():
+    """Twice the same run: the same bits."""
+    first, second = (fields_after_steps(square(9), 32, True)[0] for _ in range(2))
+    assert all((first[name] == values).all() for name, values in second.items())

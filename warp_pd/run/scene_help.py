@@ -1,0 +1,107 @@
+"""Help of a command that takes a scene: `warp-pd run SCENE --help` lists the arguments of the scene."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from typing import Any
+
+import click
+
+from .scene_files import load_scene
+
+# Arguments that mean the same in every scene; a scene says otherwise under "Args:" of its `build`.
+COMMON = {
+    "critical_stretch": "Stretch at which a bond breaks [-].",
+    "damping": "Mass damping [1/s].",
+    "density": "Density [kg/m^3].",
+    "depth": "How far the body is pushed down [m].",
+    "duration": "Simulated time [s].",
+    "force": "Force law; see --force above.",
+    "frames": "Number of frames after the first.",
+    "friction": "Coefficient of friction [-].",
+    "horizon": "Horizon in spacings.",
+    "jitter": "Random displacement of the points in the plane, in spacings.",
+    "load_steps": "Number of load steps.",
+    "most_iterations": "Largest number of Newton iterations in a load step.",
+    "overload": "Energy release rate at the end over the tearing energy [-].",
+    "points": "Points along x.",
+    "pressure": "Pressure [Pa].",
+    "roughness": "Height of random bumps at the start, in spacings.",
+    "safety": "Time step over the estimated stable one; None: 0.9, and 0.5 if bonds can break.",
+    "seed": "Seed of the random numbers.",
+    "self_contact": "Whether the sheet touches itself.",
+    "solver": "explicit, relaxation or newton, those that the scene takes.",
+    "speed": "Speed of what moves [m/s].",
+    "stretch": "Stretch at the end [-].",
+    "tearing_energy": "Energy of torn area [J/m^2]; bonds break by it where it is given.",
+    "tolerance": "Unbalanced force over loads and reactions at equilibrium; None: the solver's.",
+    "turn": "Angle by which the grid is turned [degrees].",
+    "weights": "published, plain, corrected or auto.",
+    "wrinkles": "relaxed: the sheet wrinkles below the spacing and carries no compression; resolved: it carries it.",
+}
+
+
+class SceneCommand(click.Command):
+    """A command whose help lists the arguments of the scene that is named."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Keep the name of the scene, as the help is shown before arguments are read."""
+        if any(option in args for option in ctx.help_option_names):
+            named = self.make_parser(ctx).parse_args(args=list(args))[0].get("scene")
+            ctx.meta[__name__] = named if isinstance(named, str) else None
+        return super().parse_args(ctx, args)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The arguments of the scene, after the options."""
+        scene = ctx.meta.get(__name__)
+        if scene is None:
+            with formatter.section("Arguments of a scene"):
+                formatter.write_text(f"{ctx.command_path} SCENE --help lists them.")
+            return
+        module = load_scene(scene)
+        with formatter.section(f"Arguments of {scene}, as --set NAME=VALUE"):
+            formatter.write_dl(scene_arguments(module))
+        title, _, text = (inspect.getdoc(module) or "").partition("\n")
+        formatter.write_paragraph()
+        for paragraph in (title, *text.strip().split("\n\n")):
+            formatter.write_text(paragraph)
+            formatter.write_paragraph()
+
+
+def scene_arguments(module: Any) -> list[tuple[str, str]]:
+    """Arguments of a scene's `build`, each with its type and default, and what it is, empty if nothing says it."""
+    prose = [inspect.getdoc(module.build) or "", inspect.getdoc(module) or ""]
+    said = _said_under_args(prose[0])
+    rows: list[tuple[str, str]] = []
+    for name, parameter in inspect.signature(module.build).parameters.items():
+        common = COMMON.get(name, "")
+        if parameter.default is not None:
+            common = re.sub(r"; None: .*", ".", common)
+        rows.append((str(parameter).replace("'", ""), said.get(name) or _sentence(name, prose) or common))
+    return rows
+
+
+def _said_under_args(docstring: str) -> dict[str, str]:
+    """The entries of the section "Args:" of a docstring, by name."""
+    _, _, section = docstring.partition("Args:\n")
+    found: dict[str, str] = {}
+    name = ""
+    for line in section.splitlines():
+        entry = re.match(r" {4}(\w+): (.*)", line)
+        if entry is not None:
+            name, found[entry[1]] = entry[1], entry[2].strip()
+        elif line.startswith("     ") and name:
+            found[name] += " " + line.strip()
+        elif line.strip():
+            break
+    return found
+
+
+def _sentence(name: str, texts: list[str]) -> str:
+    """The first sentence that begins with an argument in backticks; empty if there is none."""
+    for text in texts:
+        found = re.search(rf"(?:^|(?<=[.:;] ))`{name}`.*?(?=\. |\.$|$)", " ".join(text.split()))
+        if found is not None:
+            return f"{found[0]}."
+    return ""
