@@ -114,7 +114,13 @@ class BlockFunctions:
             missing, which are few.
         arrive: What the thread of a bond knows before it has heard from the others.
         missing_shapes: What intersections have lost of their shape tensors.
-        answer: A_ik of a bond and its weight, from the sums over D_ik.
+        answer: A_ik of a bond, its weight, and what the next stress may start from, from the sums over D_ik.
+        compact: Whether shape tensors are sums, too, as on a cloud with tables of few bytes.
+        Arm: Type of what threads exchange of a member besides (U_k, c_k X_k1): c_k X_k2 and 1 / c_k, or X_k instead.
+        vec6: Type of sums of two vectors.
+        Sums: Type of the sums over an intersection: c_k X_k1 U_k, c_k X_k2 U_k, and K_ij if shape tensors are sums.
+        add_products: These sums, with one more member if it is in the intersection.
+        add_parts: Sums of the columns of A, with those of one more bond if it is in the intersection.
     """
 
     Words: Any
@@ -123,7 +129,7 @@ class BlockFunctions:
     arrive: wp.Function
     missing_shapes: wp.Function
     answer: wp.Function
-    summed: bool
+    compact: bool
     Arm: Any
     vec6: Any
     Sums: Any
@@ -140,7 +146,6 @@ def block_functions(
     breakable: str | None,
     breaking: Breaking | None,
     members: int,
-    listed: bool,
     module: str,
     fast_module: str,
 ) -> BlockFunctions:
@@ -159,12 +164,11 @@ def block_functions(
     by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
     plain = not (redistribute or gradual or curved)
     compact = is_compact(layout)
-    summed = compact
-    by_missing = plain and not summed
+    by_missing = plain and not compact
     n, word_size, words = members, WORD, -(-members // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
-    Arm = vec4 if summed else vec2
+    Arm = vec4 if compact else vec2
     vector_of, moment_of = entry_of(vec3, 1), entry_of(vec3, 2)
     breaks = breaking is not None
     Constants: Any = breaking.criterion.struct if breaking else int
@@ -207,8 +211,6 @@ def block_functions(
                 moment = moment_of(moments, member * moments.shape[1] + row)
             else:
                 moment = moments[member, row]
-            if wp.static(summed):
-                X = moment[2] * vec2(moment[0], moment[1])
         stretch = f.to_frame(family, i, inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i)))
         inverse = vec3(real(0.0), real(0.0), real(0.0))
         if wp.static(not compact):
@@ -238,7 +240,7 @@ def block_functions(
         exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
         arm = Arm()
         arm[0] = moment[1]
-        if wp.static(summed):
+        if wp.static(compact):
             arm[1] = X[0]
             arm[2] = X[1]
         else:
@@ -345,9 +347,9 @@ def block_functions(
 
     vec6 = wp.types.vector(length=6, dtype=real)
 
-    Sums = wp.types.vector(length=9 if summed else 6, dtype=real)
+    Sums = wp.types.vector(length=9 if compact else 6, dtype=real)
 
-    @wp.func_native(_products_and_shapes(bits) if summed else _ADD_PRODUCTS)
+    @wp.func_native(_products_and_shapes(bits) if compact else _ADD_PRODUCTS)
     def add_products(sums: Sums, here: wp.uint32, w: vec4, y: Arm) -> Sums:
         """The sums of c_k X_k1 U_k and c_k X_k2 U_k, with one more member if it is in the intersection."""
         ...
@@ -358,5 +360,5 @@ def block_functions(
         ...
 
     return BlockFunctions(
-        Words, Constants, by_missing, arrive, missing_shapes, answer, summed, Arm, vec6, Sums, add_products, add_parts
+        Words, Constants, by_missing, arrive, missing_shapes, answer, compact, Arm, vec6, Sums, add_products, add_parts
     )

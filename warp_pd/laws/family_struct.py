@@ -14,6 +14,9 @@ from ..families.tables import in_blocks
 from ..kernels.compact_clouds import EVALUATED
 from ..kernels.families import COMPACT, family_functions, is_compact
 
+# Differences of indices below this have 16 bits.
+NEAR = 2**15
+
 
 def _by_member(values: np.ndarray, scalar: Any, axes: tuple[int, ...] = (1, 0)) -> np.ndarray:
     """A table by point, shape (N, n, ...), with its axes in another order, in the type of the device."""
@@ -114,7 +117,7 @@ def _put_compact(
     index = np.arange(families.points, dtype=np.int32)[:, None]
     apart = np.where(families.exists, families.neighbours - index, 0)
     s.points = families.points
-    s.far, s.large = int(np.abs(apart).max() >= 2**15), int(families.members > 2**8)
+    s.far, s.large = int(np.abs(apart).max() >= NEAR), int(families.members > 2**8)
     s.inverse_horizon = 1.0 / families.horizon
     s.positions = put("positions", context.sheet.points, wp.vec2d)
     s.neighbours = put("neighbours", _by_member(apart.astype(np.int16), np.int16), wp.int16)
