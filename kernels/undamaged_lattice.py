@@ -359,16 +359,18 @@ def undamaged_lattice_force(
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        if family_class[i] != inner:
+        # Both are read before either is asked: one wait for memory.
+        inner_here = family_class[i] == inner
+        whole = bool(True)
+        if wp.static(breakable):
+            whole = intact[0, i] == wp.uint32(wp.static(full))
+        if not inner_here or not whole:
+            if wp.static(listing):
+                if inner_here:
+                    damaged_points[wp.atomic_add(other_count, 1, 1)] = i
+                    return
             others[wp.atomic_add(other_count, 0, 1)] = i
             return
-        if wp.static(breakable):
-            if intact[0, i] != wp.uint32(wp.static(full)):
-                if wp.static(listing):
-                    damaged_points[wp.atomic_add(other_count, 1, 1)] = i
-                else:
-                    others[wp.atomic_add(other_count, 0, 1)] = i
-                return
         family_force(
             i, wp.uint32(0), displacement, places, turns, constants, inverse_horizon, unit_force, squared_stretch,
             others, other_count, bond_force, force,
