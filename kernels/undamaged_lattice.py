@@ -359,14 +359,14 @@ def undamaged_lattice_force(
         force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        # Both are read before either is asked: one wait for memory.
-        inner_here = family_class[i] == inner
-        whole = bool(True)
+        # One number of both, so that a compiler does not wait for the class before it reads the bits.
+        row = wp.uint32(family_class[i] - inner)
+        lost = wp.uint32(0)
         if wp.static(breakable):
-            whole = intact[0, i] == wp.uint32(wp.static(full))
-        if not inner_here or not whole:
+            lost = wp.uint32(wp.static(full)) ^ intact[0, i]
+        if (row | lost) != wp.uint32(0):
             if wp.static(listing):
-                if inner_here:
+                if row == wp.uint32(0):
                     damaged_points[wp.atomic_add(other_count, 1, 1)] = i
                     return
             others[wp.atomic_add(other_count, 0, 1)] = i
