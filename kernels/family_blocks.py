@@ -72,7 +72,8 @@ def block_force(
         breakable: None, "redistribute" or "drop".
         breaking: What breaks bonds before the forces are found, or None. Each family is told by its own bonds alone.
         members: Maximum number of members of a family.
-        listed: Whether the points are those on the list `others`, instead of `start` to `stop` - 1.
+        listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, at most `other_count` of them,
+            instead of these points themselves.
         module: Name of the Warp module of the law.
         fast_module: Name of the Warp module of this kernel alone, which is compiled for its own block size.
     """
@@ -131,7 +132,7 @@ def block_force(
         slot = lane & (together - 1)
         count = stop - start
         if wp.static(listed):
-            count = other_count[0]
+            count = wp.min(count, other_count[0])
         # What the threads of a family tell each other: of near members first.
         stretches = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec4, storage="shared")
         arms = wp.tile_empty(shape=wp.static(2 * threads), dtype=Arm, storage="shared")
@@ -145,7 +146,7 @@ def block_force(
             here = place < count
             i = start + wp.min(place, count - 1)
             if wp.static(listed):
-                i = others[wp.min(place, count - 1)]
+                i = others[start + wp.min(place, count - 1)]
             undamaged = bool(True)
             if wp.static(damaged):
                 for word in range(wp.static(words)):

@@ -33,6 +33,11 @@ class Stencil:
     inverse: tuple[tuple[float, float, float], ...]
     weights: tuple[float, ...]
 
+    @property
+    def all_members(self) -> int:
+        """Bits of all members."""
+        return (1 << len(self.steps)) - 1
+
 
 def inverse_of(K: tuple[float, float, float]) -> tuple[float, float, float]:
     """Inverse of a symmetric tensor (11, 12, 22)."""

@@ -42,14 +42,13 @@ def undamaged_lattice_force(
     gridded: bool,
     breakable: bool,
     breaking: bool,
-    listing: bool,
     damaged: bool,
     module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
 
-    It puts all other points on the list `others`, in any order, but inner points that have lost bonds on the list
-    `damaged_points`. With `damaged` the kernel works on these: its threads go on until the list is done.
+    With `damaged` the kernel works on the inner families that have lost bonds, on the list of `changed_families`: its
+    threads go on until the list is done.
 
     Point i has column i % ring of `bond_force`: the ring has a column for each point, or fewer that launches reuse.
 
@@ -59,10 +58,10 @@ def undamaged_lattice_force(
         stencil: Stencil.
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
-        breakable: Whether families may be damaged; those count as others.
-        breaking: Whether those with a bond whose squared stretch reaches nearly `squared_stretch` count as others, too.
-        listing: Whether families that have lost bonds have a list of their own.
-        damaged: Whether the families are those on that list, whose lost bonds are dropped.
+        breakable: Whether families may be damaged; others leave those alone.
+        breaking: Whether those with a bond whose squared stretch reaches nearly `squared_stretch` are put on the list
+            `others`, in any order.
+        damaged: Whether the families are the damaged ones, whose lost bonds are dropped.
         module: Name of the Warp module.
     """
     types = numeric(bits)
@@ -353,7 +352,6 @@ def undamaged_lattice_force(
         squared_stretch: real,
         first: int,
         others: wp.array(dtype=wp.int32),
-        damaged_points: wp.array(dtype=wp.int32),
         other_count: wp.array(dtype=wp.int32),
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
@@ -365,11 +363,6 @@ def undamaged_lattice_force(
         if wp.static(breakable):
             lost = wp.uint32(wp.static(full)) ^ intact[0, i]
         if (row | lost) != wp.uint32(0):
-            if wp.static(listing):
-                if row == wp.uint32(0):
-                    damaged_points[wp.atomic_add(other_count, 1, 1)] = i
-                    return
-            others[wp.atomic_add(other_count, 0, 1)] = i
             return
         family_force(
             i, wp.uint32(0), displacement, places, turns, constants, inverse_horizon, unit_force, squared_stretch,
@@ -377,3 +370,25 @@ def undamaged_lattice_force(
         )  # fmt: skip
 
     return undamaged_family_force
+
+
+@functools.cache
+def changed_families(module: str) -> Kernel:
+    """Kernel that lists the inner points that have lost bonds, in any order."""
+
+    @kernel(module)
+    def changed_families(
+        family_class: wp.array(dtype=wp.int32),
+        inner: int,
+        full: wp.uint32,
+        intact: wp.array2d(dtype=wp.uint32),
+        first: int,
+        damaged_points: wp.array(dtype=wp.int32),
+        damaged_count: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        if (wp.uint32(family_class[i] - inner) | (intact[0, i] ^ full)) != wp.uint32(0):
+            if family_class[i] == inner:
+                damaged_points[wp.atomic_add(damaged_count, 0, 1)] = i
+
+    return changed_families

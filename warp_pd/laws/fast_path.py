@@ -29,7 +29,7 @@ from ..kernels.family_blocks import block_force, families_together, threads_of_f
 from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.stencil import Stencil
-from ..kernels.undamaged_lattice import undamaged_lattice_force
+from ..kernels.undamaged_lattice import changed_families, undamaged_lattice_force
 from ..materials import capabilities
 from ..sheet import Sheet
 from .undamaged_lattice import undamaged_stencil
@@ -193,14 +193,7 @@ class FastPath:
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
             w.use_fast_math(module)
-        self.others: Array | None = None
-        self.other_count: Array | None = None
-        if self.listed:
-            self.others = w.array("other_points", force.owner, wp.int32, shape=force.points, per="table")
-            self.other_count = w.array("other_count", force.owner, wp.int32, shape=2, per="once")
-        self.damaged_points: Array | None = None
-        if self._lists_damaged:
-            self.damaged_points = w.array("damaged_points", force.owner, wp.int32, shape=force.points, per="table")
+        self.lists = None if stencil is None else Lists.of(force, self.whole_families, stencil[1])
         self.compact = is_compact(w.layout)
         # The families of a cloud are all alike to their kernel: its strips may be short, and then stay in the cache.
         self.ring = CLOUD_RING if self.compact else RING
@@ -213,17 +206,16 @@ class FastPath:
             self.bond_force = force.pairs
 
     @property
-    def _lists_damaged(self) -> bool:
+    def _drops(self) -> bool:
         """Whether inner families that lost bonds have a kernel: not if others get their weight, or they fade."""
-        return self.stencil is not None and self.force.key[3] == "drop" and not self.force.context.features.gradual
+        return self.force.key[3] == "drop" and not self.force.context.features.gradual
 
     def _undamaged_module(self) -> str:
         """Name of the module of the kernel of undamaged families: all sheets that need the same kernel share it."""
         _, bits, _, broken, _ = self.force.key
         stencil = None if self.stencil is None else self.stencil[0]
         near = (self.near.__module__, self.near.__qualname__)
-        lists = self._lists_damaged
-        key = (bits, near, stencil, self.gridded, broken is not None, lists, self.force.context.device.is_cuda)
+        key = (bits, near, stencil, self.gridded, broken is not None, self.force.context.device.is_cuda)
         return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
     def _moments(self) -> Array:
@@ -260,11 +252,45 @@ class FastPath:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
         everything = Strip(self.whole_families.start, self.whole_families.stop, 0, self.force.points)
         for strip in self.strips or [everything]:
-            if self.stencil is not None:
-                self._add_undamaged(stage, strip, *self.stencil, displacement, force, breaking)
-                if self.damaged_points is not None:
-                    self._add_damaged(stage, *self.stencil, displacement, force, breaking)
-            self._add_shared(stage, strip, displacement, force, breaking)
+            if self.lists is None:
+                self._add_shared(stage, Run(None, None, strip.begin, strip.end), displacement, force, breaking)
+            else:
+                self._add_listed(stage, strip, self.lists, displacement, force, breaking)
+            self._add_gather(stage, strip, force)
+
+    def _add_listed(
+        self, stage: Stage, strip: Strip, lists: Lists, displacement: Array, force: Array,
+        breaking: BondBreaking | None,
+    ) -> None:  # fmt: skip
+        """Kernels of inner families and of all others, beside each other on one GPU.
+
+        A few families keep a GPU waiting as long as a hundred thousand: they run while it works on the others.
+        """
+        assert self.stencil is not None
+        law, alone = self.force, self.force.context.share is None
+        undamaged = (stage, strip, *self.stencil, displacement, force, breaking)
+        if not alone:
+            # What exchanges wait for comes first.
+            self._add_undamaged(*undamaged)
+        if lists.damaged is not None:
+            assert law.intact is not None
+            stage.launch(
+                law.owner, changed_families(self.module), strip.end - strip.begin, begin=strip.begin,
+                family_class=law.struct.family_class, inner=self.stencil[1], full=self.stencil[0].all_members,
+                intact=law.intact, damaged_points=lists.damaged, damaged_count=lists.counts[1:],
+            )  # fmt: skip
+        edges = lists.edges_between(strip.begin, strip.end)
+        self._add_shared(stage, edges, displacement, force, breaking, beside=alone)
+        if lists.damaged is not None and self._drops:
+            self._add_damaged(stage, lists, *self.stencil, displacement, force, breaking)
+        elif lists.damaged is not None:
+            changed = Run(lists.damaged, lists.counts[1:], 0, law.points)
+            self._add_shared(stage, changed, displacement, force, breaking, beside=alone)
+        if alone:
+            self._add_undamaged(*undamaged)
+        if breaking is not None:
+            near = Run(lists.near_breaking, lists.counts, 0, law.points)
+            self._add_shared(stage, near, displacement, force, breaking)
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
         """The kernel of undamaged families must know which of them stay so."""
@@ -281,27 +307,25 @@ class FastPath:
         law = self.force
         stage.launch(
             law.owner, self._lattice_kernel(stencil, False, breaking), strip.end - strip.begin, begin=strip.begin,
-            block_dim=UNDAMAGED_BLOCK, family_class=law.struct.family_class, inner=inner,
-            damaged_points=self.damaged_points,
-            **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
+            block_dim=UNDAMAGED_BLOCK, beside=law.context.share is None, family_class=law.struct.family_class,
+            inner=inner, **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
         )  # fmt: skip
 
     def _add_damaged(
-        self, stage: Stage, stencil: Stencil, inner: int, displacement: Array, force: Array,
+        self, stage: Stage, lists: Lists, stencil: Stencil, inner: int, displacement: Array, force: Array,
         breaking: BondBreaking | None,
     ) -> None:  # fmt: skip
-        assert self.other_count is not None
+        alone = self.force.context.share is None
         stage.launch(
             self.force.owner, self._lattice_kernel(stencil, True, breaking), DAMAGED_THREADS, block_dim=UNDAMAGED_BLOCK,
-            damaged_points=self.damaged_points, damaged_count=self.other_count[1:], stride=DAMAGED_THREADS,
-            **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
+            side_stream=alone, beside=alone, damaged_points=lists.damaged, damaged_count=lists.counts[1:],
+            stride=DAMAGED_THREADS, **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
         )  # fmt: skip
 
     def _lattice_kernel(self, stencil: Stencil, damaged: bool, breaking: BondBreaking | None) -> Kernel:
         _, bits, _, broken, _ = self.force.key
         return undamaged_lattice_force(
-            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None,
-            self.damaged_points is not None, damaged, self.module,
+            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, damaged, self.module,
         )  # fmt: skip
 
     def _of_lattice(
@@ -309,49 +333,59 @@ class FastPath:
         breaking: BondBreaking | None,
     ) -> dict[str, Any]:  # fmt: skip
         """Arguments of both kernels of inner families."""
-        law = self.force
+        law, lists = self.force, self.lists
+        assert lists is not None
         return {
             "intact": law.intact, "displacement": displacement,
             "places": law.struct.centres if self.gridded else law.lattice_columns,
             # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
             "turns": stencil.turns, "constants": law.constants, "inverse_horizon": law.inverse_horizon,
-            "unit_force": law.unit_volume * law.inverse_horizon * law.families.areas[inner], "others": self.others,
+            "unit_force": law.unit_volume * law.inverse_horizon * law.families.areas[inner],
+            "others": lists.near_breaking,
             "squared_stretch": breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
-            "other_count": self.other_count, "bond_force": self.bond_force, "force": force,
+            "other_count": lists.counts, "bond_force": self.bond_force, "force": force,
         }  # fmt: skip
 
     def _add_shared(
-        self, stage: Stage, strip: Strip, displacement: Array, force: Array, breaking: BondBreaking | None,
+        self, stage: Stage, run: Run, displacement: Array, force: Array, breaking: BondBreaking | None,
+        beside: bool = False,
     ) -> None:  # fmt: skip
         law, w = self.force, self.force.context
         layout, bits, material, broken, _ = law.key
-        members = law.families.members
+        members, listed = law.families.members, run.points is not None
+        if run.stop == run.start:
+            return
         together, sharing = families_together(members), threads_of_family(members)
-        blocks = min(-(-(strip.end - strip.begin) // together), MAX_LISTED_BLOCKS if self.listed else MAX_BLOCKS)
+        blocks = min(-(-(run.stop - run.start) // together), MAX_LISTED_BLOCKS if listed else MAX_BLOCKS)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
-            self.listed, w.module, self.shared_module,
+            listed, w.module, self.shared_module,
         )  # fmt: skip
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
-            intact=law.intact,
-            others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
+            side_stream=beside, beside=beside, intact=law.intact,
+            others=run.points, other_count=run.count, start=run.start, stop=run.stop,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             breaks_now=int(breaking is not None and breaking.acts(stage)),
             criterion=0 if breaking is None else breaking.values, horizon=law.families.horizon,
             spared_mask=None if breaking is None else breaking.spared,
             remaining=None if breaking is None else law.intact,
-            bond_force=self.bond_force, force=force, span=None if self.listed else Span(together, MAX_BLOCKS),
+            bond_force=self.bond_force, force=force, span=None if listed else Span(together, MAX_BLOCKS),
         )  # fmt: skip
+
+    def _add_gather(self, stage: Stage, strip: Strip, force: Array) -> None:
+        law, lists = self.force, self.lists
+        layout, bits, _, _, _ = law.key
+        counts = None if lists is None or lists.damaged is None else lists.counts
         steps = law.families.steps
         gather = gather_reverse_bonds(
-            layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            self.bond_force.shape[1] < law.points, self.listed, w.module,
+            layout, bits, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
+            self.bond_force.shape[1] < law.points, counts is not None, law.context.module,
         )  # fmt: skip
         stage.pointwise(
             law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
-            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force, other_count=self.other_count,
+            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force, other_count=counts,
             first_point=strip.gather_begin, force=force,
         )  # fmt: skip
 
@@ -364,3 +398,67 @@ class Strip:
     end: int
     gather_begin: int
     gather_end: int
+
+
+@dataclass(frozen=True)
+class Run:
+    """Families that a launch of the kernel of all families works on: some points, or entries of a list of points.
+
+    Attributes:
+        points: The list, or None.
+        count: Array of the number of entries, on the device.
+        start: First point or entry.
+        stop: The one after the last.
+    """
+
+    points: Array | None
+    count: Array | None
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Lists:
+    """Lists of points of a lattice or grid.
+
+    Attributes:
+        edges: Points without the family of inner ones, ascending, on the host.
+        edge_points: The same on the device.
+        every: An array of one number, larger than all lists.
+        near_breaking: Inner points of which a bond may break now; their number is counts[0].
+        damaged: Inner points that have lost bonds, or None if bonds cannot break; their number is counts[1].
+        counts: (2,).
+    """
+
+    edges: np.ndarray
+    edge_points: Array
+    every: Array
+    near_breaking: Array | None
+    damaged: Array | None
+    counts: Array
+
+    @staticmethod
+    def of(force: BondAssociatedLaw, whole_families: slice, inner: int) -> Lists:
+        """The lists of a law on a sheet."""
+        context, owner = force.context, force.owner
+        assert force.families.family_class is not None
+        here = force.families.family_class[whole_families]
+        edges = (np.flatnonzero(here != inner) + whole_families.start).astype(np.int32)
+        held = edges if len(edges) else np.zeros(1, np.int32)
+        several = [
+            context.array(name, owner, wp.int32, shape=force.points, per="table") if force.intact is not None else None
+            for name in ("near_breaking_points", "damaged_points")
+        ]
+        return Lists(
+            edges=edges,
+            edge_points=context.array("edge_points", owner, wp.int32, held, per="once"),
+            every=context.array("every_edge_point", owner, wp.int32, np.array([2**31 - 1], np.int32), per="once"),
+            near_breaking=several[0],
+            damaged=several[1],
+            counts=context.array("other_count", owner, wp.int32, shape=2, per="once"),
+        )
+
+    def edges_between(self, begin: int, end: int) -> Run:
+        """Those of the points begin to end - 1 that are at an edge."""
+        start, stop = np.searchsorted(self.edges, (begin, end)).tolist()
+        return Run(self.edge_points, self.every, start, stop)
