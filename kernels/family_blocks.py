@@ -72,7 +72,7 @@ def block_force(
         breakable: None, "redistribute" or "drop".
         breaking: What breaks bonds before the forces are found, or None. Each family is told by its own bonds alone.
         members: Maximum number of members of a family.
-        listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, at most `other_count` of them,
+        listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, of which `other_count` exist,
             instead of these points themselves.
         module: Name of the Warp module of the law.
         fast_module: Name of the Warp module of this kernel alone, which is compiled for its own block size.

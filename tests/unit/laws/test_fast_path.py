@@ -241,7 +241,7 @@ def test_softened_families_that_share_blocks(large_on_gpu, sheet):
 def test_families_that_share_blocks(large_on_gpu, sheet, broken):
     """A GPU takes the damaged and the outer families of large sheets so."""
     quick, _ = compare(sheet, 2.015, 64, cut=CUT, broken=broken)
-    assert quick[-3:-1] == ["family_block_force", "gather_from_reverse_bonds"]
+    assert "family_block_force" in quick and "gather_from_reverse_bonds" in quick
 
 
 def test_a_large_family(large_on_gpu):
@@ -274,14 +274,17 @@ def test_large_families_deep_inside_a_grid(large_on_gpu):
     assert "undamaged_family_force" in quick and "family_block_force" in quick
 
 
-def test_the_list_of_other_points_is_emptied(large_on_gpu):
+def test_the_lists_of_points_are_emptied(large_on_gpu):
     built = build(square(13), damage=CriticalStretch(1e3))
+    sever(built, CUT)
     first = internal_force(built, rough(built.simulation.sheet))
-    assert array(built, "other_count").numpy()[0] == 0
+    assert (array(built, "other_count").numpy() == 0).all()
     assert (internal_force(built, rough(built.simulation.sheet)) == first).all()
-    listed = np.unique(array(built, "other_points").numpy())
     inner = built.law.families.family_class == built.law.fast_path.stencil[1]
-    assert set(np.flatnonzero(~inner)) <= set(listed)
+    assert (array(built, "edge_points").numpy() == np.flatnonzero(~inner)).all()
+    lost = (built.law.intact.numpy() != pack(built.law.families.exists[built.law.families.family_class]).T).any(axis=0)
+    damaged = np.flatnonzero(inner & lost)
+    assert len(damaged) > 0 and set(array(built, "damaged_points").numpy()[: len(damaged)]) == set(damaged)
 
 
 def torn(sheet, horizon, bits, fast, **parts):
