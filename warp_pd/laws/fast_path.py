@@ -1,8 +1,8 @@
 """Fast kernels of the variational bond-associated law, and when they are used.
 
-On a CPU one kernel serves all families. On a GPU undamaged families inside a lattice or grid have a separate
-kernel, if the material is isotropic. It puts all other points on a list, which a second kernel works through with two
-bonds per thread. Clouds, and sheets too small to fill a GPU with one thread per point, use only the second kernel.
+On a CPU one kernel serves all families. On a GPU undamaged families inside a lattice or grid have a kernel of their
+own, if the material is isotropic, and so have damaged ones there. All others, those of clouds, and of sheets too small
+to fill a GPU with one thread per point, share blocks of threads, with two bonds per thread.
 
 The bond forces of large lattices pass through a ring buffer, one strip of the sheet at a time: all of them would take
 most of the memory, and those of a strip stay in the cache of a GPU.
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -32,6 +31,7 @@ from ..kernels.stencil import Stencil
 from ..kernels.undamaged_lattice import changed_families, undamaged_lattice_force
 from ..materials import capabilities
 from ..sheet import Sheet
+from .point_lists import Lists, Run, Strip
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
@@ -388,77 +388,3 @@ class FastPath:
             family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force, other_count=counts,
             first_point=strip.gather_begin, force=force,
         )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Strip:
-    """Points begin to end - 1 of a sheet, and those whose force is complete after the forces of these families."""
-
-    begin: int
-    end: int
-    gather_begin: int
-    gather_end: int
-
-
-@dataclass(frozen=True)
-class Run:
-    """Families that a launch of the kernel of all families works on: some points, or entries of a list of points.
-
-    Attributes:
-        points: The list, or None.
-        count: Array of the number of entries, on the device.
-        start: First point or entry.
-        stop: The one after the last.
-    """
-
-    points: Array | None
-    count: Array | None
-    start: int
-    stop: int
-
-
-@dataclass(frozen=True)
-class Lists:
-    """Lists of points of a lattice or grid.
-
-    Attributes:
-        edges: Points without the family of inner ones, ascending, on the host.
-        edge_points: The same on the device.
-        every: An array of one number, larger than all lists.
-        near_breaking: Inner points of which a bond may break now; their number is counts[0].
-        damaged: Inner points that have lost bonds, or None if bonds cannot break; their number is counts[1].
-        counts: (2,).
-    """
-
-    edges: np.ndarray
-    edge_points: Array
-    every: Array
-    near_breaking: Array | None
-    damaged: Array | None
-    counts: Array
-
-    @staticmethod
-    def of(force: BondAssociatedLaw, whole_families: slice, inner: int) -> Lists:
-        """The lists of a law on a sheet."""
-        context, owner = force.context, force.owner
-        assert force.families.family_class is not None
-        here = force.families.family_class[whole_families]
-        edges = (np.flatnonzero(here != inner) + whole_families.start).astype(np.int32)
-        held = edges if len(edges) else np.zeros(1, np.int32)
-        several = [
-            context.array(name, owner, wp.int32, shape=force.points, per="table") if force.intact is not None else None
-            for name in ("near_breaking_points", "damaged_points")
-        ]
-        return Lists(
-            edges=edges,
-            edge_points=context.array("edge_points", owner, wp.int32, held, per="once"),
-            every=context.array("every_edge_point", owner, wp.int32, np.array([2**31 - 1], np.int32), per="once"),
-            near_breaking=several[0],
-            damaged=several[1],
-            counts=context.array("other_count", owner, wp.int32, shape=2, per="once"),
-        )
-
-    def edges_between(self, begin: int, end: int) -> Run:
-        """Those of the points begin to end - 1 that are at an edge."""
-        start, stop = np.searchsorted(self.edges, (begin, end)).tolist()
-        return Run(self.edge_points, self.every, start, stop)

@@ -7,7 +7,7 @@ from curved_sheets import rough_motion, small_tube
 from grid_sheets import holed, partly_off_the_grid
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square, strain_energy
 
-from warp_pd import CriticalStretch, Explicit, Gent, Newton, Sheet, TearingEnergy
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Gent, Newton, Sheet, TearingEnergy, Visco
 from warp_pd.device import graph
 from warp_pd.families import pack
 from warp_pd.laws import family_struct, fast_path
@@ -219,6 +219,7 @@ def test_laws_that_need_tables_have_them(blocks):
     assert build(cloud, law={"broken": "redistribute"}).context.layout == "cloud"
     assert build(cloud, solver=Newton()).context.layout == "cloud"
     assert build(cloud, damage=TearingEnergy(10.0)).context.layout == "cloud with shares"
+    assert Visco(NEO).compact == "" and BondAssociated(NEO, influence=lambda r: 1.2 - r).compact == "table"
 
 
 def test_softened_families():
