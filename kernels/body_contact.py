@@ -88,7 +88,7 @@ def body_contact(
     search = body_search(bits, distance, curved, held, searched, marked, module)
     BodyContact, wide, narrow, position = search.struct, search.wide, search.narrow, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
-    may_touch_in_step, may_touch_now = search.may_touch_in_step, search.may_touch_now
+    plane, may_touch_in_step, may_touch_now = search.plane, search.may_touch_in_step, search.may_touch_now
     half_kick, half_loss = half_step(bits, loaded, damped, module)
 
     given = ("velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work")
@@ -150,8 +150,9 @@ def body_contact(
 
     @pointwise(module, BodyContact, writes=("need", "rows", "seen"))
     def find_inside(begin: int, end: int, a: BodyContact):
+        here = plane(a)
         for i in range(begin, end):
-            near = may_touch_in_step(i, a)
+            near = may_touch_in_step(i, a, here)
             if wp.static(not marked):
                 a.need[i] = wp.float64(-1.0)
             if near:
@@ -167,8 +168,9 @@ def body_contact(
 
     @pointwise(module, BodyContact, writes=("need", "rows"))
     def find_touching(begin: int, end: int, a: BodyContact):
+        here = plane(a)
         for i in range(begin, end):
-            near = may_touch_now(i, a)
+            near = may_touch_now(i, a, here)
             if wp.static(not marked):
                 a.need[i] = wp.float64(-1.0)
             if near:
@@ -186,8 +188,9 @@ def body_contact(
 
     @pointwise(module, BodyContact, writes=("displacement", "seen", *given))
     def project_out(begin: int, end: int, a: BodyContact):
+        here = plane(a)
         for i in range(begin, end):
-            near = may_touch_in_step(i, a)
+            near = may_touch_in_step(i, a, here)
             if wp.static(not marked):
                 forget(i, a)
             if near:
@@ -226,8 +229,9 @@ def body_contact(
 
     @pointwise(module, BodyContact, writes=given)
     def separate_from(begin: int, end: int, a: BodyContact):
+        here = plane(a)
         for i in range(begin, end):
-            near = may_touch_now(i, a)
+            near = may_touch_now(i, a, here)
             if wp.static(not marked):
                 forget(i, a)
             if near:

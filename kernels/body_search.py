@@ -15,7 +15,7 @@ from typing import Any
 import warp as wp
 
 from .body_motion import vec6d
-from .distances import BodyShape, ways_out
+from .distances import BodyShape, plane_distance, ways_out
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
@@ -30,8 +30,9 @@ class BodySearch:
         narrow: vec3d -> vec3.
         position: (i, a) -> position of a point [m].
         surface_velocity: (arm, a) -> velocity of the body at an arm from its centre [m/s].
-        may_touch_in_step: (i, a) -> whether a point may touch within the step, after the drift.
-        may_touch_now: (i, a) -> whether it may touch at the end of the step.
+        plane: a -> normal (1 to 3), in the coordinates of the sheet, and height (4) of a half space; zero for others.
+        may_touch_in_step: (i, a, plane) -> whether a point may touch within the step, after the drift.
+        may_touch_now: (i, a, plane) -> whether it may touch at the end of the step.
         touch_in_step: (i, a) -> `way_out` of the point, in the coordinates of the sheet.
         touch_now: (x, a) -> whether a point there touches, and the normal.
         mark: Pointwise: marks points that may touch in the step, for the stages of large sheets.
@@ -43,6 +44,7 @@ class BodySearch:
     narrow: wp.Function
     position: wp.Function
     surface_velocity: wp.Function
+    plane: wp.Function
     may_touch_in_step: wp.Function
     may_touch_now: wp.Function
     touch_in_step: wp.Function
@@ -69,6 +71,7 @@ def body_search(
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     way_out = ways_out(distance, module)
+    flat = distance is plane_distance
 
     @functools.partial(wp.struct, module=module)
     class BodyContact:
@@ -156,10 +159,30 @@ def body_search(
         a.seen[i] = wp.vec4(at[0], at[1], at[2], wp.float32(wp.float64(1.0 - 1e-6) * free))
 
     @wp.func(module=module)
-    def near_in_step(i: int, a: BodyContact):
+    def plane(a: BodyContact):
+        found = wp.vec4d()
+        if wp.static(flat):
+            n = wp.quat_rotate(a.rotation[0], wp.vec3d(a.body.size[0], a.body.size[1], a.body.size[2]))
+            found = wp.vec4d(n[0], n[1], n[2], wp.dot(n, a.place[0]))
+        return found
+
+    @wp.func(module=module)
+    def height(i: int, a: BodyContact, plane: wp.vec4d):
+        return wp.dot(wp.vec3d(plane[0], plane[1], plane[2]), position(i, a)) - plane[3]
+
+    @wp.func(module=module)
+    def near_in_step(i: int, a: BodyContact, plane: wp.vec4d):
         """Whether a point may touch within the step."""
         near = feels(i, a)
-        if near:
+        if wp.static(flat):
+            # A plane has no end: points far above it are told by their height, without roots.
+            above = height(i, a, plane) - wp.length(a.place[0] - a.place[1]) - wp.float64(2.0) * a.skin
+            v = wide(a.velocity[i])
+            moved = wp.float64(a.step[0]) * wp.float64(a.step[0]) * wp.dot(v, v)
+            still = wp.dot(a.motion[1], a.motion[1]) == wp.float64(0.0)
+            if still and above > wp.float64(0.0) and above * above > moved:
+                near = False
+        elif near:
             dt = wp.float64(a.step[0])
             reach = dt * wp.length(wide(a.velocity[i])) + wp.length(a.place[0] - a.place[1]) + a.skin
             reach += a.radius * (wp.float64(1.0) + dt * wp.length(a.motion[1]))
@@ -171,10 +194,13 @@ def body_search(
         return near
 
     @wp.func(module=module)
-    def near_now(i: int, a: BodyContact):
+    def near_now(i: int, a: BodyContact, plane: wp.vec4d):
         """Whether a point may touch."""
         near = feels(i, a)
-        if near:
+        if wp.static(flat):
+            if height(i, a, plane) > wp.float64(2.0) * a.skin:
+                near = False
+        elif near:
             arm = position(i, a) - a.place[0]
             near = wp.length(arm) < a.radius + a.skin
             if wp.static(searched):
@@ -183,18 +209,18 @@ def body_search(
         return near
 
     @wp.func(module=module)
-    def may_touch_in_step(i: int, a: BodyContact):
+    def may_touch_in_step(i: int, a: BodyContact, plane: wp.vec4d):
         if wp.static(marked):
             return a.marks[i] != wp.uint8(0)
         else:
-            return near_in_step(i, a)
+            return near_in_step(i, a, plane)
 
     @wp.func(module=module)
-    def may_touch_now(i: int, a: BodyContact):
+    def may_touch_now(i: int, a: BodyContact, plane: wp.vec4d):
         if wp.static(marked):
             return a.marks[i] != wp.uint8(0)
         else:
-            return near_now(i, a)
+            return near_now(i, a, plane)
 
     @wp.func(module=module)
     def touch_in_step(i: int, a: BodyContact):
@@ -218,15 +244,17 @@ def body_search(
 
     @pointwise(module, BodyContact, writes=("marks",))
     def mark(begin: int, end: int, a: BodyContact):
+        here = plane(a)
         for i in range(begin, end):
-            a.marks[i] = wp.where(near_in_step(i, a), wp.uint8(1), wp.uint8(0))
+            a.marks[i] = wp.where(near_in_step(i, a, here), wp.uint8(1), wp.uint8(0))
 
     @pointwise(module, BodyContact, writes=("marks",))
     def mark_now(begin: int, end: int, a: BodyContact):
+        here = plane(a)
         for i in range(begin, end):
-            a.marks[i] = wp.where(near_now(i, a), wp.uint8(1), wp.uint8(0))
+            a.marks[i] = wp.where(near_now(i, a, here), wp.uint8(1), wp.uint8(0))
 
     return BodySearch(
-        BodyContact, wide, narrow, position, surface_velocity, may_touch_in_step, may_touch_now, touch_in_step,
+        BodyContact, wide, narrow, position, surface_velocity, plane, may_touch_in_step, may_touch_now, touch_in_step,
         touch_now, mark, mark_now,
     )  # fmt: skip

@@ -23,9 +23,6 @@ from .families import WORD
 from .numeric import numeric
 from .rupture import SCREENED
 
-# Bonds that come that near the squared stretch at which they break are looked at, whatever the rounding.
-NEARLY = 0.9999
-
 
 @dataclass(frozen=True)
 class BondsOnce:

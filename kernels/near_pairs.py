@@ -14,8 +14,9 @@ from .effects import Kernel, kernel
 from .families import WORD, family_functions
 from .numeric import numeric
 
-# What a status array holds.
-STALE, CROWDED = 0, 1
+# What a status array holds: whether the lists are to be made, one was full, one holds a pair, and whether a pair has
+# touched since they were made.
+STALE, CROWDED, LISTED, TOUCHED = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def pair_lists(layout: str, bits: int, pieces: bool, module: str) -> ListKernels
     Family = f.struct
     pairs = pair_functions(bits, pieces, module)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
-    word_size, stale, crowded = WORD, STALE, CROWDED
+    word_size, stale, crowded, listed, touched = WORD, STALE, CROWDED, LISTED, TOUCHED
 
     @wp.func(module=module)
     def bucket_of(cell: wp.vec3i, buckets: int):
@@ -142,6 +143,9 @@ def pair_lists(layout: str, bits: int, pieces: bool, module: str) -> ListKernels
         b = wp.tid() + first
         if status[stale] != 0:
             heads[b] = -1
+            if b == 0:
+                status[listed] = 0
+                status[touched] = 0
 
     @kernel(module, per="list")
     def insert(
@@ -209,6 +213,8 @@ def pair_lists(layout: str, bits: int, pieces: bool, module: str) -> ListKernels
                 j = following[j]
         if found > near.shape[0]:
             status[crowded] = 1
+        if found > 0:
+            status[listed] = 1
         counts[i] = wp.min(found, near.shape[0])
 
     @kernel(module, per="once")

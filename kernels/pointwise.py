@@ -81,7 +81,9 @@ def spread_points(stage: Pointwise, run: int, module: str) -> wp.Kernel:
     @wp.kernel(module=module, enable_backward=False)
     def spread_points(arguments: Arguments, first: int, stop: int):
         threads = (stop - first + wp.static(run - 1)) / wp.static(run)
-        for part in range(wp.static(run)):
+        # Warp spells out a loop whose length it knows: a heavy stage would be compiled eight times, for a minute.
+        parts = (stop - first + threads - 1) / threads
+        for part in range(parts):
             i = first + wp.tid() + part * threads
             if i < stop:
                 function(i, i + 1, arguments)

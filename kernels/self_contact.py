@@ -23,7 +23,7 @@ from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .families import WORD, family_functions
 from .integrate import RIGID, half_step
-from .near_pairs import pair_functions
+from .near_pairs import TOUCHED, pair_functions
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
@@ -79,7 +79,7 @@ def repulsion(
     intact_members = bond_state(layout, bits, breakable, module).intact_members
     pairs = pair_functions(bits, pieces, module)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
-    word_size, rigid = WORD, RIGID
+    word_size, rigid, touched = WORD, RIGID, TOUCHED
     half_kick, half_loss = half_step(bits, loaded, damped, module)
 
     @wp.func(module=module)
@@ -111,6 +111,7 @@ def repulsion(
         contacts: wp.array(dtype=wp.int32),
         contact_force: wp.array(dtype=vec3),
         force: wp.array(dtype=vec3),
+        status: wp.array(dtype=wp.int32),
     ):
         i = wp.tid() + first
         total = vec3(real(0.0), real(0.0), real(0.0))
@@ -135,6 +136,8 @@ def repulsion(
             contact_force[i] = total
         if touching > 0:
             force[i] = force[i] + total
+            if wp.static(rubbing):
+                status[touched] = 1
 
     @kernel(module, gathers=("displacement", "points.reference", "points.area"))
     def contact_energy(

@@ -138,3 +138,27 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
         earlier[i] = scale[0] * v
 
     return PowerIteration(trial, respond, summarise, renew)
+
+
+@functools.cache
+def sums_of_groups(module: str) -> Kernel:
+    """Kernel that sums what `respond` left of a group of blocks, in order; for sheets of many blocks."""
+
+    @kernel(module, per="once")
+    def shorten(sums: wp.array2d(dtype=wp.float64), group: int, first: int, shorter: wp.array2d(dtype=wp.float64)):
+        g = wp.tid() + first
+        norm = wp.float64(0.0)
+        product = wp.float64(0.0)
+        image = wp.float64(0.0)
+        largest = wp.float64(0.0)
+        for b in range(g * group, wp.min((g + 1) * group, sums.shape[1])):
+            norm += sums[0, b]
+            product += sums[1, b]
+            image += sums[2, b]
+            largest = wp.max(largest, sums[3, b])
+        shorter[0, g] = norm
+        shorter[1, g] = product
+        shorter[2, g] = image
+        shorter[3, g] = largest
+
+    return shorten

@@ -11,7 +11,7 @@ edges, `--force neural --weights corrected`, both are 0.2 % off.
 
 from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, Pressure, Sheet, Simulation
 from warp_pd.laws import force_law
-from warp_pd.measures import at_time
+from warp_pd.measures import at_time, largest
 
 LARGEST = {0.25: 0.06334, 0.5: 0.25916, 0.75: 0.6338, 1.0: 0.4318}
 
@@ -34,17 +34,20 @@ def build(
         force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights),
         loads=[Fixed(sheet.edges("all")), Pressure(pressure)],
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
-        measures=[Measure("largest_deflection", "m", lambda built, frame: frame.displacement[:, 2].max())],
+        measures=[Measure("deflection", "m", lambda built, frame: frame.displacement[:, 2].max())],
         outcomes=[
-            Outcome(
-                f"largest_deflection_at_{time:g}_s",
-                "m",
-                at_time("largest_deflection", time),
-                reference if published else None,
-                "membrane finite elements, Q4, explicit",
-            )
-            for time, reference in LARGEST.items()
-            if time <= duration
+            Outcome("largest_deflection", "m", largest("deflection")),
+            *(
+                Outcome(
+                    f"largest_deflection_at_{time:g}_s",
+                    "m",
+                    at_time("deflection", time),
+                    reference if published else None,
+                    "membrane finite elements, Q4, explicit",
+                )
+                for time, reference in LARGEST.items()
+                if time <= duration
+            ),
         ],
         section="NN 6.1",
         pictures=pictures,
@@ -59,7 +62,7 @@ def pictures(history, folder):
     plots.curves(
         folder / "largest_deflection.png",
         history,
-        ["largest_deflection"],
+        ["deflection"],
         ylabel="largest displacement along z (m)",
         marks=[(t, u) for t, u in LARGEST.items() if t <= history[-1]["time"]],
         marks_label="finite elements",

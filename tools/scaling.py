@@ -36,6 +36,7 @@ from warp_pd.run import files
 from warp_pd.run.processes import crew_here, is_first, processes_here
 from warp_pd.run.recorder import Recorder
 from warp_pd.scene_context import share_of
+from warp_pd.solvers.explicit import BuiltExplicit
 from warp_pd.solvers.stable_step import StableStep
 
 # Stable step of a sheet times its intervals, from below [s].
@@ -107,7 +108,7 @@ def measure(arguments: argparse.Namespace) -> None:
 
 def largest(arguments: argparse.Namespace) -> None:
     """Run a large sheet in this process, one of those that torchrun started; the first prints a line of JSON."""
-    crew, device = crew_here(arguments.device)
+    crew, _ = crew_here(arguments.device)
     start_warp()
     side = round(arguments.largest**0.5)
     # A quarter of the stable step.
@@ -115,11 +116,12 @@ def largest(arguments: argparse.Namespace) -> None:
     begun, begin = _most_memory(), perf_counter()
     made = scene(side, side, arguments.horizon, arguments.tears, False)
     made.solver = Explicit(step * arguments.steps, frames=2, step=step)
-    seconds: dict[str, list[float]] = {"frame": [], "save": [], "omega": []}
-    for kind, name in ((Recorder, "frame"), (files.DividedFiles, "save"), (StableStep, "omega")):
+    seconds: dict[str, list[float]] = {"frame": [], "save": [], "omega": [], "_take": []}
+    calls = ((Recorder, "frame"), (files.DividedFiles, "save"), (StableStep, "omega"), (BuiltExplicit, "_take"))
+    for kind, name in calls:
         _timed(kind, name, seconds[name])
     result = made.run(
-        out=arguments.out, device=device, usd=False, view=False, pictures=False, stride=arguments.stride,
+        out=arguments.out, device=arguments.device, usd=False, view=False, pictures=False, stride=arguments.stride,
         restarts=not arguments.no_restart, overwrite=True, fields=arguments.fields,
     )  # fmt: skip
     built, size = result.built, made.sheet.size
@@ -130,9 +132,9 @@ def largest(arguments: argparse.Namespace) -> None:
         "host_bytes_a_point": _most_memory() - begun, "device_arrays_a_point": built.context.fields.nbytes,
         "device_high_water_a_point": high, "device_taken_a_point": taken,
     }  # fmt: skip
-    # The rate of a run counts its estimates of the stable step.
+    # The first steps wait for the capture of their graph.
     steps = result.summary["steps"]
-    each = size / max(result.summary["point_steps_per_s"], 1e-30) - sum(seconds["omega"]) / max(steps, 1)
+    each = seconds["_take"][-1] / (steps / 2)
     row = {
         "processes": processes_here(), "points": size, "status": result.status, "steps": steps,
         "setup_s": result.summary["setup_s"], "compile_s": result.summary["compile_s"],
@@ -154,6 +156,7 @@ def _timed(kind: type, name: str, seconds: list[float]) -> None:
     def call(*given: Any) -> Any:
         begin = perf_counter()
         found = method(*given)
+        wp.synchronize()
         seconds.append(round(perf_counter() - begin, 3))
         if is_first():
             print(f"{name}: {seconds[-1]} s", file=sys.stderr, flush=True)

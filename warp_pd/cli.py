@@ -11,13 +11,12 @@ from typing import Any
 import click
 
 from .checks import InputError, OutputError, count, one_of
-from .device.crew import LostError
+from .device.crew import SPEAKS, LostError
 from .fitting.command import fit_command
+from .run.exit_codes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT
 from .run.processes import crew_here, is_first, launch, processes_here
 from .run.scene_files import build_scene, load_scene, scene_names
 from .run.scene_help import SceneCommand
-
-WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
 
 
 class OneLineGroup(click.Group):
@@ -32,7 +31,8 @@ class OneLineGroup(click.Group):
             _say(f"{error.format_message()} (see {where} --help)")
             ctx.exit(WRONG_INPUT)
         except LostError as error:
-            click.echo(f"warp-pd: {error}", err=True)
+            if SPEAKS not in os.environ:
+                click.echo(f"warp-pd: {error}", err=True)
             sys.stderr.flush()
             # What still waits for the other process would hang.
             os._exit(LOST)
@@ -198,7 +198,7 @@ def run(
         sys.exit(DIVERGED)
     except KeyboardInterrupt:
         _say("interrupted before the first frame")
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
     if not quiet:
         for line in report(result):
             click.echo(line)
@@ -207,7 +207,7 @@ def run(
     if result.status in (RUN_DIVERGED, NOT_CONVERGED):
         sys.exit(DIVERGED)
     if result.status == STOPPED:
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
 
 
 @main.command("sweep", cls=SceneCommand)
@@ -220,16 +220,20 @@ def run(
 @click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
 @click.option("--pictures", help="Draw the pictures of every run: png, pdf or svg.")
 @click.option("--quiet", is_flag=True, help="Print the table alone.")
+@click.option("--gpus", type=int, default=1, help="Divide the sheet of each run among so many GPUs of this machine.")
+@click.option("--processes", type=int, default=1, help="The same; with --device cpu processes share the cores.")
 def sweep_values(
     scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
-    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, **named: str | None,
+    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, gpus: int, processes: int, **named: str | None,
 ) -> None:  # fmt: skip
     """Run SCENE for all combinations of values: --set horizon=2.015,3.15 --points 51,101.
 
-    Every run has a folder of its own. The same command continues a sweep that was interrupted, and skips what is done.
-    A run that fails does not stop the others: the table says so, and the exit code is that of the worst.
+    Runs follow each other, each in a folder of its own. The same command continues a sweep that was interrupted, and
+    skips what is done. A run that fails does not stop the others: the table says so, and the exit code is that of the
+    worst.
     """
     from .run.arguments import split_values
+    from .run.sweep_command import apart, here, run_sweep
 
     choices = {key: split_values(text) for key, text in named.items() if text is not None}
     for name, text in _assigned(assignments, choices).items():
@@ -238,42 +242,10 @@ def sweep_values(
         raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
     folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
     options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
-    sys.exit(_sweep(scene, choices, folder, options, overwrite, quiet))
-
-
-def _sweep(
-    scene: str, choices: dict[str, list[str]], folder: Path, options: dict[str, Any], overwrite: bool, quiet: bool
-) -> int:
-    """Run a sweep, print and write its table, draw its plot; gives the exit code."""
-    from .drawing.picture_files import Drawing, drawing
-    from .output.sweep_plot import draw_sweep
-    from .run.folder import writable_folder
-    from .run.runner import FINISHED, STOPPED
-    from .run.sweep import REFUSED, Row, printed_table, sweep, write_table
-
-    load_scene(scene)
-    writable_folder(folder, resume=False)
-
-    def told(number: int, count: int, row: Row) -> None:
-        if not quiet:
-            seconds = f" in {row.summary['wall_s']:.1f} s" if row.summary and not row.skipped else ""
-            text = f"{row.status}{', done before' if row.skipped else ''}{seconds}"
-            click.echo(f"[{number}/{count}] {row.name}: {text}", err=True)
-
-    rows = sweep(lambda values: build_scene(scene, values), choices, folder, options, overwrite=overwrite, told=told)
-    for row in rows:
-        if row.message:
-            click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
-    click.echo(printed_table(rows))
-    write_table(folder / "sweep.csv", rows)
-    with drawing(Drawing(Path(scene).stem)):
-        drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])
-    click.echo(f"  {folder / 'sweep.csv'}" + (f", {folder / 'sweep.png'}" if drawn else ""))
-    ends = {row.status for row in rows}
-    if STOPPED in ends:
-        click.echo("warp-pd: interrupted: the same command continues", err=True)
-        return 130
-    return DIVERGED if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0
+    start = here(options)
+    if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1:
+        start = apart(scene, options, gpus, processes)
+    sys.exit(run_sweep(scene, choices, folder, start, precision, overwrite, quiet))
 
 
 @main.command(cls=SceneCommand)

@@ -24,6 +24,7 @@ from warp_pd import (
     Sphere,
     TriangleMesh,
 )
+from warp_pd.kernels import distances
 from warp_pd.output.plots import frames_at, surfaces
 from warp_pd.parts.body_shapes import signed_distances
 
@@ -38,6 +39,43 @@ def vector(row, name):
 def falling(mass=5e-3, **changes):
     values = {"position": (0.05, 0.052, 0.0153), "velocity": (0.1, 0.0, -0.5), "gravity": (0.0, 0.0, 0.0), **changes}
     return Free(mass, **values)
+
+
+@wp.func
+def any_half_space(arm: wp.vec3d, reach: wp.float64, body: distances.BodyShape):
+    """The same distance, of which contact does not know that it is a plane's."""
+    return distances.plane_distance(arm, reach, body)
+
+
+class Ground(Plane):
+    distance = any_half_space
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("spin", [0.0, 3.0])
+@pytest.mark.parametrize("speed", [0.0, 0.8])
+def test_points_that_a_plane_passes_over_are_those_that_it_does_not_touch(precision, spin, speed):
+    """Told by their height alone, from a floor that rises and turns; the same bits."""
+    sheet = square(9)
+    start = np.column_stack([np.zeros((sheet.size, 2)), 0.002 + 0.3 * sheet.points[:, 0]])
+    velocity = np.tile([0.3, 0.0, -1.0], (sheet.size, 1))
+    angles = spin * np.linspace(0.0, 0.03, 4)
+    turned = [(0.0, float(np.sin(0.5 * a)), 0.0, float(np.cos(0.5 * a))) for a in angles]
+    path = BodyPath(
+        np.linspace(0.0, 0.03, 4), np.outer(np.linspace(0.0, 0.03 * speed, 4), [0.0, 0.0, 1.0]), turned
+    )  # fmt: skip
+    frames = []
+    for shape in (Plane((0.0, 0.1, 1.0)), Ground((0.0, 0.1, 1.0))):
+        body = RigidBody(shape, path, friction=0.3)
+        result = run(
+            sheet, Explicit(0.03, frames=3), precision=precision, contact=body, initial_displacement=start,
+            initial_velocity=velocity,
+        )  # fmt: skip
+        frames.append((result.frame, result.history))
+    (found, rows), (expected, wanted) = frames
+    np.testing.assert_array_equal(found.displacement, expected.displacement)
+    np.testing.assert_array_equal(found.velocity, expected.velocity)
+    assert rows == wanted and vector(rows[-1], "body_force")[2] != 0.0
 
 
 @pytest.mark.parametrize("precision", [32, 64])

@@ -21,6 +21,7 @@ from warp_pd import (
     placed,
     together,
 )
+from warp_pd.device import graph
 from warp_pd.parts import self_contact
 
 
@@ -150,6 +151,26 @@ def test_bits_repeat_and_do_not_depend_on_when_lists_are_made(precision, monkeyp
         np.testing.assert_array_equal(one.frame.displacement, other.frame.displacement)
         np.testing.assert_array_equal(one.frame.velocity, other.frame.velocity)
     assert one.history == again.history
+
+
+@pytest.mark.parametrize("damage", [None, CriticalStretch(1.4)], ids=["whole", "torn"])
+def test_launches_with_nothing_to_do_are_left_out_with_the_same_bits(monkeypatch, damage):
+    """The sheets meet, slide and part: lists are made anew, and friction begins and ends."""
+    case, left_out = {**collision(friction=0.3, sideways=0.4, duration=0.08), "damage": damage}, []
+
+    def always(launch):
+        left_out.append(launch._needed is not None and not launch._needed[0])
+        launch._needed = None
+        run_launch(launch)
+
+    run_launch = graph.CpuLaunch.run
+    quick = run(**case)
+    monkeypatch.setattr(graph.CpuLaunch, "run", always)
+    every = run(**case)
+    assert quick.history == every.history
+    for name in ("displacement", "velocity"):
+        np.testing.assert_array_equal(getattr(quick.frame, name), getattr(every.frame, name))
+    assert any(left_out) and every.history[-1]["sheet_friction"] > 0.0
 
 
 def test_both_precisions_agree():

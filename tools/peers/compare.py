@@ -153,15 +153,16 @@ def introduction(header: str) -> list[str]:
 
 
 ONCE = (
-    "Since commit 13069ed a CPU computes each bond of a lattice once (kernels/bonds_once.py), and where bonds break by "
-    "their stretch the same kernel says which blocks of points have bonds to break: the sum of the forces, after "
-    "`break_bonds`, leaves those out. All of it is to the last bit what the reference kernels do. Measured on "
-    "2026-11-22, float64, pypd in its version of August 2025 (its kernels have other names than above, and a stiffness "
-    "for every bond), with a priority above all that the machine did else, best of many steps: 64 x 64 points on one "
-    "core 256 ns a point-step at commit 13069ed, 141 ns with bonds once, 101 ns now (force and test 76, `break_bonds` "
-    "6, sum 16), pypd 106 ns: 1.05 times its speed (0.41, then 0.74). On two cores 71 ns, and pypd 64 ns: 0.91 (0.30 "
-    "in the table). 128 x 128 points: 105 ns on one core, and pypd 104 (1.0); 58 to 71 ns on two, and pypd 65 (1.1 to "
-    "0.91). At 64 x 64 a step takes 290 us on two cores, of which 25 to 50 us go to waking the second one."
+    "Since commit 13069ed a CPU computes each bond of a lattice once (kernels/bonds_once.py), and where bonds "
+    "break by their stretch the same kernel says which blocks of points have bonds to break: the sum of the "
+    "forces, after `break_bonds`, leaves those out. All of it is to the last bit what the reference kernels do. "
+    "Measured on 2026-11-22, float64, pypd in its version of August 2025 (its kernels have other names than "
+    "above, and a stiffness for every bond), with a priority above all that the machine did else, best of many "
+    "steps: 64 x 64 points on one core 256 ns a point-step at commit 13069ed, 141 ns with bonds once, 101 ns now "
+    "(force and test 76, `break_bonds` 6, sum 16), pypd 106 ns: 1.05 times its speed (0.41, then 0.74). On two "
+    "cores 71 ns, and pypd 64 ns: 0.91 (0.30 in the table). 128 x 128 points: 105 ns on one core, and pypd 104 "
+    "(1.0); 58 to 71 ns on two, and pypd 65 (1.1 to 0.91). At 64 x 64 a step takes 290 us on two cores, of which "
+    "25 to 50 us go to waking the second one."
 )
 
 

@@ -13,6 +13,9 @@ from .launches import Call
 
 T = TypeVar("T")
 
+# Set in the processes that a launcher of this package started: it says itself that one of them has ended.
+SPEAKS = "WARP_PD_LAUNCHER_SPEAKS"
+
 
 class LostError(RuntimeError):
     """Another process of this run has ended."""

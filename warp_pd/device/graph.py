@@ -77,11 +77,14 @@ class CpuLaunch:
     def __init__(self, item: Launch, device: wp.Device) -> None:
         self.item, self.device = item, device
         self.slices = [self._record(item.begin, item.begin + item.threads)]
+        self._needed = None if item.only_if is None else item.only_if.numpy()
         self._undecided = TIMED_RUNS if min(item.threads, available_cores()) > 1 else 0
         self._shortest = math.inf
 
     def run(self) -> None:
-        """Run the launch and wait for it."""
+        """Run the launch and wait for it, unless it would do nothing."""
+        if self._needed is not None and not self._needed[0]:
+            return
         if self._undecided:
             self._run_timed()
             return

@@ -113,6 +113,7 @@ class Launch:
         beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py), or
             otherwise writes other entries than the launches next to it that are `beside`, too.
         span: How blocks share points, where its threads do not stand for points.
+        only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
     """
 
     name: str
@@ -129,6 +130,7 @@ class Launch:
     alone: bool = False
     beside: bool = False
     span: Span | None = None
+    only_if: Array | None = None
 
     @property
     def points(self) -> tuple[int, int]:
@@ -239,6 +241,7 @@ class Stage:
         side_stream: bool = False,
         beside: bool = False,
         span: Span | None = None,
+        only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -252,16 +255,25 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, beside=beside, span=span,
+            block_dim or self.block_dim, begin, side_stream=side_stream, beside=beside, span=span, only_if=only_if,
         )  # fmt: skip
         self.items.append(made)
 
     def pointwise(
-        self, owner: str, part: Pointwise, threads: int, *, begin: int = 0, alone: bool = False, **arguments: Any
+        self,
+        owner: str,
+        part: Pointwise,
+        threads: int,
+        *,
+        begin: int = 0,
+        alone: bool = False,
+        only_if: Array | None = None,
+        **arguments: Any,
     ) -> None:
         """Add a pointwise stage; it joins the previous launch if that is pointwise on the same points and shareable.
 
-        A stage with `alone` joins none: it is for work at few points that needs many registers.
+        A stage with `alone` joins none: it is for work at few points that needs many registers. Nor does one with
+        `only_if` on a CPU, which can then leave it out.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -272,9 +284,10 @@ class Stage:
             if value is not None:
                 setattr(values, name, value)
         run = (SPREAD_RUN if alone else 1) if self.device.is_cuda else POINT_RUN
+        alone = alone or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone,
+            begin, self.module, run, alone=alone, only_if=only_if,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]

@@ -34,6 +34,23 @@ def build_families(
         InputError: for a horizon too small for any intersection to contain two directions, one larger than the sheet
             or than 16 spacings, or a point without neighbours.
     """
+    ratio = checked_horizon(sheet, horizon)
+    function = influence_function(influence)
+    if intersections:
+        require_diagonals(sheet, horizon)
+    if sheet.lattice is not None:
+        return lattice_families(sheet, ratio * sheet.spacing, function, depth, intersections)
+    if sheet.layout == "grid":
+        return grid_families(sheet, ratio * sheet.spacing, function, depth > 0, intersections)
+    return cloud_families(sheet, ratio * sheet.spacing, function, intersections)
+
+
+def checked_horizon(sheet: Sheet, horizon: float) -> float:
+    """A horizon in spacings, if it fits the sheet.
+
+    Raises:
+        InputError: otherwise.
+    """
     ratio = finite("horizon", horizon)
     if ratio < 1.0:
         raise InputError(f"horizon = {horizon!r}: expected at least 1 spacing, and 1.42 on a lattice")
@@ -47,14 +64,7 @@ def build_families(
                 else "as families become too large beyond"
             )
         )
-    function = influence_function(influence)
-    if intersections:
-        require_diagonals(sheet, horizon)
-    if sheet.lattice is not None:
-        return lattice_families(sheet, ratio * sheet.spacing, function, depth, intersections)
-    if sheet.layout == "grid":
-        return grid_families(sheet, ratio * sheet.spacing, function, depth > 0, intersections)
-    return cloud_families(sheet, ratio * sheet.spacing, function, intersections)
+    return ratio
 
 
 def require_diagonals(sheet: Sheet, horizon: float) -> None:

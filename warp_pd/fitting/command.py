@@ -13,6 +13,7 @@ from ..checks import InputError
 from ..run.arguments import converted
 from ..run.folder import free_folder
 from ..run.scene_files import load_scene
+from ..run.scene_help import SceneCommand
 from .columns import read_tests
 from .data import Test
 from .least_squares import LOSSES, fit
@@ -26,7 +27,7 @@ Settings = Callable[[int | None, tuple[str, ...]], dict[str, Any]]
 def fit_command(settings_of: Settings) -> click.Command:
     """The command, which reads the settings of a scene by `settings_of`."""
 
-    @click.command("fit")
+    @click.command("fit", cls=SceneCommand)
     @click.argument("scene")
     @click.argument("data", nargs=-1, required=True, metavar="DATA.csv...", type=click.Path(path_type=Path))
     @click.option("--vary", required=True, metavar="NAME,...", help="Arguments of the scene that are fitted.")

@@ -20,11 +20,12 @@ from ..kernels.reference_force import reference_force
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
-from .family_law import FamilyLaw, require_one_material, tables_here
+from .family_law import FamilyLaw, require_one_material
 from .fast_path import FastForce, fast_path, has_blocks
+from .shared_tables import law_tables
 from .shown_fields import ShownFields, factors
 from .variational import Key
-from .weight_tables import MAX_CORRECTED, weight_tables
+from .weight_tables import MAX_CORRECTED
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 BROKEN = ("redistribute", "drop")
@@ -143,10 +144,7 @@ class BondAssociatedForce(FamilyLaw):
         if self.weights == "published" or broken == "redistribute":
             # Their kernels compute the weights themselves.
             require_one_material(sheet, f"weights {self.weights!r} and broken {law.broken!r}")
-        families, inverse, weights, self.correction = weight_tables(
-            context.whole, law.horizon, law.influence, self.weights
-        )  # fmt: skip
-        families, inverse, weights = tables_here(context, families, inverse, families.stiffened(weights))
+        families, inverse, weights, self.correction = law_tables(context, law, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)

@@ -17,8 +17,9 @@ from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw, Tangent
 from ..kernels.bond_based import bond_based, pull_of_bond
-from ..kernels.bonds_once import NEARLY, BondsOnce, bonds_once
+from ..kernels.bonds_once import BondsOnce, bonds_once
 from ..kernels.effects import Kernel
+from ..kernels.rupture import NEARLY
 from ..materials import PairwiseMaterial, capabilities, check_material
 from ..phases import Phase
 from ..sheet import Sheet

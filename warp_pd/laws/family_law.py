@@ -15,7 +15,6 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, pack
-from ..families.rows_here import rows_here
 from ..interfaces import BuiltLaw, Law, Tangent
 from ..kernels.effects import Kernel
 from ..kernels.pointwise import Pointwise
@@ -56,16 +55,6 @@ def whole_sheet(law: Law, context: Context) -> Sheet:
     if context.share is not None:
         refuse_shares(law)
     return context.sheet
-
-
-def tables_here(
-    context: Context, families: Families, inverse: np.ndarray, weights: np.ndarray
-) -> tuple[Families, np.ndarray, np.ndarray]:
-    """Families, K^-1 and weights by row of what is here of the whole sheet."""
-    if context.share is None:
-        return families, inverse, weights
-    here = rows_here(families, context.share)
-    return here.families, here.table(inverse), here.table(weights)
 
 
 class FamilyLaw(BuiltLaw):

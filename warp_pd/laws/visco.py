@@ -22,6 +22,9 @@ from .family_law import FamilyLaw
 from .fast_path import NO_PRONY, FastForce, RowSums, sums_rows
 from .prony import at_once, check_prony, prony_array
 
+# What the fast kernels of a CPU fill in with Prony terms: in a step, and off its path.
+VISCOUS = ("viscous_step", "viscous_force")
+
 
 @dataclass(frozen=True)
 class Visco(BondAssociated):
@@ -37,8 +40,8 @@ class Visco(BondAssociated):
 
     Attributes:
         material: What is left after a long time, such as Yeoh; see BondAssociated for all but prony.
-        prony: Terms that relax, by name only; none makes this the elastic law, on the reference kernels.
-        fast: Whether a CPU takes force and relaxation of a step in one fast kernel, by name only; a GPU has none.
+        prony: Terms that relax, by name only; none makes this the elastic law.
+        fast: Whether a CPU takes the fast kernels, force and relaxation of a step in one, by name only; a GPU has none.
     """
 
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
@@ -74,8 +77,8 @@ class ElasticVisco(BondAssociatedForce):
     """The law without Prony terms."""
 
     def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
-        """None: those of elastic laws know of no Prony terms."""
-        return None
+        """Those of a CPU, which keep the force of every pair."""
+        return RowSums(self) if self.fast and sums_rows(self) else None
 
     def bond_force(self) -> Array:
         """Force of the family of a point on each of its pairs [N], (members, N) vec3."""
@@ -104,7 +107,7 @@ class ViscoForce(ElasticVisco):
 
     def __init__(self, law: Visco, context: Context) -> None:
         super().__init__(law, context)
-        self.rows = RowSums(self, ("viscous_force", "viscous_step")) if law.fast and sums_rows(self) else None
+        self.rows = RowSums(self, VISCOUS) if law.fast and sums_rows(self) else None
         self._updated: Stage | None = None
         members, terms, vec3 = self.families.members, len(law.prony), context.types.vec3
         self.prony_terms = law.prony
@@ -158,6 +161,10 @@ class ViscoForce(ElasticVisco):
     def _reference(self) -> ViscoKernels:
         layout, bits, material, broken, _form = self.key
         return visco(layout, bits, material, broken, self.context.module)
+
+    def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
+        """None: those of elastic laws know of no Prony terms."""
+        return None
 
     @property
     def shown_internal(self) -> dict[str, Any]:

@@ -46,14 +46,19 @@ def weight_tables(
     inverse, size = families.inverse_shapes()
     if weights == "published":
         return families, inverse, size, None
-    total = size.sum(axis=1)
-    plain = (families.areas / np.where(total > 0.0, total, 1.0))[:, None] * size
+    plain = plain_weights(families, size)
     if weights == "plain":
         return families, inverse, plain, None
     if sheet.lattice is None:
         at_rows, solved = _correction(families, sheet, plain)
         return families, inverse, at_rows / families.reference_area, _report(solved, sheet)
     return families, inverse, _of_rectangle(families, sheet, rectangle, plain), _report(rectangle.solved, sheet)
+
+
+def plain_weights(families: Families, size: np.ndarray) -> np.ndarray:
+    """Weights in proportion to the sizes of the intersections, over the reference area, shape (R, n)."""
+    total = size.sum(axis=1)
+    return np.asarray((families.areas / np.where(total > 0.0, total, 1.0))[:, None] * size)
 
 
 def point_tables(

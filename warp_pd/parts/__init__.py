@@ -1,8 +1,9 @@
 """The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
 
 from .bodies import RigidBody
+from .body_mesh import TriangleMesh
 from .body_motion import BodyPath, Free
-from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh
+from .body_shapes import Box, Capsule, Cylinder, Plane, Sphere
 from .boundary_force import BoundaryForce
 from .contact import RigidBall, RigidContact
 from .enclosed import Enclosed, EnclosedGas, EnclosedVolume

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import warp as wp
@@ -43,6 +43,8 @@ class BoundaryForce(Load):
                 force: the choice of the sheet's upper side decides. Offered for comparison.
     """
 
+    mends_edges: ClassVar[bool] = True
+
     value: float
     points: Any = None
     form: str = "normal"
@@ -61,7 +63,7 @@ class BoundaryForce(Load):
         Raises:
             InputError: if there is one.
         """
-        if any(isinstance(other, BoundaryForce) for other in others):
+        if any(getattr(other, "mends_edges", False) for other in others):
             raise InputError("loads holds more than one BoundaryForce: expected one, with all its points")
 
     def carriers(self, sheet: Sheet, horizon: float) -> np.ndarray:

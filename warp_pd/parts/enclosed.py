@@ -230,7 +230,23 @@ class BuiltEnclosed(BuiltLoad):
         key = (context.bits, pressure_law, self._schedule is not None, leaks, context.module)
         self._set_pressure = enclosed_pressure(*key)
         self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.module)
-        begins, corners, numbers = triangles_at_points(faces, sheet.size)
+        self._allocate_surface(positions, faces, triangles, breakable)
+        self._allocate_sums(len(triangles))
+        self._allocate_leak(len(faces), leaks)
+
+    def _allocate_surface(
+        self, positions: np.ndarray, faces: np.ndarray, triangles: np.ndarray, breakable: bool
+    ) -> None:
+        """Allocate the triangles, closed ones too, and where cracks can cut them whether they have.
+
+        Args:
+            positions: From the middle of the surface [m], shape (N, 3).
+            faces: Triangles of the sheet, shape (F, 3).
+            triangles: Those and the ones that close it, shape (T, 3).
+            breakable: Whether bonds can break.
+        """
+        context = self.context
+        begins, corners, numbers = triangles_at_points(faces, context.sheet.size)
         self._table = {
             "begins": context.array("triangles_begin", self.owner, wp.int32, begins, per="table"),
             "corners": context.array("triangle_corners", self.owner, wp.vec2i, corners, per="table"),
@@ -242,14 +258,20 @@ class BuiltEnclosed(BuiltLoad):
             self._edges = context.array("triangles", self.owner, wp.vec3i, faces, per="table")
             self._faces = context.array("triangle_numbers", self.owner, wp.int32, numbers, per="table")
             self._intact = context.array("pressed_faces", self.owner, wp.uint8, shape=len(faces), per="table")
-        blocks = -(-len(triangles) // BLOCK)
+
+    def _allocate_sums(self, triangles: int) -> None:
+        """Allocate the sums of a volume over so many triangles, in blocks and blocks of blocks."""
+        context, blocks = self.context, -(-triangles // BLOCK)
         self._blocks = context.array("volume_of_blocks", self.owner, wp.float64, shape=(2, blocks), per="block")
         self._sums = context.array("volume_sums", self.owner, wp.float64, shape=(2, -(-blocks // BLOCK)), per="block")
         self.enclosed = context.array("enclosed", self.owner, wp.float64, shape=3, per="once")
+
+    def _allocate_leak(self, faces: int, leaks: bool) -> None:
+        """Allocate the gas that is left, and the open areas of so many triangles, if gas can flow out."""
         self._left = self._open_blocks = self._open = None
         if leaks:
+            context, blocks = self.context, -(-faces // BLOCK)
             self._left = context.array("gas_left", self.owner, wp.float64, np.ones(1), per="once", restart=True)
-            blocks = -(-len(faces) // BLOCK)
             self._open_blocks = context.array("open_areas", self.owner, wp.float64, shape=(2, blocks), per="block")
             shape = (2, -(-blocks // BLOCK))
             self._open = context.array("open_area_sums", self.owner, wp.float64, shape=shape, per="block")

@@ -43,13 +43,18 @@ class Reaction(Part):
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise InputError(f"Reaction.name = {self.name!r}: expected a word, such as 'pull'")
 
+    @property
+    def reaction(self) -> str:
+        """The name, which no other reaction may have."""
+        return self.name
+
     def check(self, others: Sequence[Part]) -> None:
         """Refuse two of one name.
 
         Raises:
             InputError: if there are.
         """
-        if any(type(other) is Reaction and other.name == self.name for other in others):
+        if any(getattr(other, "reaction", None) == self.name for other in others):
             raise InputError(f"Reaction.name = {self.name!r}: two have it; expected another name")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:

@@ -118,7 +118,11 @@ class CriticalEnergy(BondCriterion):
         positive("CriticalEnergy.energy", self.energy)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
-        """The critical energy release rate of an interaction, and the array of what each bond has released."""
+        """The critical energy release rate of an interaction, and the array of what each bond has released.
+
+        Raises:
+            InputError: for a graded sheet.
+        """
         found = critical_energy(context.layout, context.bits, context.module)
         values = found.struct()
         shape = (law.families.members, context.sheet.size)

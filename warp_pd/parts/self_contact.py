@@ -16,13 +16,13 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
 from ..kernels.integrate import RIGID
-from ..kernels.near_pairs import CROWDED, pair_functions, pair_lists
+from ..kernels.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.self_contact import repulsion
 from ..phases import Phase
 
 OWNER = "SelfContact"
-# Status at the start: there are no lists yet, and none is full.
-_FRESH = np.array([1, 0], np.int32)
+# Status at the start: there are no lists yet, none is full or holds a pair, and nothing touches.
+_FRESH = np.array([1, 0, 0, 0], np.int32)
 # Distance that points keep and skin of the lists, in spacings.
 DISTANCE, SKIN = 1.5, 0.3
 # Points of one piece keep no more than this share of their reference distance: rubber that tears at a stretch of 2
@@ -110,7 +110,7 @@ class BuiltSelfContact(BuiltContact):
             InputError: for a law that has no modulus, if no stiffness is given, or friction on rigid inclusions.
         """
         self.part, self.context, self.law = part, context, law
-        sheet, types = context.sheet, context.types
+        sheet = context.sheet
         if part.friction > 0.0 and (context.held & RIGID).any():
             raise InputError("SelfContact.friction: expected 0 with rigid inclusions, which do not feel it")
         self.distance = DISTANCE * sheet.spacing if part.distance is None else part.distance
@@ -118,37 +118,51 @@ class BuiltSelfContact(BuiltContact):
         self._skin = SKIN * sheet.spacing
         least = sheet.spacing if sheet.spacings is None else float(sheet.spacings.min())
         capacity = LAYERS * math.ceil(math.pi * ((self.distance + self._skin) / least) ** 2)
-        n, self._buckets = sheet.size, 1 << (2 * sheet.size - 1).bit_length()
-        pieces = sheet.pieces is not None
+        pieces, rubbing, f = sheet.pieces is not None, part.friction > 0.0, context.features
+        self._allocate_points(pieces)
+        self._allocate_lists(capacity)
+        self._allocate_friction(rubbing)
+        self._lists = pair_lists(context.layout, context.bits, pieces, context.module)
+        self._kernels = repulsion(
+            context.layout, context.bits, law.intact is not None, pieces, rubbing, f.held, f.loaded,
+            f.damped and f.half_steps, f.tracked, context.module,
+        )  # fmt: skip
+
+    def _allocate_points(self, pieces: bool) -> None:
+        """Allocate what pairs ask of points: where they lay, their areas, and their pieces."""
+        context, sheet = self.context, self.context.sheet
         points = pair_functions(context.bits, pieces, context.module).Points()
         points.reference = context.array("reference", OWNER, wp.vec3d, sheet.positions)
         if pieces:
             points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)
-        points.area = context.array("relative_areas", OWNER, types.real, sheet.areas / sheet.spacing**2)
+        relative = sheet.areas / sheet.spacing**2
+        points.area = context.array("relative_areas", OWNER, context.types.real, relative)
         points.distance, points.share, points.stiffness = self.distance, SHARE, self.stiffness
         self._points = points
+
+    def _allocate_lists(self, capacity: int) -> None:
+        """Allocate buckets of cells, and for each point the list of at most `capacity` near ones."""
+        context, n = self.context, self.context.sheet.size
+        self._buckets = 1 << (2 * n - 1).bit_length()
         self._status = context.array("status", OWNER, wp.int32, _FRESH, per="once")
         self._heads = context.array("buckets", OWNER, wp.int32, shape=self._buckets, per="table")
         self._following = context.array("following", OWNER, wp.int32, shape=n)
         self._cells = context.array("cells", OWNER, wp.vec3i, shape=n)
-        self._listed_at = context.array("listed_at", OWNER, types.vec3, shape=n)
+        self._listed_at = context.array("listed_at", OWNER, context.types.vec3, shape=n)
         self._counts = context.array("near_counts", OWNER, wp.int32, shape=n)
         self._near = context.array("near_points", OWNER, wp.int32, shape=(capacity, n), per="bond")
         self.energy = context.array("contact_energy", OWNER, wp.float64, shape=n)
+
+    def _allocate_friction(self, rubbing: bool) -> None:
+        """Allocate what friction needs, if there is some."""
+        context, n = self.context, self.context.sheet.size
         self._touching = self._contact_force = self._impulse = self._rubbed = None
-        if part.friction > 0.0:
+        if rubbing:
             self._touching = context.array("contacts", OWNER, wp.int32, shape=n)
-            self._contact_force = context.array("contact_force", OWNER, types.vec3, shape=n)
-            self._impulse = context.array("friction_impulse", OWNER, types.vec3, shape=n)
+            self._contact_force = context.array("contact_force", OWNER, context.types.vec3, shape=n)
+            self._impulse = context.array("friction_impulse", OWNER, context.types.vec3, shape=n)
             if context.features.tracked:
                 self._rubbed = context.array("rubbed", OWNER, wp.float64, shape=n, restart=True)
-        breakable, held = law.intact is not None, context.features.held
-        self._lists = pair_lists(context.layout, context.bits, pieces, context.module)
-        rubbing, f = part.friction > 0.0, context.features
-        self._kernels = repulsion(
-            context.layout, context.bits, breakable, pieces, rubbing, held, f.loaded, f.damped and f.half_steps,
-            f.tracked, context.module,
-        )  # fmt: skip
 
     def _default_stiffness(self) -> float:
         step = 1e-3
@@ -188,7 +202,9 @@ class BuiltSelfContact(BuiltContact):
             self._add_lists(stage, displacement)
             stage.launch(
                 OWNER, self._kernels.add_force, n, **self._pairs(displacement), contacts=self._touching,
-                contact_force=self._contact_force, force=context.state.force,
+                contact_force=self._contact_force, force=context.state.force, status=self._status,
+                # Bonds that broke come from the families.
+                only_if=None if self.law.intact is not None else self._flag(LISTED),
             )  # fmt: skip
         elif phase is Phase.SEPARATE and self._impulse is not None:
             self._add_friction(stage, displacement, self._impulse)
@@ -201,6 +217,10 @@ class BuiltSelfContact(BuiltContact):
             "displacement": displacement, "counts": self._counts, "near": self._near,
         }  # fmt: skip
 
+    def _flag(self, index: int) -> Array:
+        found: Array = self._status[index : index + 1]
+        return found
+
     def _add_lists(self, stage: Stage, displacement: Array) -> None:
         lists, n, sheet = self._lists, self.context.sheet.size, self.context.sheet
         relative = 1.0 if sheet.spacings is None else float(sheet.spacings.max()) / sheet.spacing
@@ -212,31 +232,32 @@ class BuiltSelfContact(BuiltContact):
             "cells": self._cells,
             "status": self._status,
         }
-        stage.launch(OWNER, lists.clear, self._buckets, heads=self._heads, status=self._status)
+        stale = self._flag(STALE)
+        stage.launch(OWNER, lists.clear, self._buckets, heads=self._heads, status=self._status, only_if=stale)
         stage.launch(
-            OWNER, lists.insert, threads,
+            OWNER, lists.insert, threads, only_if=stale,
             points=self._points, displacement=displacement, inverse_cell=1.0 / (self.distance + self._skin),
             stride=threads, listed_at=self._listed_at, **cells,
         )  # fmt: skip
         stage.launch(
-            OWNER, lists.collect, n,
+            OWNER, lists.collect, n, only_if=stale,
             family=self.law.struct, points=self._points, displacement=displacement, skin=self._skin,
             family_reach=1.001 * relative * self.law.families.horizon, counts=self._counts, near=self._near, **cells,
         )  # fmt: skip
-        stage.launch(OWNER, lists.finish, 1, status=self._status)
+        stage.launch(OWNER, lists.finish, 1, status=self._status, only_if=stale)
 
     def _add_friction(self, stage: Stage, displacement: Array, impulse: Array) -> None:
         context, state = self.context, self.context.state
         stage.launch(
             OWNER, self._kernels.friction, context.sheet.size, **self._pairs(displacement), velocity=state.velocity,
             mass=state.mass, contacts=self._touching, contact_force=self._contact_force, step=state.step,
-            coefficient=self.part.friction, impulse=impulse,
+            coefficient=self.part.friction, impulse=impulse, only_if=self._flag(TOUCHED),
         )  # fmt: skip
         stage.pointwise(
             OWNER, self._kernels.rub, context.sheet.size,
             mass=state.mass, held_mask=state.held_mask, impulse=impulse, velocity=state.velocity, step=state.step,
             damping=state.damping, force=state.force, external=state.external, work=state.work,
-            dissipated=state.dissipated, rubbed=self._rubbed,
+            dissipated=state.dissipated, rubbed=self._rubbed, only_if=self._flag(TOUCHED),
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:

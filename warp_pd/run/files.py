@@ -37,18 +37,22 @@ def is_large(built: Built) -> bool:
     return share is not None and share.owners is None and built.context.whole.size > GATHERED
 
 
-def pictured(built: Built, begun: list[Segment] | None, resumed: bool, stride: int) -> Pictured:
+def is_divided(built: Built, begun: list[Segment] | None) -> bool:
+    """Whether every process writes frames of its own points: as the run began, or by their number."""
+    return is_large(built) if begun is None else bool(begun)
+
+
+def pictured(built: Built, begun: list[Segment] | None, stride: int) -> Pictured:
     """The points that frames hold; all processes call it.
 
     Args:
         built: The simulation.
-        begun: Files of the processes of a run that goes on; None: it has none.
-        resumed: Whether a run goes on: it goes on as it began.
+        begun: See `begun_segments`.
         stride: Of the columns and rows that frames hold.
     """
     if stride > 1:
         return CoarserPoints(built, stride)
-    if begun is None and (resumed or not is_large(built)):
+    if not is_divided(built, begun):
         return AllPoints(built)
     # Own triangles must follow each other in the sheet, too.
     share = built.context.share
@@ -58,18 +62,34 @@ def pictured(built: Built, begun: list[Segment] | None, resumed: bool, stride: i
 
 
 def begun_segments(folder: Path | None, resumed: bool) -> list[Segment] | None:
-    """Files of the processes that wrote the frames of a run that goes on; None if one wrote all, or there are none."""
+    """Files of the processes that wrote the frames of a run that goes on, none if one wrote all.
+
+    None for a new run, or one without frames.
+    """
     from ..output.partitions import segments_of
 
     path = None if folder is None else folder / FRAMES
-    return segments_of(path) if resumed and path is not None and path.is_file() else None
+    return (segments_of(path) or []) if resumed and path is not None and path.is_file() else None
 
 
 def add_files(
     recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
     held: frozenset[str] | None, append_from: int | None, begun: list[Segment] | None,
 ) -> None:  # fmt: skip
-    """Let the recorder write frames, history and restart files; all processes call it."""
+    """Let the recorder write frames, history and restart files; all processes call it.
+
+    Args:
+        recorder: Of the run.
+        folder: Of its files; None writes none.
+        known: What its restart files belong to.
+        chosen: Which files are wanted.
+        held: Names of the fields that frames.vtkhdf holds; None for all.
+        append_from: Number of the first frame that a run which goes on writes; None for a new one.
+        begun: Files of the processes that wrote its earlier frames.
+
+    Raises:
+        InputError: for writers of frames that no process holds whole.
+    """
     crew, shown = recorder.built.context.crew, recorder.pictured
     if shown.divided and crew.any(bool(recorder.writers)):
         raise InputError(f"writers: expected none for more than {GATHERED} points on several processes, or a stride")
@@ -98,7 +118,7 @@ def _add_gathered(
         return
     scene = recorder.built.simulation
     equal = scene.solver.duration / scene.solver.frame_count if scene.solver.equal_frames else None
-    room = partial(_require_room, folder, _room_of_a_frame(recorder.built))
+    room = partial(_require_room, folder, _room_of_a_frame(recorder, chosen.restarts))
     room()
     _require_same_stride(recorder.pictured, folder / FRAMES, append_from)
     writers = file_writers(
@@ -205,11 +225,11 @@ def _series(
     return JoinedSeries(path, made, [*kept, segment], crew.leads, crew.together)
 
 
-def _room_of_a_frame(built: Built) -> int:
-    """Room for two frames, restart files and the small files [bytes]."""
-    context = built.context
-    frame = BYTES_OF_POINT * context.whole.size + 12 * len(context.whole.stored("triangles"))
-    return int(2 * frame + 2 * _restart_bytes(built) + SMALL_FILES)
+def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
+    """Room for two frames of the points that they hold, restart files and the small files [bytes]."""
+    surface = recorder.pictured.surface
+    frame = BYTES_OF_POINT * len(surface.points) + 12 * len(surface.faces)
+    return int(2 * frame + (2 * _restart_bytes(recorder.built) if restarts else 0) + SMALL_FILES)
 
 
 def _restart_bytes(built: Built) -> int:

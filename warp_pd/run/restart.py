@@ -193,7 +193,11 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
 
 
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
-    """Put a loaded state back on the device, into the recorder and into the solver."""
+    """Put a loaded state back on the device, into the recorder and into the solver.
+
+    Raises:
+        InputError: for a file that lacks an array, or has it in another shape.
+    """
     built, numbers = recorder.built, data["numbers"]
     for stored in built.context.fields:
         name, array = stored.name, stored.array

@@ -24,7 +24,7 @@ from ..scene_context import share_of
 from . import restart
 from .chosen import Files, held_fields
 from .divergence import DivergedError
-from .files import add_files, begun_segments, notes_of_divided, pictured
+from .files import add_files, begun_segments, is_divided, notes_of_divided, pictured
 from .fine_history import with_fine_history
 from .folder import (
     PAGE,
@@ -133,14 +133,14 @@ def _run(
     scene, crew = built.simulation, built.context.crew
     held = held_fields(built)
     known = None if folder is None else restart.identity(scene, built)
-    saved, begun = crew.spread(crew.together(lambda: _saved(folder, known, resume, files)))
+    saved, begun = crew.spread(crew.together(lambda: _saved(built, folder, known, resume, files)))
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = crew.in_turn(built.context.compile)
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
-    recorder.pictured = crew.together(lambda: pictured(built, begun, saved is not None, stride))
+    recorder.pictured = crew.together(lambda: pictured(built, begun, stride))
     crew.together(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
     add_files(recorder, folder, known, files, held, append_from, begun)
@@ -169,7 +169,7 @@ def _run(
 
 
 def _saved(
-    folder: Path | None, known: restart.Identity | None, resume: bool, files: Files
+    built: Built, folder: Path | None, known: restart.Identity | None, resume: bool, files: Files
 ) -> tuple[dict[str, Any] | None, list[Segment] | None]:
     """What the restart file of a run that goes on holds, or None, and the files of its frames if there are several.
 
@@ -180,7 +180,7 @@ def _saved(
     saved = restart.load(folder / restart.NAME, known) if resume else None
     begun = begun_segments(folder, resume)
     if saved is not None:
-        files.require_same(folder, divided=begun is not None)
+        files.require_same(folder, divided=is_divided(built, begun))
         # They tell of a run that is over, which this one is not.
         for name in ("summary.json", PAGE):
             (folder / name).unlink(missing_ok=True)

@@ -114,13 +114,23 @@ def _commit() -> str | None:
 
 def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) -> dict[str, Any]:
     """The summary of a run that is over."""
-    built, scene, context = recorder.built, recorder.built.simulation, recorder.built.context
-    row = recorder.history[-1] if recorder.history else {}
-    losses = {name: row[name] for name in ("damping", "rupture", "viscous") if name in row}
     notes = notes_of(recorder)
     measures = _measures(recorder, notes)
-    rate = context.whole.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
-    load_duration = scene.load_duration
+    return {
+        **_origin(recorder, status, message),
+        **_model(recorder),
+        **_course(recorder),
+        **_cost(recorder, seconds),
+        "correction": recorder.built.law.correction,
+        "energy": _energy(recorder),
+        "notes": notes,
+        "measures": measures,
+    }
+
+
+def _origin(recorder: Recorder, status: str, message: str) -> dict[str, Any]:
+    """What was run, how it ended, and where."""
+    scene, context = recorder.built.simulation, recorder.built.context
     return {
         "scene": scene.scene,
         "file": scene.file,
@@ -134,15 +144,30 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "machine": platform.node(),
         "device": str(context.device.name),
         "precision": context.bits,
-        "force": type(scene.force).__name__,
-        "material": said(scene.force.material),
+    }
+
+
+def _model(recorder: Recorder) -> dict[str, Any]:
+    """The law and the sheet: thickness and spacing [m], density [kg/m^3], horizon in spacings."""
+    built, context = recorder.built, recorder.built.context
+    force = built.simulation.force
+    return {
+        "force": type(force).__name__,
+        "material": said(force.material),
         "thickness": context.sheet.thickness,
         "density": context.sheet.density,
         "spacing": context.sheet.spacing,
         "weights": built.law.weights,
-        "horizon": scene.force.horizon,
+        "horizon": force.horizon,
         "points": context.whole.size,
         "bonds": built.law.families.bond_count,
+    }
+
+
+def _course(recorder: Recorder) -> dict[str, Any]:
+    """How far the run came: steps, time [s] or load factor, step [s], residual."""
+    load_duration = recorder.built.simulation.load_duration
+    return {
         "steps": recorder.steps,
         "time": recorder.time if load_duration is None else None,
         "load_share": None if load_duration is None else recorder.time / load_duration,
@@ -150,19 +175,30 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "stable_dt": recorder.stable_dt,
         "residual": recorder.residual,
         "solve": recorder.solve,
+    }
+
+
+def _cost(recorder: Recorder, seconds: Seconds) -> dict[str, Any]:
+    """Wall time [s] and memory."""
+    context = recorder.built.context
+    rate = context.whole.size * recorder.steps / recorder.step_seconds if recorder.step_seconds else 0.0
+    return {
         "wall_s": seconds.wall,
         "setup_s": seconds.setup,
         "compile_s": seconds.compile,
         "point_steps_per_s": rate,
         "bytes_per_point": context.fields.nbytes / context.sheet.size,
-        "correction": built.law.correction,
-        "energy": {
-            "kinetic": row.get("kinetic"),
-            "strain": row.get("strain"),
-            "external": row.get("external"),
-            "dissipated": losses if context.features.tracked else None,
-            "balance_error": row.get("balance_error"),
-        },
-        "notes": notes,
-        "measures": measures,
+    }
+
+
+def _energy(recorder: Recorder) -> dict[str, Any]:
+    """Energies of the last frame [J]."""
+    row = recorder.history[-1] if recorder.history else {}
+    losses = {name: row[name] for name in ("damping", "rupture", "viscous") if name in row}
+    return {
+        "kinetic": row.get("kinetic"),
+        "strain": row.get("strain"),
+        "external": row.get("external"),
+        "dissipated": losses if recorder.built.context.features.tracked else None,
+        "balance_error": row.get("balance_error"),
     }

@@ -21,6 +21,29 @@ OVER = (FINISHED, DIVERGED, NOT_CONVERGED)
 
 
 @dataclass(frozen=True)
+class Task:
+    """A run of a sweep that is to start.
+
+    Attributes:
+        simulation: What is run.
+        values: Its values of the arguments that the sweep changes, as they were given.
+        folder: Of its files.
+        resume: Whether it goes on from the last frame in the folder.
+        overwrite: Whether it replaces what is in the folder.
+    """
+
+    simulation: Any
+    values: Mapping[str, str]
+    folder: Path
+    resume: bool
+    overwrite: bool
+
+
+# Runs a task, and gives the content of its summary.json.
+Start = Callable[[Task], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
 class Row:
     """A run of a sweep.
 
@@ -61,8 +84,9 @@ def sweep(
     build: Callable[[dict[str, str]], Any],
     choices: Mapping[str, Sequence[str]],
     out: Path,
-    options: Mapping[str, Any],
+    start: Start,
     *,
+    precision: int | None = None,
     overwrite: bool = False,
     told: Callable[[int, int, Row], None] | None = None,
 ) -> list[Row]:
@@ -72,7 +96,8 @@ def sweep(
         build: Gives the simulation for some values.
         choices: Values of each argument.
         out: Folder that holds the folders of the runs.
-        options: Of `Simulation.run`, apart from folder, `resume` and `overwrite`.
+        start: Runs a simulation.
+        precision: Of all runs; None for the solver's.
         overwrite: Run everything again.
         told: Called after each run with its number, the number of all runs, and its row.
 
@@ -83,7 +108,7 @@ def sweep(
     everything = list(combinations(choices))
     rows = []
     for number, values in enumerate(everything, start=1):
-        row = _run(build, values, out / folder_name(values), options, overwrite)
+        row = _run(build, values, out / folder_name(values), start, precision, overwrite)
         rows.append(row)
         if told is not None:
             told(number, len(everything), row)
@@ -93,13 +118,13 @@ def sweep(
 
 
 def _run(
-    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, options: Mapping[str, Any],
-    overwrite: bool,
+    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, start: Start,
+    precision: int | None, overwrite: bool,
 ) -> Row:  # fmt: skip
     try:
         simulation = build(values)
         earlier = None if overwrite else run_summary(folder)
-        changed = [] if earlier is None else _changed(earlier, simulation.settings, options.get("precision"))
+        changed = [] if earlier is None else _changed(earlier, simulation.settings, precision)
         if changed:
             raise InputError(
                 f"{str(folder)!r} holds a run with another {changed[0]}; expected another folder (--out), or "
@@ -108,14 +133,14 @@ def _run(
         if earlier is not None and earlier["status"] in OVER:
             return Row(values, folder, earlier["status"], earlier["message"], earlier, skipped=True)
         goes_on = not overwrite and (folder / restart.NAME).is_file()
-        found = simulation.run(out=folder, resume=goes_on, overwrite=overwrite or not goes_on, **options)
+        found = start(Task(simulation, values, folder, goes_on, overwrite or not goes_on))
     except (InputError, MemoryError) as error:
         return Row(values, folder, REFUSED, str(error))
     except DivergedError as error:
         return Row(values, folder, DIVERGED, str(error))
     except KeyboardInterrupt:
         return Row(values, folder, STOPPED, "interrupted before the first frame")
-    return Row(values, folder, found.status, found.summary["message"], found.summary)
+    return Row(values, folder, found["status"], found["message"], found)
 
 
 def _changed(earlier: Mapping[str, Any], settings: Mapping[str, Any], precision: int | None) -> list[str]:

@@ -3,24 +3,66 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
 
+from ..device.context import Context
 from ..device.fields import Array
+from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.integrate import RIGID
-from ..kernels.stable_step import power_iteration
+from ..kernels.stable_step import power_iteration, sums_of_groups
 from ..shapes.on_demand import CHUNK, for_each_chunk
 
 BLOCK = 256
+# Blocks up to which one thread sums all of them up: 4.2 million points.
+MANY_BLOCKS = 2**14
+# Blocks that a thread sums up then.
+GROUP = 256
 # The trial displacement strains the worst bond by about this much: far above float32 round-off in the
 # force, far below what would change the tangent.
 TRIAL_STRAIN = 2e-3
 # Iterations between two looks at the estimate.
 CHECKED_EVERY = 5
 OWNER = "stable step"
+
+
+class _Buffers(NamedTuple):
+    """What an iteration writes before it is read.
+
+    Attributes:
+        trial: Displacement beside the state [m], (N,) vec3.
+        plus: Internal force on one side [N], (N,) vec3.
+        response: That on the other side [N], then what the direction becomes, (N,) vec3.
+        sums: Sums of blocks of points, (4, blocks).
+        scale: One over the largest response, (1,).
+        momentum: Share of the earlier direction, (1,).
+        reach: Length of the trial displacement [m], (1,).
+    """
+
+    trial: Array
+    plus: Array
+    response: Array
+    sums: Array
+    scale: Array
+    momentum: Array
+    reach: Array
+
+    @staticmethod
+    def of(context: Context) -> _Buffers:
+        """Allocate them."""
+        vec3, real, n = context.types.vec3, context.types.real, context.sheet.size
+        return _Buffers(
+            trial=context.array("trial", OWNER, vec3, shape=n),
+            plus=context.array("force_plus", OWNER, vec3, shape=n),
+            response=context.array("response", OWNER, vec3, shape=n),
+            sums=context.array("sums", OWNER, wp.float64, shape=(4, context.own_blocks), per="block"),
+            scale=context.array("scale", OWNER, real, shape=1, per="once"),
+            momentum=context.array("momentum", OWNER, real, shape=1, per="once"),
+            reach=context.array("reach", OWNER, real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once"),
+        )
 
 
 class StableStep:
@@ -39,47 +81,53 @@ class StableStep:
             inertia: What resists acceleration, (N,).
         """
         self.context = context = system.context
-        state, types, n = context.state, context.types, context.sheet.size
+        types, n = context.types, context.sheet.size
         self._noise = np.random.default_rng(0)
         self.direction = context.array(
             "direction", OWNER, types.vec3, self._with_noise(1.0, None), restart=True, halo=True
         )
-        trial = context.array("trial", OWNER, types.vec3, shape=n)
-        plus = context.array("force_plus", OWNER, types.vec3, shape=n)
-        response = context.array("response", OWNER, types.vec3, shape=n)
         self._earlier = context.array("earlier_direction", OWNER, types.vec3, shape=n)
-        sums = context.array("sums", OWNER, wp.float64, shape=(4, context.own_blocks), per="block")
-        scale = context.array("scale", OWNER, types.real, shape=1, per="once")
-        momentum = context.array("momentum", OWNER, types.real, shape=1, per="once")
-        reach = context.array(
-            "reach", OWNER, types.real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once"
-        )  # fmt: skip
         self._squared = context.array("squared_frequency", OWNER, wp.float64, shape=2, per="once")
-        kernels = power_iteration(types.bits, context.module)
         stage = context.stage("estimate", "each iteration of the stable step")
-        for sign, force in ((1.0, plus), (-1.0, response)):
+        self._add_iteration(stage, system, inertia, _Buffers.of(context))
+
+    def _add_iteration(self, stage: Stage, system: System, inertia: Array, buffers: _Buffers) -> None:
+        """Add the launches of one iteration: forces on both sides of the state, the response, the next direction."""
+        context, direction, n = self.context, self.direction, self.context.sheet.size
+        state, kernels = context.state, power_iteration(context.types.bits, context.module)
+        for sign, force in ((1.0, buffers.plus), (-1.0, buffers.response)):
             stage.launch(
                 OWNER, kernels.trial, n,
-                displacement=state.displacement, direction=self.direction, reach=reach, sign=sign, out=trial,
+                displacement=state.displacement, direction=direction, reach=buffers.reach, sign=sign, out=buffers.trial,
             )  # fmt: skip
-            system.law.add_force(stage, trial, force)
-            system.external.add_following(stage, trial, force)
+            system.law.add_force(stage, buffers.trial, force)
+            system.external.add_following(stage, buffers.trial, force)
         arrays = {
-            "mass": inertia, "held_mask": state.held_mask, "plus": plus, "direction": self.direction,
-            "response": response,
+            "mass": inertia, "held_mask": state.held_mask, "plus": buffers.plus, "direction": direction,
+            "response": buffers.response,
         }  # fmt: skip
         context.launch_on_blocks(
-            stage, OWNER, kernels.respond, arrays, {"sums": sums}, ["response"], reach=reach, block=BLOCK
-        )
-        everything = context.all_blocks(stage, sums, "sums_of_all", OWNER)
+            stage, OWNER, kernels.respond, arrays, {"sums": buffers.sums}, ["response"], reach=buffers.reach,
+            block=BLOCK,
+        )  # fmt: skip
+        everything = self._in_groups(stage, context.all_blocks(stage, buffers.sums, "sums_of_all", OWNER))
         stage.launch(
-            OWNER, kernels.summarise, 1, sums=everything, scale=scale, momentum=momentum,
+            OWNER, kernels.summarise, 1, sums=everything, scale=buffers.scale, momentum=buffers.momentum,
             squared_frequency=self._squared,
         )  # fmt: skip
         stage.launch(
-            OWNER, kernels.renew, n, response=response, scale=scale, momentum=momentum, earlier=self._earlier,
-            direction=self.direction,
+            OWNER, kernels.renew, n, response=buffers.response, scale=buffers.scale, momentum=buffers.momentum,
+            earlier=self._earlier, direction=direction,
         )  # fmt: skip
+
+    def _in_groups(self, stage: Stage, sums: Array) -> Array:
+        """Sums of groups of blocks, where one thread would take longer over all than the launches of the force."""
+        if sums.shape[1] <= MANY_BLOCKS:
+            return sums
+        groups = -(-sums.shape[1] // GROUP)
+        shorter = self.context.array("sums_of_groups", OWNER, wp.float64, shape=(4, groups), per="table")
+        stage.launch(OWNER, sums_of_groups(self.context.module), groups, sums=sums, group=GROUP, shorter=shorter)
+        return shorter
 
     def _with_noise(self, share: float, old: np.ndarray | None) -> np.ndarray:
         """A share of noise, with something added to it, of the points here, shape (n, 3); zero where they are held."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import sys
 import uuid
@@ -11,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from torch.distributed.elastic.multiprocessing.api import SignalException
 from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
 from torch.distributed.launcher.api import LaunchConfig, elastic_launch
+
+from ..device.crew import SPEAKS
 
 INTERRUPTED, LOST = 130, 4
 
@@ -24,6 +27,8 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
     """
     # They say in one line themselves what went wrong.
     logging.disable(logging.CRITICAL)
+    # The one line that a killed process costs comes from here.
+    os.environ[SPEAKS] = "1"
     config = LaunchConfig(
         min_nodes=1, max_nodes=1, nproc_per_node=processes, run_id=uuid.uuid4().hex, rdzv_backend="c10d",
         rdzv_endpoint="localhost:0", local_addr="localhost", max_restarts=0, monitor_interval=0.2,
@@ -49,6 +54,6 @@ def _code(codes: Mapping[int, int]) -> int:
     # torchrun ends the others by SIGTERM.
     killed = {rank: signal.Signals(-code) for rank, code in sorted(codes.items()) if code < 0}
     first = {rank: by for rank, by in killed.items() if by != signal.SIGTERM} or killed
-    for rank, by in first.items():
-        print(f"warp-pd: process {rank} was ended by {by.name}; --resume goes on", file=sys.stderr)
+    names = ", ".join(f"process {rank} was ended by {by.name}" for rank, by in first.items())
+    print(f"warp-pd: {names or 'a process of this run ended'}; --resume goes on", file=sys.stderr)
     return LOST

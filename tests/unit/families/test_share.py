@@ -1,13 +1,14 @@
 """What a process of several holds of a sheet, and its families."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from shared_scenes import SIZE, composed, scene, sheet_of
 
 from warp_pd import InputError, Sheet
-from warp_pd.families import build_families
+from warp_pd.families import Families, build_families
+from warp_pd.families.cloud_share import made_by_share, share_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
 from warp_pd.shapes import on_demand, rectangles
@@ -134,3 +135,43 @@ def test_noise_of_some_points_is_that_of_all(name, monkeypatch):
             points, step = built.context.share.points, built.solver.stable_step
             np.testing.assert_array_equal(step._with_noise(1.0, None), whole[points])
             assert step.host_state() == alone.solver.stable_step.host_state()
+
+
+@pytest.mark.parametrize("name", ["cloud", "scattered", "cut"])
+@pytest.mark.parametrize("horizon", [1.5, 3.15])
+def test_families_of_a_share_of_a_cloud_are_those_of_the_whole(name, horizon):
+    sheet = sheet_of("cloud" if name == "cut" else name, 33)
+    if name == "cut":
+        sheet = sheet.cut((0.2, 0.43), (0.8, 0.55)).stiffened(sheet.within((0.3, 0.3), 0.2), 3.0)
+    whole = build_families(sheet, horizon, "linear")
+    shares = [divided(sheet, horizon, rank, 3) for rank in range(3)]
+    for share in shares:
+        assert made_by_share(sheet, share)
+        # What the others have: no lone point, as many members as any, and the bonds of their own points.
+        own = [int(whole.exists[other.points[other.own]].sum()) for other in shares]
+        others = iter([[sheet.size] * 3, [whole.members] * 3, own])
+        found = share_families(sheet, share, horizon, "linear", lambda number, others=others: [number, *next(others)])
+        assert found.bond_count == whole.bond_count + own[share.rank]
+        expected, near = rows_here(whole, share).families, share.near
+        for field in fields(Families):
+            one, other = getattr(found, field.name), getattr(expected, field.name)
+            if isinstance(one, np.ndarray) and field.name != "reverses":
+                assert one.dtype == other.dtype and one.shape == other.shape, field.name
+                np.testing.assert_array_equal(one[near], other[near], err_msg=field.name)
+        assert not found.exists[~near].any() and (found.neighbours[~near] == -1).all()
+        # Bonds between two whole families: forces go along no others.
+        there = found.exists & near[:, None]
+        there[there] = near[found.neighbours[there]]
+        np.testing.assert_array_equal(found.reverses[there], expected.reverses[there])
+        for one, other in zip(found.inverse_shapes(), expected.inverse_shapes(), strict=True):
+            np.testing.assert_array_equal(one[near], other[near])
+
+
+def test_all_processes_refuse_the_same_lone_point():
+    cloud = Sheet.filled(1.0, 1.0, points=33, jitter=0.2, **SIZE)
+    far = np.array([[3.0, 0.5], [5.0, 0.5]])
+    sheet = replace(cloud, points=np.vstack([cloud.points, far]), areas=np.append(cloud.areas, [1e-3, 1e-3]))
+    lone = sheet.size - 2
+    for rank in range(2):
+        with pytest.raises(InputError, match=rf"points\[{lone}\] at \[3.0, 0.5\] has no neighbour"):
+            share_families(sheet, divided(sheet, 2.015, rank, 2), 2.015, "linear", lambda number: [number, lone])

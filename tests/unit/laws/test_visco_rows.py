@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from curved_sheets import small_tube
 from grid_sheets import holed
-from helpers import jittered, sever, soften, square
+from helpers import internal_force, jittered, sever, soften, square
 from visco_laws import POLYUREA, TERMS
 
-from warp_pd import CriticalStretch, Explicit, Prony, Simulation, TearingEnergy, Visco
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Prony, Simulation, TearingEnergy, Visco
 
 # Of the largest value of a field after STEPS steps.
 TOLERANCE = {32: 2e-6, 64: 1e-12}
@@ -105,3 +105,21 @@ def test_bits_repeat():
     """Twice the same run: the same bits."""
     first, second = (fields_after_steps(square(9), 32, True)[0] for _ in range(2))
     assert all((first[name] == values).all() for name, values in second.items())
+
+
+def test_without_prony_terms_it_is_the_elastic_law():
+    """By rows to the last bit, by the reference kernels to rounding; CriticalEnergy finds the forces of all pairs."""
+    sheet = square(11)
+    u = 0.02 * sheet.spacing * np.random.default_rng(0).normal(size=(sheet.size, 3))
+    laws = (BondAssociated(POLYUREA, 2.015), Visco(POLYUREA, 2.015), Visco(POLYUREA, 2.015, fast=False))
+    forces, names, pairs = [], [], []
+    for law in laws:
+        built = Simulation(sheet, law, Explicit(1.0)).build("cpu", 64)
+        built.context.compile()
+        forces.append(internal_force(built, u))
+        names.append([name for launch in built.context.stages["step"] for name in launch.parts])
+        pairs.append(built.law.pairs.numpy())
+    assert "family_rows_force" in names[1] and "variational_force" in names[2]
+    np.testing.assert_array_equal(forces[1], forces[0])
+    for found in (forces, pairs):
+        assert np.abs(found[1] - found[2]).max() <= 1e-12 * np.abs(found[2]).max()

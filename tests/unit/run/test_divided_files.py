@@ -16,24 +16,33 @@ from warp_pd.run import files, restart
 
 pytest.importorskip("torch.distributed")
 
-# Runs a scene up to some of its frames: FOLDER FRAMES STRIDE [resume].
+# Runs a scene up to some of its frames: FOLDER FRAMES STRIDE [resume]. With "kill" the second process dies in frame 3.
 SCRIPT = """
+import os
+import signal
 import sys
 from dataclasses import replace
 from shared_scenes import DURATION, scene
 import warp_pd.run.files as files
+from warp_pd.output.vtkhdf import VtkHdfSeries
 
 files.GATHERED = 0
+add = VtkHdfSeries._add
 
-def begun(frames):
-    made = scene("torn")
-    made.solver = replace(made.solver, duration=0.25 * DURATION * frames, frames=frames)
-    return made
+def die(series, file, frame, fields):
+    if frame.index == 3:
+        file["VTKHDF/Points"].resize(len(file["VTKHDF/Points"]) + 5, axis=0)
+        file.flush()
+        os.kill(os.getpid(), signal.SIGKILL)
+    add(series, file, frame, fields)
 
 if __name__ == "__main__":
-    folder, frames, stride, *resumed = sys.argv[1:]
-    made = begun(int(frames))
-    made.run(device="cpu", out=folder, usd=False, stride=int(stride), resume=bool(resumed))
+    folder, frames, stride, *more = sys.argv[1:]
+    if "kill" in more and os.environ["RANK"] == "1":
+        VtkHdfSeries._add = die
+    made = scene("torn")
+    made.solver = replace(made.solver, duration=0.25 * DURATION * int(frames), frames=int(frames))
+    made.run(device="cpu", out=folder, usd=False, stride=int(stride), resume="resume" in more)
 """
 
 
@@ -82,15 +91,19 @@ def state_of(folder):
     return found
 
 
-def test_frames_and_restart_files_of_a_run_on_2_then_3_then_4_processes_have_the_bits_of_one(script, alone, tmp_path):
+def test_frames_and_restart_files_of_2_processes_one_killed_then_of_4_have_the_bits_of_one(script, alone, tmp_path):
     folder = tmp_path / "out"
-    for processes, frames in ((2, 1), (3, 2), (4, 4)):
-        done = started(processes, script, folder, frames, 1, *(["resume"] if frames > 1 else []))
-        assert done.returncode == 0, done.stderr
-    # Every run wrote its own files; those of earlier restarts are gone.
+    assert started(2, script, folder, 4, 1, "kill").returncode != 0
+    # Half of frame 3 is on the disk; nobody sees it.
+    begun, whole = Frames(folder), Frames(alone)
+    assert len(begun) == 3
+    np.testing.assert_array_equal(begun[2].positions, whole[2].positions)
+    done = started(4, script, folder, 4, 1, "resume")
+    assert done.returncode == 0, done.stderr
+    # Both runs wrote their own files; those of earlier restarts are gone.
     names = sorted(path.name for path in (folder / "parts").iterdir())
     assert [name for name in names if name.startswith("restart")] == [f"restart.4.{rank}.h5" for rank in range(4)]
-    assert sum(name.startswith("frames") for name in names) == 2 + 3 + 4
+    assert sum(name.startswith("frames") for name in names) == 2 + 4
     require_same(folder, alone)
     found, expected = state_of(folder), state_of(alone)
     assert found.keys() == expected.keys()

@@ -25,7 +25,7 @@ def test_explanations_name_arguments_that_exist():
         assert set(explained) <= set(inspect.signature(build).parameters), name
 
 
-@pytest.mark.parametrize("command", ["run", "plan", "sweep"])
+@pytest.mark.parametrize("command", ["run", "plan", "sweep", "fit"])
 @pytest.mark.parametrize(
     "arguments", [("notched_strip", "--help"), ("--help", "notched_strip"), ("--points", "9", "notched_strip", "-h")]
 )

@@ -6,6 +6,7 @@ from helpers import MU, NEO, array, build, square
 from scipy.sparse.linalg import LinearOperator, eigs
 
 from warp_pd import Bimodular, BondAssociated, BondBased, Explicit, Fixed, Neural, Nodal, Simulation
+from warp_pd.solvers import stable_step
 from warp_pd.solvers.explicit import FIRST_ITERATIONS
 
 
@@ -60,3 +61,19 @@ def test_the_stable_step_is_a_bound(law, stretch):
     estimate = built.solver.estimate(FIRST_ITERATIONS)
     exact = 2.0 / largest_frequency(built)
     assert 0.97 * exact < estimate <= exact
+
+
+def test_the_estimate_of_a_sheet_of_many_blocks_is_the_same(monkeypatch):
+    sheet = square(41)
+
+    def squared(groups):
+        built = build(sheet, loads=[Fixed(sheet.edges("left"))])
+        assert ("sums_of_groups" in {stored.name for stored in built.context.fields}) == groups
+        assert built.solver.stable_step.omega(40) > 0.0
+        return built.solver.stable_step._squared.numpy()
+
+    alone = squared(groups=False)
+    monkeypatch.setattr(stable_step, "MANY_BLOCKS", 5)
+    monkeypatch.setattr(stable_step, "GROUP", 3)
+    # 1681 points are 7 blocks, in 3 groups; the order of the sums differs.
+    np.testing.assert_allclose(squared(groups=True), alone, rtol=1e-5)

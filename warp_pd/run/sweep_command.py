@@ -1,0 +1,122 @@
+"""The command warp-pd sweep: how each run starts, what is printed, and the files of the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..checks import InputError
+from ..device.crew import LostError
+from ..drawing.picture_files import Drawing, drawing
+from ..output.sweep_plot import draw_sweep
+from . import exit_codes
+from .divergence import DivergedError
+from .folder import run_summary, writable_folder
+from .processes import launch
+from .runner import FINISHED, STOPPED
+from .scene_files import build_scene, load_scene
+from .sweep import REFUSED, Row, Start, Task, printed_table, sweep, write_table
+
+
+def here(options: Mapping[str, Any]) -> Start:
+    """Runs in this process, with some options of `Simulation.run`."""
+
+    def start(task: Task) -> Mapping[str, Any]:
+        found = task.simulation.run(out=task.folder, resume=task.resume, overwrite=task.overwrite, **options)
+        return dict(found.summary)
+
+    return start
+
+
+def apart(scene: str, options: Mapping[str, Any], gpus: int, processes: int) -> Start:
+    """Runs divided among processes of their own, one run after the other: `warp-pd run` with --gpus or --processes.
+
+    Args:
+        scene: Name or file.
+        options: As for `here`.
+        gpus: Number of GPUs, or 1.
+        processes: Number of processes, or 1.
+    """
+
+    def start(task: Task) -> Mapping[str, Any]:
+        code = launch(gpus, processes, options["device"], ["run", scene, *_arguments(task, options)])
+        return _summary(task.folder, code)
+
+    return start
+
+
+def _arguments(task: Task, options: Mapping[str, Any]) -> list[str]:
+    """What `warp-pd run` takes after the scene, apart from the number of processes, for a run of a sweep."""
+    given = [f"--set={name}={value}" for name, value in task.values.items()]
+    given += [f"--{name}={options[name]}" for name in ("device", "precision") if options[name] is not None]
+    given += [f"--pictures={options['pictures']}"] if options["pictures"] else ["--no-pictures"]
+    flags = {"usd": "--no-usd", "view": "--no-view"}
+    given += [flag for name, flag in flags.items() if not options[name]]
+    given += [flag for flag, wanted in (("--resume", task.resume), ("--overwrite", task.overwrite)) if wanted]
+    return [*given, f"--out={task.folder}", "--quiet"]
+
+
+def _summary(folder: Path, code: int) -> Mapping[str, Any]:
+    """The summary of a run of other processes, which have said themselves what went wrong."""
+    if code == exit_codes.WRONG_INPUT:
+        raise InputError("refused, see above")
+    if code == exit_codes.LOST:
+        raise LostError("a process of the run ended; the same command continues")
+    summary = run_summary(folder)
+    if summary is None and code == exit_codes.INTERRUPTED:
+        raise KeyboardInterrupt
+    if summary is None:
+        raise DivergedError("no frame was written, see above")
+    return summary
+
+
+def run_sweep(
+    scene: str, choices: Mapping[str, Sequence[str]], folder: Path, start: Start, precision: int | None,
+    overwrite: bool, quiet: bool,
+) -> int:  # fmt: skip
+    """Run a sweep, print and write its table, draw its plot.
+
+    Args:
+        scene: Name or file.
+        choices: Values of each argument.
+        folder: Of the runs, the table and the plot.
+        start: Runs a simulation.
+        precision: Of all runs; None for the solver's.
+        overwrite: Run everything again.
+        quiet: Print the table alone.
+
+    Returns:
+        The exit code, that of the worst run.
+
+    Raises:
+        InputError: for a scene that does not exist, or a folder that cannot be written.
+    """
+    load_scene(scene)
+    writable_folder(folder, resume=False)
+
+    def told(number: int, count: int, row: Row) -> None:
+        if not quiet:
+            seconds = f" in {row.summary['wall_s']:.1f} s" if row.summary and not row.skipped else ""
+            text = f"{row.status}{', done before' if row.skipped else ''}{seconds}"
+            click.echo(f"[{number}/{count}] {row.name}: {text}", err=True)
+
+    def build(values: dict[str, str]) -> Any:
+        return build_scene(scene, values)
+
+    rows = sweep(build, choices, folder, start, precision=precision, overwrite=overwrite, told=told)
+    for row in rows:
+        if row.message:
+            click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
+    click.echo(printed_table(rows))
+    write_table(folder / "sweep.csv", rows)
+    with drawing(Drawing(Path(scene).stem)):
+        drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])
+    click.echo(f"  {folder / 'sweep.csv'}" + (f", {folder / 'sweep.png'}" if drawn else ""))
+    ends = {row.status for row in rows}
+    if STOPPED in ends:
+        click.echo("warp-pd: interrupted: the same command continues", err=True)
+        return exit_codes.INTERRUPTED
+    return exit_codes.DIVERGED if ends - {FINISHED, REFUSED} else exit_codes.WRONG_INPUT if REFUSED in ends else 0

@@ -1,0 +1,168 @@
+"""Newton steps at one load factor: tension for slack starts, the linear solve, line search."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from ..device.fields import assign
+from ..interfaces import FrameSink
+from .level import dot
+
+if TYPE_CHECKING:
+    from .search import Search
+
+# A step is accepted unless the work of the unbalanced force along it turned to less than minus this share.
+MAX_OVERSHOOT = 0.5
+MAX_TRIALS = 12
+# Nor may the unbalanced force become so many times larger: beyond an energy barrier that work has no sign to trust.
+MAX_GROWTH = 10.0
+# Added tension over the mean modulus: at a slack start, after a failed step, where it is given up and dropped.
+SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.1, 1e-3, 100.0, 1e-7
+# A linear solve reaches this share of the residual at most, and no further than the tolerance asks.
+LOOSEST, TIGHTEST = 0.05, 1e-6
+# A tangent taken at a residual below this one is kept.
+KEPT = 1e-4
+# Residual to which coarser lattices are solved: their discretisation error is larger.
+COARSE_TOLERANCE = 1e-3
+
+
+class Descent:
+    """Newton steps of one level at one load factor."""
+
+    def __init__(self, search: Search, index: int, factor: float, sink: FrameSink) -> None:
+        self.search, self.index, self.sink = search, index, sink
+        self.level, self.solver = search.levels[index], search.solvers[index]
+        self.constant = search.settings.stiffness == "constant"
+        held = self.level.held
+        self.lift = np.zeros((self.level.points, 3))
+        if held.any():
+            here = self.level.displacement.numpy().astype(np.float64)
+            self.lift = np.where(held, search.target(index, factor) - here, 0.0)
+            self.lift[np.abs(self.lift) <= 1e-12 * np.abs(here).max()] = 0.0
+        self.lifting = bool(self.lift.any())
+        self.tension = 0.0
+        self._kept = False
+        self.tolerance = search.tolerance if index == 0 else max(search.tolerance, COARSE_TOLERANCE)
+        self.residuals: list[float] = []
+        self.shares: list[float] = []
+
+    def run(self) -> dict[str, Any]:
+        """Steps until equilibrium or failure, as an entry of the report."""
+        before = self.solver.products
+        wp.copy(self.level.base, self.level.displacement)
+        norm, scale = self.level.evaluate()
+        converged = False
+        for iteration in range(self.search.settings.most_iterations + 1):
+            relative = self.search.relative(norm, scale) if self.index == 0 else ratio(norm, scale)
+            self.residuals.append(relative)
+            if self.index == 0:
+                self.sink.progress(len(self.shares), relative, self.search.tolerance)
+            if not math.isfinite(norm):
+                break
+            converged = relative <= self.tolerance and not self.lifting
+            if converged and self.index == 0:
+                self.search.largest = max(self.search.largest, scale)
+            if converged or iteration == self.search.settings.most_iterations:
+                break
+            advanced = self._step(relative, norm)
+            if advanced is None:
+                break
+            norm, scale = advanced
+        return {
+            "points": self.level.points,
+            "converged": converged,
+            "residuals": self.residuals,
+            "shares": self.shares,
+            "products": self.solver.products - before,
+        }
+
+    def _step(self, relative: float, norm: float) -> tuple[float, float] | None:
+        """One accepted step: the new norms; None if no tension helps."""
+        level, search = self.level, self.search
+        while True:
+            least = level.tangent.min_tension(relative)
+            usable = self._kept or search.linearise(self.index, max(self.tension, least))
+            self._kept = usable and relative <= KEPT and self.tension == 0.0 and self._shrinks()
+            if not search.modulus:
+                search.modulus = level.tangent.modulus()
+                if not self.constant and level.tangent.is_slack():
+                    self.tension = SLACK_TENSION * search.modulus
+                    continue
+            if usable:
+                self._direct(relative)
+                if self.constant:
+                    return self._full_step()
+                work = dot(level.direction, level.residual)
+                if self.lifting or work > 0.0:
+                    found = self._search_line(work, norm)
+                    if found is not None:
+                        return found
+            if self.constant:
+                return None
+            self._kept = False
+            self.tension = max(10.0 * self.tension, FIRST_TENSION * search.modulus)
+            if self.tension > MAX_TENSION * search.modulus:
+                return None
+
+    def _shrinks(self) -> bool:
+        """Whether the last step left less than a tenth of the residual: bonds that go slack ask for a new tangent."""
+        return len(self.residuals) > 1 and self.residuals[-1] < 0.1 * self.residuals[-2]
+
+    def _direct(self, relative: float) -> None:
+        """Newton's direction, held components included."""
+        level = self.level
+        right_side = level.residual.numpy().astype(np.float64)
+        if self.lifting:
+            assign(level.vector, self.lift)
+            level.run("product")
+            right_side = right_side - level.image.numpy()
+        goal = self.tolerance
+        accuracy = TIGHTEST
+        if math.isfinite(relative) and relative > 0.0:
+            accuracy = min(LOOSEST, max(relative, 0.03 * goal / relative, TIGHTEST))
+        self.solver.solve(right_side, accuracy)
+        if self.lifting:
+            assign(level.direction, level.direction.numpy() + self.lift)
+
+    def _search_line(self, work: float, norm: float) -> tuple[float, float] | None:
+        """Accept a share of the direction; None, and back to the base, if there is none."""
+        level, share = self.level, 1.0
+        for _ in range(MAX_TRIALS):
+            level.step_to(share)
+            new_norm, scale = level.evaluate()
+            left = dot(level.direction, level.residual)
+            settled = left >= -MAX_OVERSHOOT * work and new_norm < MAX_GROWTH * norm
+            if math.isfinite(new_norm) and (self.lifting or settled or new_norm < norm):
+                self._accept(share, ratio(new_norm, scale))
+                return new_norm, scale
+            share *= min(0.5, max(0.1, work / (work - left))) if math.isfinite(left) else 0.25
+        level.step_to(0.0)
+        level.evaluate()
+        return None
+
+    def _full_step(self) -> tuple[float, float]:
+        """Take the whole direction, whatever comes of it."""
+        self.level.step_to(1.0)
+        norm, scale = self.level.evaluate()
+        self._accept(1.0, ratio(norm, scale))
+        return norm, scale
+
+    def _accept(self, share: float, relative: float) -> None:
+        wp.copy(self.level.base, self.level.displacement)
+        self.shares.append(share)
+        if self.lifting:
+            self.lift *= 1.0 - share
+            self.lifting = bool(self.lift.any())
+        if share == 1.0:
+            self.tension = min(0.1 * self.tension, relative * self.search.modulus)
+            if self.tension < MIN_TENSION * self.search.modulus:
+                self.tension = 0.0
+
+
+def ratio(norm: float, scale: float) -> float:
+    """The norm of an unbalanced force over that of the loads [-]; infinite without loads."""
+    return 0.0 if norm == 0.0 else norm / scale if scale > 0.0 else math.inf
