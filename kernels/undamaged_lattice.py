@@ -376,7 +376,7 @@ def undamaged_lattice_force(
 def changed_families(module: str) -> Kernel:
     """Kernel that lists the inner points that have lost bonds, in any order."""
 
-    @kernel(module)
+    @kernel(module, per="list")
     def changed_families(
         family_class: wp.array(dtype=wp.int32),
         inner: int,
