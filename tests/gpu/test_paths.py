@@ -38,6 +38,7 @@ def test_fast_kernels_are_the_reference_kernels(device, monkeypatch, size, cloud
     if size == "large":
         monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
         monkeypatch.setattr(fast_path, "RING", 300)
+        monkeypatch.setattr(fast_path, "CLOUD_RING", 300)
     sheet = square(33).as_cloud() if cloud else square(33)
     forces = []
     for fast in (True, False):

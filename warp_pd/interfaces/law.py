@@ -241,6 +241,11 @@ class Law(Protocol):
         """Whether its bonds can lose their weight gradually."""
         return False
 
+    @property
+    def compact(self) -> str:
+        """Name of the influence function if its fast kernels take the tables of kernels/compact_clouds.py, or empty."""
+        return ""
+
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
         ...

@@ -21,7 +21,7 @@ from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
-from .fast_path import FastForce, fast_path
+from .fast_path import FastForce, fast_path, has_blocks
 from .shared_tables import law_tables
 from .shown_fields import ShownFields, factors
 from .variational import Key
@@ -72,6 +72,13 @@ class BondAssociated:
     def softens(self) -> bool:
         """Whether its bonds can lose their weight gradually."""
         return self.form == "variational" and self.broken == "drop"
+
+    @property
+    def compact(self) -> str:
+        """Name of the influence function, "table" if it has none, if the law has fast kernels for a cloud on a GPU."""
+        if not has_blocks(self):
+            return ""
+        return self.influence if isinstance(self.influence, str) else "table"
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

@@ -1,8 +1,8 @@
 """Fast kernels of the variational bond-associated law, and when they are used.
 
-On a CPU one kernel serves all families. On a GPU undamaged families inside a lattice or grid have a separate
-kernel, if the material is isotropic. It puts all other points on a list, which a second kernel works through with two
-bonds per thread. Clouds, and sheets too small to fill a GPU with one thread per point, use only the second kernel.
+On a CPU one kernel serves all families. On a GPU undamaged families inside a lattice or grid have a kernel of their
+own, if the material is isotropic, and so have damaged ones there. All others, those of clouds, and of sheets too small
+to fill a GPU with one thread per point, share blocks of threads, with two bonds per thread.
 
 The bond forces of large lattices pass through a ring buffer, one strip of the sheet at a time: all of them would take
 most of the memory, and those of a strip stay in the cache of a GPU.
@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import warp as wp
@@ -21,26 +20,41 @@ import warp as wp
 from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Span, Stage
-from ..interfaces import BondBreaking
+from ..interfaces import BondBreaking, Law
+from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
-from ..kernels.families import WORD
+from ..kernels.families import WORD, is_compact
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
 from ..kernels.reverse_bonds import gather_reverse_bonds
-from ..kernels.undamaged_lattice import Stencil, undamaged_lattice_force
+from ..kernels.stencil import Stencil
+from ..kernels.undamaged_lattice import changed_families, undamaged_lattice_force
 from ..materials import capabilities
+from ..sheet import Sheet
+from .point_lists import Lists, Run, Strip
 from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
+if TYPE_CHECKING:
+    from .bond_associated import BondAssociated
+
 # Largest family whose bonds share a thread block, and largest that a CPU sums by rows; larger ones compile slowly.
 MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
+# Largest horizon [spacings] with so few members also on an irregular cloud.
+MAX_COMPACT = 4.0
+# Largest number of points of such a cloud: entries of its tables have numbers of 31 bits.
+MAX_COMPACT_POINTS = 2**24
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
 UNDAMAGED_BLOCK = 64
+# Threads of the kernel of damaged families inside a lattice: as many as a GPU holds at once.
+DAMAGED_THREADS = 528 * UNDAMAGED_BLOCK
 # Maximum number of blocks of the kernel of all others: enough to fill a GPU; each works until all families are done.
 # With a list most blocks would find nothing, and starting them takes time.
 MAX_BLOCKS, MAX_LISTED_BLOCKS = 8192, 1056
 # Columns of the ring: every strip waits for its few families at edges, which take as long as 2^16 others.
 RING = 2**20
+# The same of a cloud, which has no such families.
+CLOUD_RING = 2**18
 # Number of bonds up to which all families of a sheet use the second kernel.
 MAX_SHARED = 300_000
 
@@ -84,6 +98,21 @@ def fast_path(force: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray
     small = force.context.whole.size * members <= MAX_SHARED
     stencil = undamaged_stencil(force.families, inverse, weights) if known.isotropic and not small else None
     return FastPath(force, known.near, stencil)
+
+
+def has_blocks(law: BondAssociated) -> bool:
+    """Whether families of a law, on a cloud of its horizon, share blocks of threads that find shape tensors."""
+    near = capabilities(law.material).near
+    able = law.fast and law.weights != "published" and law.broken == "drop" and near is not None
+    return able and law.horizon <= MAX_COMPACT
+
+
+def compact_tables(law: Law, sheet: Sheet, device: wp.Device) -> str:
+    """Name of the influence function if the families are those of kernels/compact_clouds.py, or empty."""
+    flat_cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < MAX_COMPACT_POINTS
+    if not law.compact or not flat_cloud or not shares_memory(device):
+        return ""
+    return law.compact if sheet.spacings is None else "table"
 
 
 def shares_memory(device: wp.Device) -> bool:
@@ -164,18 +193,22 @@ class FastPath:
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
             w.use_fast_math(module)
-        self.others: Array | None = None
-        self.other_count: Array | None = None
-        if self.listed:
-            self.others = w.array("other_points", force.owner, wp.int32, shape=force.points, per="table")
-            self.other_count = w.array("other_count", force.owner, wp.int32, shape=1, per="once")
-        self.strips = self._strips() if self.listed else []
-        self.moments = self._moments()
+        self.lists = None if stencil is None else Lists.of(force, self.whole_families, stencil[1])
+        self.compact = is_compact(w.layout)
+        # The families of a cloud are all alike to their kernel: its strips may be short, and then stay in the cache.
+        self.ring = CLOUD_RING if self.compact else RING
+        self.strips = self._strips() if self.listed or (self.compact and w.share is None) else []
+        self.moments = None if self.compact else self._moments()
         members = force.families.members
         if len(self.strips) > 1:
-            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, RING), per="bond")
+            self.bond_force = w.array("bond_force_ring", force.owner, vec3, shape=(members, self.ring), per="bond")
         else:
             self.bond_force = force.pairs
+
+    @property
+    def _drops(self) -> bool:
+        """Whether inner families that lost bonds have a kernel: not if others get their weight, or they fade."""
+        return self.force.key[3] == "drop" and not self.force.context.features.gradual
 
     def _undamaged_module(self) -> str:
         """Name of the module of the kernel of undamaged families: all sheets that need the same kernel share it."""
@@ -204,9 +237,9 @@ class FastPath:
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete after it."""
         points, here = self.force.points, self.whole_families
-        reach = self.force.families.index_reach() if points > 2 * RING else 0
-        size = RING - 2 * reach
-        if points <= 2 * RING or size < RING // 2:
+        reach = self.force.families.index_reach() if points > 2 * self.ring else 0
+        size = self.ring - 2 * reach
+        if points <= 2 * self.ring or size < self.ring // 2:
             return [Strip(here.start, here.stop, 0, points)]
         strips: list[Strip] = []
         for begin in range(here.start, here.stop, size):
@@ -219,9 +252,45 @@ class FastPath:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3; bonds may break before."""
         everything = Strip(self.whole_families.start, self.whole_families.stop, 0, self.force.points)
         for strip in self.strips or [everything]:
-            if self.stencil is not None:
-                self._add_undamaged(stage, strip, *self.stencil, displacement, force, breaking)
-            self._add_shared(stage, strip, displacement, force, breaking)
+            if self.lists is None:
+                self._add_shared(stage, Run(None, None, strip.begin, strip.end), displacement, force, breaking)
+            else:
+                self._add_listed(stage, strip, self.lists, displacement, force, breaking)
+            self._add_gather(stage, strip, force)
+
+    def _add_listed(
+        self, stage: Stage, strip: Strip, lists: Lists, displacement: Array, force: Array,
+        breaking: BondBreaking | None,
+    ) -> None:  # fmt: skip
+        """Kernels of inner families and of all others, beside each other on one GPU.
+
+        A few families keep a GPU waiting as long as a hundred thousand: they run while it works on the others.
+        """
+        assert self.stencil is not None
+        law, alone = self.force, self.force.context.share is None
+        undamaged = (stage, strip, *self.stencil, displacement, force, breaking)
+        if not alone:
+            # What exchanges wait for comes first.
+            self._add_undamaged(*undamaged)
+        if lists.damaged is not None:
+            assert law.intact is not None
+            stage.launch(
+                law.owner, changed_families(self.module), strip.end - strip.begin, begin=strip.begin,
+                family_class=law.struct.family_class, inner=self.stencil[1], full=self.stencil[0].all_members,
+                intact=law.intact, damaged_points=lists.damaged, damaged_count=lists.counts[1:],
+            )  # fmt: skip
+        edges = lists.edges_between(strip.begin, strip.end)
+        self._add_shared(stage, edges, displacement, force, breaking, beside=alone)
+        if lists.damaged is not None and self._drops:
+            self._add_damaged(stage, lists, *self.stencil, displacement, force, breaking)
+        elif lists.damaged is not None:
+            changed = Run(lists.damaged, lists.counts[1:], 0, law.points)
+            self._add_shared(stage, changed, displacement, force, breaking, beside=alone)
+        if alone:
+            self._add_undamaged(*undamaged)
+        if breaking is not None:
+            near = Run(lists.near_breaking, lists.counts, 0, law.points)
+            self._add_shared(stage, near, displacement, force, breaking)
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
         """The kernel of undamaged families must know which of them stay so."""
@@ -236,62 +305,86 @@ class FastPath:
         breaking: BondBreaking | None,
     ) -> None:  # fmt: skip
         law = self.force
-        _, bits, _, broken, _ = law.key
-        kernel = undamaged_lattice_force(
-            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, self.module
-        )
         stage.launch(
-            law.owner, kernel, strip.end - strip.begin, begin=strip.begin, block_dim=UNDAMAGED_BLOCK,
-            family_class=law.struct.family_class, inner=inner, intact=law.intact, displacement=displacement,
-            places=law.struct.centres if self.gridded else law.lattice_columns,
-            # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
-            turns=stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
-            unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[inner], others=self.others,
-            squared_stretch=breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
-            other_count=self.other_count, bond_force=self.bond_force, force=force,
+            law.owner, self._lattice_kernel(stencil, False, breaking), strip.end - strip.begin, begin=strip.begin,
+            block_dim=UNDAMAGED_BLOCK, beside=law.context.share is None, family_class=law.struct.family_class,
+            inner=inner, **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
         )  # fmt: skip
 
+    def _add_damaged(
+        self, stage: Stage, lists: Lists, stencil: Stencil, inner: int, displacement: Array, force: Array,
+        breaking: BondBreaking | None,
+    ) -> None:  # fmt: skip
+        alone = self.force.context.share is None
+        stage.launch(
+            self.force.owner, self._lattice_kernel(stencil, True, breaking), DAMAGED_THREADS, block_dim=UNDAMAGED_BLOCK,
+            side_stream=alone, beside=alone, damaged_points=lists.damaged, damaged_count=lists.counts[1:],
+            stride=DAMAGED_THREADS, **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
+        )  # fmt: skip
+
+    def _lattice_kernel(self, stencil: Stencil, damaged: bool, breaking: BondBreaking | None) -> Kernel:
+        _, bits, _, broken, _ = self.force.key
+        return undamaged_lattice_force(
+            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, damaged, self.module,
+        )  # fmt: skip
+
+    def _of_lattice(
+        self, stage: Stage, stencil: Stencil, inner: int, displacement: Array, force: Array,
+        breaking: BondBreaking | None,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Arguments of both kernels of inner families."""
+        law, lists = self.force, self.lists
+        assert lists is not None
+        return {
+            "intact": law.intact, "displacement": displacement,
+            "places": law.struct.centres if self.gridded else law.lattice_columns,
+            # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
+            "turns": stencil.turns, "constants": law.constants, "inverse_horizon": law.inverse_horizon,
+            "unit_force": law.unit_volume * law.inverse_horizon * law.families.areas[inner],
+            "others": lists.near_breaking,
+            "squared_stretch": breaking.squared_stretch if breaking is not None and breaking.acts(stage) else np.inf,
+            "other_count": lists.counts, "bond_force": self.bond_force, "force": force,
+        }  # fmt: skip
+
     def _add_shared(
-        self, stage: Stage, strip: Strip, displacement: Array, force: Array, breaking: BondBreaking | None,
+        self, stage: Stage, run: Run, displacement: Array, force: Array, breaking: BondBreaking | None,
+        beside: bool = False,
     ) -> None:  # fmt: skip
         law, w = self.force, self.force.context
         layout, bits, material, broken, _ = law.key
-        members = law.families.members
+        members, listed = law.families.members, run.points is not None
+        if run.stop == run.start:
+            return
         together, sharing = families_together(members), threads_of_family(members)
-        blocks = min(-(-(strip.end - strip.begin) // together), MAX_LISTED_BLOCKS if self.listed else MAX_BLOCKS)
+        blocks = min(-(-(run.stop - run.start) // together), MAX_LISTED_BLOCKS if listed else MAX_BLOCKS)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
-            self.listed, w.module, self.shared_module,
+            listed, w.module, self.shared_module,
         )  # fmt: skip
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
-            intact=law.intact,
-            others=self.others, other_count=self.other_count, start=strip.begin, stop=strip.end,
+            side_stream=beside, beside=beside, intact=law.intact,
+            others=run.points, other_count=run.count, start=run.start, stop=run.stop,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
             breaks_now=int(breaking is not None and breaking.acts(stage)),
             criterion=0 if breaking is None else breaking.values, horizon=law.families.horizon,
             spared_mask=None if breaking is None else breaking.spared,
             remaining=None if breaking is None else law.intact,
-            bond_force=self.bond_force, force=force, span=None if self.listed else Span(together, MAX_BLOCKS),
+            bond_force=self.bond_force, force=force, span=None if listed else Span(together, MAX_BLOCKS),
         )  # fmt: skip
+
+    def _add_gather(self, stage: Stage, strip: Strip, force: Array) -> None:
+        law, lists = self.force, self.lists
+        layout, bits, _, _, _ = law.key
+        counts = None if lists is None or lists.damaged is None else lists.counts
         steps = law.families.steps
         gather = gather_reverse_bonds(
-            layout, bits, members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            self.bond_force.shape[1] < law.points, self.listed, w.module,
+            layout, bits, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
+            self.bond_force.shape[1] < law.points, counts is not None, law.context.module,
         )  # fmt: skip
         stage.pointwise(
             law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin,
-            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force, other_count=self.other_count,
+            family=law.struct, columns=law.lattice_columns, bond_force=self.bond_force, other_count=counts,
             first_point=strip.gather_begin, force=force,
         )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Strip:
-    """Points begin to end - 1 of a sheet, and those whose force is complete after the forces of these families."""
-
-    begin: int
-    end: int
-    gather_begin: int
-    gather_end: int

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..families import Families, unpack
 from ..kernels.families import WORD
-from ..kernels.undamaged_lattice import LARGE, Stencil
+from ..kernels.stencil import LARGE, Stencil
 
 TOLERANCE = 1e-9
 

@@ -48,6 +48,7 @@ class Visco(BondAssociated):
     fast: bool = field(default=True, kw_only=True)
 
     has_tangent: ClassVar[bool] = False
+    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
