@@ -8,11 +8,99 @@ import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
+from .entries import entry_of
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_curved, is_grid, is_lattice
+from .families import WORD, family_functions, has_shares, is_compact, is_curved, is_grid, is_lattice
 from .kinematics import kinematics
 from .numeric import numeric
 from .rupture import Breaking
+
+_ADD_PRODUCTS = """
+    if (here) {
+        for (int a = 0; a < 3; ++a) {
+            sums[a] += w[3] * w[a];
+            sums[3 + a] += y[0] * w[a];
+        }
+    }
+    return sums;
+"""
+
+_ADD_PARTS = """
+    if (here) {
+        for (int a = 0; a < 4; ++a) sums[a] += part[a];
+        for (int a = 0; a < 2; ++a) sums[4 + a] += rest[a];
+    }
+    return sums;
+"""
+
+_ADD_PRODUCTS_AND_SHAPES = """
+    if (here) {
+        for (int a = 0; a < 3; ++a) {
+            sums[a] += w[3] * w[a];
+            sums[3 + a] += y[0] * w[a];
+        }
+        sums[6] += w[3] * y[1];
+        sums[7] += w[3] * y[2];
+        sums[8] += y[0] * y[2];
+    }
+"""
+
+_OPAQUE = """
+#if defined(__CUDA_ARCH__)
+    asm("" : "+r"(mask));
+#endif
+    return mask;
+"""
+
+
+@wp.func_native("WP_TILE_SYNC();")
+def synchronize():
+    """Wait for all threads of the block: what they put into tiles can then be read."""
+    ...
+
+
+@functools.cache
+def putting(kind: Any) -> wp.Function:
+    """Function (tile, index, value of a type) that writes an element of a shared tile, and does not wait for others.
+
+    `wp.tile` makes tiles of what the threads have, with two barriers for each; here one serves all of them.
+    """
+
+    @wp.func_native("tile.data(wp::tile_coord(index)) = value;")
+    def put(tile: Any, index: int, value: kind): ...
+
+    return put
+
+
+@wp.func_native(_OPAQUE)
+def opaque(mask: wp.uint32) -> wp.uint32:
+    """The mask itself: a compiler that knows how it was found would find it anew for each bit."""
+    ...
+
+
+def _products_and_shapes(bits: int) -> str:
+    """Code of nine sums.
+
+    In float32 on a GPU it is PTX with predicates: a compiler would branch around so many sums, which takes longer than
+    to pass them by. %0 to %8 are the sums, %9 says whether, %10 to %16 are U, w[3] and y.
+    """
+    if bits == 64:
+        return f"{_ADD_PRODUCTS_AND_SHAPES}return sums;"
+    first, second = "%13", "%14"
+    factors = [*((first, f"%{10 + a}") for a in range(3)), *((second, f"%{10 + a}") for a in range(3))]
+    factors += [(first, "%15"), (first, "%16"), (second, "%16")]
+    lines = [f"@p fma.rn.f32 %{at}, {one}, {other}, %{at};" for at, (one, other) in enumerate(factors)]
+    text = " ".join(["{ .reg .pred p; setp.ne.u32 p, %9, 0;", *lines, "}"])
+    results = ", ".join(f'"+f"(sums[{at}])' for at in range(9))
+    read = ", ".join(f'"f"({value})' for value in ("w[0]", "w[1]", "w[2]", "w[3]", "y[0]", "y[1]", "y[2]"))
+    return f"""
+#if defined(__CUDA_ARCH__)
+    asm("{text}" : {results} : "r"(here), {read});
+#else
+    {_ADD_PRODUCTS_AND_SHAPES}
+#endif
+    return sums;
+"""
 
 
 @dataclass(frozen=True)
@@ -26,7 +114,13 @@ class BlockFunctions:
             missing, which are few.
         arrive: What the thread of a bond knows before it has heard from the others.
         missing_shapes: What intersections have lost of their shape tensors.
-        answer: A_ik of a bond and its weight, from the sums over D_ik.
+        answer: A_ik of a bond, its weight, and what the next stress may start from, from the sums over D_ik.
+        compact: Whether shape tensors are sums, too, as on a cloud with tables of few bytes.
+        Arm: Type of what threads exchange of a member besides (U_k, c_k X_k1): c_k X_k2 and 1 / c_k, or X_k instead.
+        vec6: Type of sums of two vectors.
+        Sums: Type of the sums over an intersection: c_k X_k1 U_k, c_k X_k2 U_k, and K_ij if shape tensors are sums.
+        add_products: These sums, with one more member if it is in the intersection.
+        add_parts: Sums of the columns of A, with those of one more bond if it is in the intersection.
     """
 
     Words: Any
@@ -35,6 +129,12 @@ class BlockFunctions:
     arrive: wp.Function
     missing_shapes: wp.Function
     answer: wp.Function
+    compact: bool
+    Arm: Any
+    vec6: Any
+    Sums: Any
+    add_products: wp.Function
+    add_parts: wp.Function
 
 
 @functools.cache
@@ -58,13 +158,18 @@ def block_functions(
     intact_members, is_intact = law.intact_members, law.is_intact
     green, damaged_inverse = law.green, law.damaged_inverse
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
+    inverse_shape = kinematics(bits).inverse_shape
     area_weight, stress_near, stress_on_members = law.area_weight, near(bits), law.stress_on_members
     damaged, redistribute = breakable is not None, breakable == "redistribute"
     by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
-    by_missing = not (redistribute or gradual or curved)
+    plain = not (redistribute or gradual or curved)
+    compact = is_compact(layout)
+    by_missing = plain and not compact
     n, word_size, words = members, WORD, -(-members // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
+    Arm = vec4 if compact else vec2
+    vector_of, moment_of = entry_of(vec3, 1), entry_of(vec3, 2)
     breaks = breaking is not None
     Constants: Any = breaking.criterion.struct if breaking else int
     exceeds = breaking.criterion.exceeds if breaking else None
@@ -96,9 +201,23 @@ def block_functions(
         if wp.static(by_row):
             row = family.family_class[i]
         m = wp.clamp(f.neighbour(family, i, member), 0, displacement.shape[0] - 1)
-        moment = moments[member, row]
-        stretch = f.to_frame(family, i, inverse_horizon * (displacement[m] - displacement[i]))
-        inverse = f.shape(family, i, member)
+        X = vec2(real(0.0), real(0.0))
+        if wp.static(compact):
+            X = f.bond(family, i, member)
+            c = f.influence(family, i, member) * f.area(family, m)
+            moment = vec3(c * X[0], c * X[1], real(0.0))
+        else:
+            if wp.static(by_row):
+                moment = moment_of(moments, member * moments.shape[1] + row)
+            else:
+                moment = moments[member, row]
+        stretch = f.to_frame(family, i, inverse_horizon * (vector_of(displacement, m) - vector_of(displacement, i)))
+        inverse = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(not compact):
+            inverse = f.shape(family, i, member)
+        elif wp.static(damaged):
+            # Only its determinant is needed, and any tensor that has it will do.
+            inverse = vec3(family.determinants[member, i], real(0.0), real(1.0))
         weight = f.weight(family, i, member)
         intact_here = here and k < wp.static(n) and is_intact(family, intact, i, member)
         breaks_here = bool(False)
@@ -119,7 +238,14 @@ def block_functions(
             together = f.common(family, i, member, wp.static(word)) & intact_members(family, intact, i, wp.static(word))
             common[word] = wp.where(intact_here, together, wp.uint32(0))
         exchanged = vec4(stretch[0], stretch[1], stretch[2], moment[0])
-        return intact_here, exchanged, vec2(moment[1], moment[2]), common, breaks_here, inverse, weight
+        arm = Arm()
+        arm[0] = moment[1]
+        if wp.static(compact):
+            arm[1] = X[0]
+            arm[2] = X[1]
+        else:
+            arm[1] = moment[2]
+        return intact_here, exchanged, arm, common, breaks_here, inverse, weight
 
     @wp.func(module=fast_module)
     def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
@@ -180,22 +306,27 @@ def block_functions(
         rises: vec2,
         G1: vec3,
         G2: vec3,
+        guess: real,
     ):
-        """A_ik of a bond and its weight, from the sums over D_ik; `shape`, `size`, `rises` are of a damaged family.
+        """A_ik of a bond, its weight and what the next stress may start from, from the sums over D_ik.
 
-        If `by_missing`, `shape` is of the members that are missing.
+        `shape`, `size` and `rises` are of a damaged family; if `by_missing`, `shape` is of the members that it lost.
         """
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
         weight = real(0.0)
+        next_guess = guess
         if intact_here:
             tilt = f.tilt(family, i, k)
+            undamaged_inverse = inverse
+            if wp.static(compact):
+                inverse = inverse_shape(shape)
             if wp.static(damaged):
                 if not undamaged:
                     if wp.static(by_missing):
-                        inverse = without_missing(shape, inverse)
+                        inverse = without_missing(shape, undamaged_inverse)
                     else:
-                        inverse, size = damaged_inverse(shape, inverse, size)
+                        inverse, size = damaged_inverse(shape, undamaged_inverse, size)
                     if wp.static(curved):
                         slope = vec2(
                             inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
@@ -206,11 +337,28 @@ def block_functions(
                 H2 = G1 * inverse[1] + G2 * inverse[2]
                 if wp.static(curved):
                     H1, H2 = level(H1, H2, tilt)
-                S, _guess = stress_near(green(H1, H2, tilt), constants, real(0.0))
+                S, found = stress_near(green(H1, H2, tilt), constants, guess)
+                next_guess = found
                 weight = table_weight
                 if wp.static(damaged and not by_missing):
                     weight = area_weight(family, i, k, undamaged, size)
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-        return A1, A2, weight
+        return A1, A2, weight, next_guess
 
-    return BlockFunctions(Words, Constants, by_missing, arrive, missing_shapes, answer)
+    vec6 = wp.types.vector(length=6, dtype=real)
+
+    Sums = wp.types.vector(length=9 if compact else 6, dtype=real)
+
+    @wp.func_native(_products_and_shapes(bits) if compact else _ADD_PRODUCTS)
+    def add_products(sums: Sums, here: wp.uint32, w: vec4, y: Arm) -> Sums:
+        """The sums of c_k X_k1 U_k and c_k X_k2 U_k, with one more member if it is in the intersection."""
+        ...
+
+    @wp.func_native(_ADD_PARTS)
+    def add_parts(sums: vec6, here: wp.uint32, part: vec4, rest: vec2) -> vec6:
+        """The sums of the columns of A, with those of one more bond if it is in the intersection."""
+        ...
+
+    return BlockFunctions(
+        Words, Constants, by_missing, arrive, missing_shapes, answer, compact, Arm, vec6, Sums, add_products, add_parts
+    )

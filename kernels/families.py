@@ -27,6 +27,7 @@ from .numeric import numeric
 WORD = 32
 CURVED = " curved"
 WITH_SHARES = " with shares"
+COMPACT = "cloud compact "
 
 
 @dataclass(frozen=True)
@@ -303,7 +304,14 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
 
 @functools.cache
 def family_functions(layout: str, bits: int, module: str) -> FamilyFunctions:
-    """Functions of `layout`, "lattice", "grid" or "cloud"; a cloud perhaps `CURVED`, each perhaps `WITH_SHARES`."""
+    """Functions of `layout`, "lattice", "grid" or "cloud"; a cloud perhaps `CURVED`, each perhaps `WITH_SHARES`.
+
+    A cloud in few bytes is `COMPACT` and the name of its influence function, see kernels/compact_clouds.py.
+    """
+    if is_compact(layout):
+        from .compact_clouds import compact_functions
+
+        return compact_functions(bits, layout.removeprefix(COMPACT), module)
     if is_lattice(layout):
         return lattice_functions(bits, has_shares(layout), module)
     return table_functions(bits, has_shares(layout), is_grid(layout), module, is_curved(layout))
@@ -322,6 +330,11 @@ def is_grid(layout: str) -> bool:
 def is_curved(layout: str) -> bool:
     """Whether the points lie on a surface in space."""
     return layout.removesuffix(WITH_SHARES).endswith(CURVED)
+
+
+def is_compact(layout: str) -> bool:
+    """Whether a cloud has tables of few bytes."""
+    return layout.startswith(COMPACT)
 
 
 def has_shares(layout: str) -> bool:

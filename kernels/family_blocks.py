@@ -10,7 +10,8 @@ exchange their results, between barriers, through the shared memory of the block
 k belongs to D_ij if j belongs to D_ik, so both sums run over the members of one intersection. Loops over members are
 unrolled. A thread uses what it reads of a member for both of its bonds, because reading takes as long as summing: one
 is k, of the near half of the family, the other lies half a family further, in the far half. Adjacent threads have the
-same bond of neighbouring points, and on a lattice they follow the same branches.
+same bond of neighbouring points, and on a lattice they follow the same branches. A member outside an intersection is
+passed by under a predicate: selecting zero for it would take two more instructions, and a branch more still.
 """
 
 import functools
@@ -18,7 +19,7 @@ import functools
 import warp as wp
 
 from .bits import bit_in_word
-from .block_functions import block_functions
+from .block_functions import block_functions, opaque, putting, synchronize
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
@@ -71,7 +72,8 @@ def block_force(
         breakable: None, "redistribute" or "drop".
         breaking: What breaks bonds before the forces are found, or None. Each family is told by its own bonds alone.
         members: Maximum number of members of a family.
-        listed: Whether the points are those on the list `others`, instead of `start` to `stop` - 1.
+        listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, of which `other_count` exist,
+            instead of these points themselves.
         module: Name of the Warp module of the law.
         fast_module: Name of the Warp module of this kernel alone, which is compiled for its own block size.
     """
@@ -91,6 +93,9 @@ def block_force(
     Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
     arrive, answer = functions.arrive, functions.answer
     missing_shapes = functions.missing_shapes
+    vec6, Sums, add_products, add_parts = functions.vec6, functions.Sums, functions.add_products, functions.add_parts
+    compact, Arm = functions.compact, functions.Arm
+    put_vec2, put_vec3, put_vec4, put_arm, put_words = (putting(kind) for kind in (vec2, vec3, vec4, Arm, Words))
     breaks = breaking is not None
     gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
 
@@ -127,13 +132,21 @@ def block_force(
         slot = lane & (together - 1)
         count = stop - start
         if wp.static(listed):
-            count = other_count[0]
+            count = wp.min(count, other_count[0])
+        # What the threads of a family tell each other: of near members first.
+        stretches = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec4, storage="shared")
+        arms = wp.tile_empty(shape=wp.static(2 * threads), dtype=Arm, storage="shared")
+        firsts = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec4, storage="shared")
+        seconds = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec2, storage="shared")
+        pulls = wp.tile_empty(shape=wp.static(threads), dtype=vec3, storage="shared")
+        if wp.static(breaks):
+            parts = wp.tile_empty(shape=wp.static(threads), dtype=Words, storage="shared")
         while block * together < count:
             place = block * together + slot
             here = place < count
             i = start + wp.min(place, count - 1)
             if wp.static(listed):
-                i = others[wp.min(place, count - 1)]
+                i = others[start + wp.min(place, count - 1)]
             undamaged = bool(True)
             if wp.static(damaged):
                 for word in range(wp.static(words)):
@@ -166,10 +179,10 @@ def block_force(
                 far_k,
                 here,
             )
-            stretches = wp.tile(u, preserve_type=True)
-            far_stretches = wp.tile(far_u, preserve_type=True)
-            arms = wp.tile(m, preserve_type=True)
-            far_arms = wp.tile(far_m, preserve_type=True)
+            put_vec4(stretches, lane, u)
+            put_vec4(stretches, lane + wp.static(threads), far_u)
+            put_arm(arms, lane, m)
+            put_arm(arms, lane + wp.static(threads), far_m)
             gone = Words()
             if wp.static(breaks):
                 gone_here = Words()
@@ -177,43 +190,44 @@ def block_force(
                     gone_here[word] = wp.where(breaks_here, bit_in_word(k, word), wp.uint32(0)) | wp.where(
                         far_breaks_here, bit_in_word(far_k, word), wp.uint32(0)
                     )
-                parts = wp.tile(gone_here, preserve_type=True)
+                put_words(parts, lane, gone_here)
+            synchronize()
+            if wp.static(breaks):
                 any_gone = wp.uint32(0)
                 for other in range(wp.static(half)):
                     lost_bits = parts[wp.static(other * together) + slot]
                     for word in range(wp.static(words)):
                         gone[word] = gone[word] | lost_bits[word]
                         any_gone = any_gone | lost_bits[word]
-                if any_gone != wp.uint32(0):
-                    undamaged = False
-                    for word in range(wp.static(words)):
-                        common[word] = common[word] & ~gone[word]
-                        far_common[word] = far_common[word] & ~gone[word]
-            G1 = vec3(real(0.0), real(0.0), real(0.0))
-            G2 = vec3(real(0.0), real(0.0), real(0.0))
-            far_G1 = vec3(real(0.0), real(0.0), real(0.0))
-            far_G2 = vec3(real(0.0), real(0.0), real(0.0))
+                undamaged = undamaged and any_gone == wp.uint32(0)
+                for word in range(wp.static(words)):
+                    common[word] = common[word] & ~gone[word]
+                    far_common[word] = far_common[word] & ~gone[word]
+            for word in range(wp.static(words)):
+                common[word] = opaque(common[word])
+                far_common[word] = opaque(far_common[word])
+            near_sums = Sums()
+            far_sums = Sums()
             for other in range(wp.static(n)):
+                w = stretches[wp.static(other * together) + slot]
+                y = arms[wp.static(other * together) + slot]
                 bit = wp.static(wp.uint32(1 << (other % word_size)))
-                if wp.static(other < half):
-                    w = stretches[wp.static(other * together) + slot]
-                    y = arms[wp.static(other * together) + slot][0]
-                else:
-                    w = far_stretches[wp.static((other - half) * together) + slot]
-                    y = far_arms[wp.static((other - half) * together) + slot][0]
-                on = (common[wp.static(other // word_size)] & bit) != wp.uint32(0)
-                G1 += wp.where(on, w[3], real(0.0)) * vec3(w[0], w[1], w[2])
-                G2 += wp.where(on, y, real(0.0)) * vec3(w[0], w[1], w[2])
-                on = (far_common[wp.static(other // word_size)] & bit) != wp.uint32(0)
-                far_G1 += wp.where(on, w[3], real(0.0)) * vec3(w[0], w[1], w[2])
-                far_G2 += wp.where(on, y, real(0.0)) * vec3(w[0], w[1], w[2])
+                near_sums = add_products(near_sums, common[wp.static(other // word_size)] & bit, w, y)
+                far_sums = add_products(far_sums, far_common[wp.static(other // word_size)] & bit, w, y)
+            G1 = vec3(near_sums[0], near_sums[1], near_sums[2])
+            G2 = vec3(near_sums[3], near_sums[4], near_sums[5])
+            far_G1 = vec3(far_sums[0], far_sums[1], far_sums[2])
+            far_G2 = vec3(far_sums[3], far_sums[4], far_sums[5])
             shape = vec3(real(0.0), real(0.0), real(0.0))
             far_shape = vec3(real(0.0), real(0.0), real(0.0))
             size = real(0.0)
             far_size = real(0.0)
             rises = vec2(real(0.0), real(0.0))
             far_rises = vec2(real(0.0), real(0.0))
-            if wp.static(damaged):
+            if wp.static(compact):
+                shape = vec3(near_sums[6], near_sums[7], near_sums[8])
+                far_shape = vec3(far_sums[6], far_sums[7], far_sums[8])
+            elif wp.static(damaged):
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
                     if wp.static(by_missing):
@@ -222,14 +236,8 @@ def block_force(
                         for word in range(wp.static(words)):
                             for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
                                 other = wp.static(word * word_size) + at
-                                x = real(0.0)
-                                arm = vec2(real(0.0), real(0.0))
-                                if other < half:
-                                    x = stretches[other * together + slot][3]
-                                    arm = arms[other * together + slot]
-                                else:
-                                    x = far_stretches[(other - half) * together + slot][3]
-                                    arm = far_arms[(other - half) * together + slot]
+                                x = stretches[other * together + slot][3]
+                                arm = arms[other * together + slot]
                                 part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
                                 area = real(0.0)
                                 near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
@@ -249,17 +257,19 @@ def block_force(
                                     far_shape += part
                                     far_size += area
                                     far_rises += moment
-            A1, A2, weight = answer(
-                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, size, rises, G1, G2
-            )
-            far_A1, far_A2, far_weight = answer(
-                family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape, far_size,
-                far_rises, far_G1, far_G2,
+            A1, A2, weight, guess = answer(
+                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, size, rises, G1, G2,
+                real(0.0),
             )  # fmt: skip
-            firsts = wp.tile(vec4(A1[0], A1[1], A1[2], A2[0]), preserve_type=True)
-            far_firsts = wp.tile(vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]), preserve_type=True)
-            seconds = wp.tile(vec2(A2[1], A2[2]), preserve_type=True)
-            far_seconds = wp.tile(vec2(far_A2[1], far_A2[2]), preserve_type=True)
+            far_A1, far_A2, far_weight, _guess = answer(
+                family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape, far_size,
+                far_rises, far_G1, far_G2, guess,
+            )  # fmt: skip
+            put_vec4(firsts, lane, vec4(A1[0], A1[1], A1[2], A2[0]))
+            put_vec4(firsts, lane + wp.static(threads), vec4(far_A1[0], far_A1[1], far_A1[2], far_A2[0]))
+            put_vec2(seconds, lane, vec2(A2[1], A2[2]))
+            put_vec2(seconds, lane + wp.static(threads), vec2(far_A2[1], far_A2[2]))
+            synchronize()
             scale = unit_force
             if wp.static(redistribute):
                 weights = wp.tile(weight + far_weight)
@@ -267,29 +277,22 @@ def block_force(
                 for other in range(half):
                     total += weights[other * together + slot]
                 scale = unit_force * family_scale(family, i, undamaged, total)
-            T1 = vec3(real(0.0), real(0.0), real(0.0))
-            T2 = vec3(real(0.0), real(0.0), real(0.0))
-            far_T1 = vec3(real(0.0), real(0.0), real(0.0))
-            far_T2 = vec3(real(0.0), real(0.0), real(0.0))
+            near_parts = vec6()
+            far_parts = vec6()
             for other in range(wp.static(n)):
+                a = firsts[wp.static(other * together) + slot]
+                b = seconds[wp.static(other * together) + slot]
                 bit = wp.static(wp.uint32(1 << (other % word_size)))
-                if wp.static(other < half):
-                    a = firsts[wp.static(other * together) + slot]
-                    b = seconds[wp.static(other * together) + slot]
-                else:
-                    a = far_firsts[wp.static((other - half) * together) + slot]
-                    b = far_seconds[wp.static((other - half) * together) + slot]
-                share = wp.where((common[wp.static(other // word_size)] & bit) != wp.uint32(0), real(1.0), real(0.0))
-                T1 += share * vec3(a[0], a[1], a[2])
-                T2 += share * vec3(a[3], b[0], b[1])
-                share = wp.where(
-                    (far_common[wp.static(other // word_size)] & bit) != wp.uint32(0), real(1.0), real(0.0)
-                )
-                far_T1 += share * vec3(a[0], a[1], a[2])
-                far_T2 += share * vec3(a[3], b[0], b[1])
+                near_parts = add_parts(near_parts, common[wp.static(other // word_size)] & bit, a, b)
+                far_parts = add_parts(far_parts, far_common[wp.static(other // word_size)] & bit, a, b)
+            T1 = vec3(near_parts[0], near_parts[1], near_parts[2])
+            T2 = vec3(near_parts[3], near_parts[4], near_parts[5])
+            far_T1 = vec3(far_parts[0], far_parts[1], far_parts[2])
+            far_T2 = vec3(far_parts[3], far_parts[4], far_parts[5])
             pull = f.from_frame(family, i, scale * (u[3] * T1 + m[0] * T2))
             far_pull = f.from_frame(family, i, scale * (far_u[3] * far_T1 + far_m[0] * far_T2))
-            pulls = wp.tile(pull + far_pull, preserve_type=True)
+            put_vec3(pulls, lane, pull + far_pull)
+            synchronize()
             if here:
                 column = i % bond_force.shape[1]
                 bond_force[k, column] = pull

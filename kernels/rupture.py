@@ -273,14 +273,10 @@ def breaking(
     criterion: Criterion,
     spared: bool,
     screened: bool,
-    strided: bool,
     earlier_energy: wp.Function | None,
     module: str,
 ) -> Kernel:
     """Kernel `break_bonds`.
-
-    It works on all points, or `strided` on those of a list, if there is one, with any number of threads. It is one
-    kernel, so that both leave the same digits.
 
     Args:
         layout: "lattice", "grid" or "cloud".
@@ -288,7 +284,6 @@ def breaking(
         criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.
         screened: Whether `screening` has said of which blocks no bond exceeds the criterion.
-        strided: Whether a thread may work on several points, every `stride`-th one.
         earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
             breaking, per point; None if it is not tracked.
         module: Name of the Warp module.
@@ -321,9 +316,10 @@ def breaking(
                 energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
             return energy
 
-    @wp.func(module=module)
-    def break_at(
-        i: int,
+    @kernel(
+        module, gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers))
+    )
+    def break_bonds(
         family: Family,
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -334,10 +330,20 @@ def breaking(
         constants: parameters,
         inverse_horizon: real,
         unit_volume: real,
+        exceeding: wp.array(dtype=wp.uint8),
+        first: int,
         intact: wp.array2d(dtype=wp.uint32),
         released: wp.array(dtype=wp.float64),
     ):
-        """Break the bonds of a point."""
+        i = wp.tid() + first
+        if wp.static(screened):
+            # The bonds of a point lie ahead of it and of the members behind it, of which the first is the farthest.
+            any_here = bool(False)
+            for b in range(wp.max(i + family.stencil_shift[0], 0) // block, i // block + 1):
+                if exceeding[b] != wp.uint8(0):
+                    any_here = True
+            if not any_here:
+                return
         breaks = bool(False)
         for word in range(family.words):
             before_bits = intact[word, i]
@@ -354,55 +360,5 @@ def breaking(
             if wp.static(tracked):
                 after = energy_of_step(family, intact, displacement, velocity, step[0], constants, inverse_horizon, i)
                 released[i] = released[i] + wp.float64(unit_volume * (before - after))
-
-    @kernel(
-        module, gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers))
-    )
-    def break_bonds(
-        points: wp.array(dtype=wp.int32),
-        point_count: wp.array(dtype=wp.int32),
-        stride: int,
-        family: Family,
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        step: wp.array(dtype=real),
-        criterion: Constants,
-        horizon: real,
-        spared_mask: wp.array(dtype=wp.uint8),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_volume: real,
-        exceeding: wp.array(dtype=wp.uint8),
-        first: int,
-        intact: wp.array2d(dtype=wp.uint32),
-        released: wp.array(dtype=wp.float64),
-    ):
-        place = wp.tid() + first
-        if wp.static(strided):
-            count = place + 1
-            if points:
-                count = point_count[0]
-            while place < count:
-                i = place
-                if points:
-                    i = points[place]
-                break_at(
-                    i, family, displacement, velocity, step, criterion, horizon, spared_mask, constants,
-                    inverse_horizon, unit_volume, intact, released,
-                )  # fmt: skip
-                place += stride
-            return
-        if wp.static(screened):
-            # The bonds of a point lie ahead of it and of the members behind it, of which the first is the farthest.
-            any_here = bool(False)
-            for b in range(wp.max(place + family.stencil_shift[0], 0) // block, place // block + 1):
-                if exceeding[b] != wp.uint8(0):
-                    any_here = True
-            if not any_here:
-                return
-        break_at(
-            place, family, displacement, velocity, step, criterion, horizon, spared_mask, constants,
-            inverse_horizon, unit_volume, intact, released,
-        )  # fmt: skip
 
     return break_bonds

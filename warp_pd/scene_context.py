@@ -16,6 +16,7 @@ from .device.fields import FieldRegister
 from .families.share import Share, divided, part_of_sheet
 from .interfaces import Constraint, Part
 from .kernels.numeric import numeric
+from .laws import fast_path
 from .parts.frame_checks import EnergyBalance
 from .parts.supports import held_components
 from .scene import Scene
@@ -29,6 +30,7 @@ def scene_context(
     """The context in which the parts of a scene are built; with several processes `crew.share` says what is here."""
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
+    gradual = scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens
     start, placement = scene.initial("initial_displacement"), sheet.placement()
     features = Features(
         held=bool(held.any()),
@@ -36,9 +38,10 @@ def scene_context(
         damped=solver.mass_damping is not None,
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
-        gradual=scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens,
+        gradual=gradual,
         contact=any(part.changes_velocities for part in scene.contacts),
         half_steps=all(c.half_steps for c in scene.contacts),
+        compact=fast_path.compact_tables(scene.force, sheet, device) if solver.dynamic and not gradual else "",
     )
     initial = start if placement is None else start + placement
     made = Context(

@@ -37,8 +37,10 @@ def test_fast_kernels_are_the_reference_kernels(device, monkeypatch, size, cloud
     """On a GPU small sheets share blocks; large ones have a kernel for undamaged families, and a list of the others."""
     if size == "large":
         monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
+        monkeypatch.setattr(fast_path, "RING", 300)
         monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
         monkeypatch.setattr(fast_path, "STRIP", 150)
+        monkeypatch.setattr(fast_path, "CLOUD_RING", 300)
     sheet = square(33).as_cloud() if cloud else square(33)
     forces = []
     for fast in (True, False):
@@ -86,6 +88,7 @@ def test_a_grid_with_gaps_has_the_forces_of_a_cloud(device, monkeypatch, size, h
     if size != "small":
         monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
     if size == "strips":
+        monkeypatch.setattr(fast_path, "RING", 900)
         monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
         monkeypatch.setattr(fast_path, "STRIP", 450)
     sheet, forces = holed(65, 0.007), []
@@ -107,6 +110,7 @@ def test_a_grid_with_gaps_has_the_forces_of_a_cloud(device, monkeypatch, size, h
 @pytest.mark.parametrize("precision", [32, 64])
 def test_points_off_the_grid_have_the_forces_of_a_cloud(device, monkeypatch, precision):
     monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
+    monkeypatch.setattr(fast_path, "RING", 300)
     monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
     monkeypatch.setattr(fast_path, "STRIP", 150)
     sheet = partly_off_the_grid(41)

@@ -15,7 +15,7 @@ from ..cores import start_warp
 from ..families.share import BLOCK as SUM_BLOCK
 from ..families.share import Share
 from ..kernels.effects import Kernel
-from ..kernels.families import CURVED, WITH_SHARES
+from ..kernels.families import COMPACT, CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
 from ..sheet import Sheet
 from .clock import Clock
@@ -63,6 +63,8 @@ class Features:
         breakable: Whether bonds can break.
         contact: Whether a contact may change velocities.
         half_steps: Whether the energy balance may take the velocities at half steps.
+        compact: Name of the influence function of a cloud whose tables take few bytes, see kernels/compact_clouds.py;
+            empty on all other sheets.
     """
 
     held: bool = False
@@ -73,6 +75,7 @@ class Features:
     gradual: bool = False
     contact: bool = False
     half_steps: bool = True
+    compact: str = ""
 
 
 @dataclass(eq=False)
@@ -161,6 +164,8 @@ class Context:
     @property
     def layout(self) -> str:
         """Layout of the families, see `family_functions`."""
+        if self.features.compact:
+            return COMPACT + self.features.compact
         layout = layout_of(self.sheet)
         return layout + WITH_SHARES if self.features.gradual else layout
 

@@ -143,7 +143,8 @@ class Launch:
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
-        beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py).
+        beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py), or
+            otherwise writes other entries than the launches next to it that are `beside`, too.
         span: How blocks share points, where its threads do not stand for points.
         strip: Which strip of a sheet it works on, if that is why it may run in parallel with others.
         only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
@@ -275,12 +276,15 @@ class Stage:
         begin: int = 0,
         block_dim: int | None = None,
         side_stream: bool = False,
+        beside: bool = False,
         span: Span | None = None,
         strip: OfStrip | None = None,
         only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
+
+        Launches `beside` each other write different entries of the same arrays: none waits for another.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -289,7 +293,8 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, strip=strip, only_if=only_if,
+            block_dim or self.block_dim, begin, side_stream=side_stream, beside=beside, span=span, strip=strip,
+            only_if=only_if,
         )  # fmt: skip
         self.items.append(made)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -11,7 +11,7 @@ import warp as wp
 
 from ..device.context import Context
 from ..device.fields import Array
-from ..device.launches import OfStrip, Stage
+from ..device.launches import Stage
 from ..families import Families
 from ..kernels.rupture import Breaking
 from .built_part import BuiltPart
@@ -88,8 +88,6 @@ class BondBreaking:
         values: Struct of the criterion.
         spared: Whether the bonds of a point never break, (N,) uint8, or None.
         squared_stretch: Squared stretch |Y|^2/|X|^2 [-] up to which no bond breaks; None if there is none.
-        before: (stage, points, count, threads, strip) adds the launch that breaks the bonds of a list of points and
-            sums up the energy that this releases; None if the kernel of the force breaks them.
         stages: Names of the stages in which the force breaks bonds.
     """
 
@@ -97,7 +95,6 @@ class BondBreaking:
     values: Any
     spared: Array | None
     squared_stretch: float | None
-    before: Callable[[Stage, Array, Array, int, OfStrip | None], None] | None = None
     stages: set[str] = field(default_factory=set)
 
     def acts(self, stage: Stage) -> bool:
@@ -243,6 +240,11 @@ class Law(Protocol):
     def softens(self) -> bool:
         """Whether its bonds can lose their weight gradually."""
         return False
+
+    @property
+    def compact(self) -> str:
+        """Name of the influence function if its fast kernels take the tables of kernels/compact_clouds.py, or empty."""
+        return ""
 
     def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""

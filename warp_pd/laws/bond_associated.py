@@ -21,10 +21,10 @@ from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
-from .fast_path import FastForce, fast_path
+from .fast_path import fast_path, has_blocks
 from .shared_tables import law_tables
 from .shown_fields import ShownFields, factors
-from .variational import Key
+from .variational import FastForce, Key
 from .weight_tables import MAX_CORRECTED
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
@@ -72,6 +72,13 @@ class BondAssociated:
     def softens(self) -> bool:
         """Whether its bonds can lose their weight gradually."""
         return self.form == "variational" and self.broken == "drop"
+
+    @property
+    def compact(self) -> str:
+        """Name of the influence function, "table" if it has none, if the law has fast kernels for a cloud on a GPU."""
+        if not has_blocks(self):
+            return ""
+        return self.influence if isinstance(self.influence, str) else "table"
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -169,11 +176,12 @@ class BondAssociatedForce(FamilyLaw):
         return self.pairs
 
     def break_with_force(self, breaking: BondBreaking) -> bool:
-        """Whether the force breaks bonds, so that no launch has to before.
+        """Whether the kernels of the force break bonds.
 
-        Of several processes, each has a launch of its own for it, and the same bits.
+        They do not where the energy is tracked: several processes have a launch of its own for it, and the same bits.
         """
-        able = self.context.share is None and not self.context.features.gradual
+        features = self.context.features
+        able = self.context.share is None and not features.gradual and not features.tracked
         found = able and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
         if found:
             self._breaking = breaking

@@ -64,6 +64,7 @@ class BondBased:
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = True
     softens: ClassVar[bool] = False
+    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,11 @@ import warp as wp
 from ..device.context import Context
 from ..families import Families, pack
 from ..families.tables import in_blocks
-from ..kernels.families import family_functions
+from ..kernels.compact_clouds import EVALUATED
+from ..kernels.families import COMPACT, family_functions, is_compact
+
+# Differences of indices below this have 16 bits.
+NEAR = 2**15
 
 
 def _by_member(values: np.ndarray, scalar: Any, axes: tuple[int, ...] = (1, 0)) -> np.ndarray:
@@ -71,6 +76,10 @@ def family_struct(
         s.class_family_area = put("class_family_area", family_areas, types.real)
         return s
     assert families.neighbours is not None
+    if is_compact(context.layout):
+        assert inverse is not None
+        _put_compact(s, families, context, put, inverse, weights)
+        return s
     if families.centres is not None and families.steps is not None:
         steps = np.zeros((families.members, 2), np.int32)
         steps[: len(families.steps)] = families.steps
@@ -96,3 +105,45 @@ def family_struct(
         if inverse is not None:
             s.tilts = put("tilts", _by_member(families.tilts(inverse), real, (1, 0, 2)), types.vec2)
     return s
+
+
+def _put_compact(
+    s: Any, families: Families, context: Context, put: Callable[..., Any], inverse: np.ndarray, weights: np.ndarray
+) -> None:
+    """Put the tables of `kernels.compact_clouds` on the device; arguments as for `family_struct`."""
+    types = context.types
+    real = wp.dtype_to_numpy(types.real)
+    assert families.neighbours is not None
+    index = np.arange(families.points, dtype=np.int32)[:, None]
+    apart = np.where(families.exists, families.neighbours - index, 0)
+    s.points = families.points
+    s.far, s.large = int(np.abs(apart).max() >= NEAR), int(families.members > 2**8)
+    s.inverse_horizon = 1.0 / families.horizon
+    s.positions = put("positions", context.sheet.points, wp.vec2d)
+    s.neighbours = put("neighbours", _by_member(apart.astype(np.int16), np.int16), wp.int16)
+    s.reverses = put("reverses", _by_member(families.reverses.astype(np.uint8), np.uint8), wp.uint8)
+    if s.far:
+        s.neighbours_high = put("neighbours_high", _by_member((apart >> 16).astype(np.int16), np.int16), wp.int16)
+    if s.large:
+        s.reverses_high = put(
+            "reverses_high", _by_member((families.reverses >> 8).astype(np.uint8), np.uint8), wp.uint8
+        )
+    if context.layout.removeprefix(COMPACT) not in EVALUATED:
+        s.influences = put("influences", _by_member(families.influence, real), types.real)
+    s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
+    s.initials = put("initials", pack(families.exists).T, wp.uint32)
+    s.weights = put("weights", _by_member(weights, real), types.real)
+    if context.features.breakable:
+        a, b, c = np.moveaxis(inverse, -1, 0)
+        s.determinants = put("determinants", _by_member(a * c - b * b, real), types.real)
+    s.areas = put("areas", families.areas, types.real)
+    s.family_areas = put("family_areas", families.member_areas.sum(axis=1), types.real)
+
+
+def moments_of(families: Families) -> np.ndarray:
+    """(c_k X_k / horizon, 1 / c_k) of each row, shape (n, R, 3); zero where there is no member."""
+    share = families.member_shares
+    moments = np.zeros((families.members, len(share), 3))
+    moments[..., :2] = (share[..., None] * families.bonds).transpose(1, 0, 2)
+    np.divide(1.0, share.T, out=moments[..., 2], where=share.T > 0.0)
+    return moments

@@ -1,18 +1,11 @@
-"""Strips of a large sheet, which follow each other through memory, and lists of the points in them unlike the others.
+"""Strips of a large sheet, which follow each other through memory.
 
 The forces of a strip stay where they are until its points and those of the strip behind it have gathered them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
-import warp as wp
-
-from ..device.context import Context
-from ..device.fields import Array
 
 
 @dataclass(frozen=True)
@@ -31,23 +24,8 @@ class Strip:
         return self.end - self.begin
 
 
-@dataclass(frozen=True)
-class Listed:
-    """Points on a list.
-
-    Attributes:
-        points: The points, and room for more.
-        count: How many there are.
-        most: How many there may be.
-    """
-
-    points: Array
-    count: Array
-    most: int
-
-
-def strips_of(here: slice, points: int, reach: int, most: int, room: int) -> list[Strip]:
-    """Strips of a sheet, equal up to the last one.
+def short_strips(here: slice, points: int, reach: int, most: int, room: int) -> list[Strip]:
+    """Strips of a sheet, equal up to the last one, of which several are computed at a time.
 
     Args:
         here: Points whose families are not empty.
@@ -61,40 +39,21 @@ def strips_of(here: slice, points: int, reach: int, most: int, room: int) -> lis
     size = -(-total // count)
     if 2 * reach > size or count <= room:
         return [Strip(0, here.start, here.stop, 0, points)]
+    return _strips(here, points, reach, size)
+
+
+def long_strips(here: slice, points: int, reach: int, ring: int) -> list[Strip]:
+    """Strips of a sheet that follow each other through a ring of `ring` columns; other arguments as above."""
+    size = ring - 2 * reach
+    if points <= 2 * ring or size < ring // 2:
+        return [Strip(0, here.start, here.stop, 0, points)]
+    return _strips(here, points, reach, size)
+
+
+def _strips(here: slice, points: int, reach: int, size: int) -> list[Strip]:
     strips: list[Strip] = []
     for number, begin in enumerate(range(here.start, here.stop, size)):
         end = min(begin + size, here.stop)
         gathered = strips[-1].gather_end if strips else 0
         strips.append(Strip(number, begin, end, gathered, points if end == here.stop else end - reach))
     return strips
-
-
-def known_lists(w: Context, owner: str, strips: Sequence[Strip], others: np.ndarray) -> list[Listed]:
-    """Points of each strip that are known to be others.
-
-    Args:
-        w: Takes the arrays.
-        owner: The part that adds them.
-        strips: The strips.
-        others: Whether the family of a point is not that of the stencil, (N,) bool.
-    """
-    edges = [strip.begin + np.flatnonzero(others[strip.begin : strip.end]) for strip in strips]
-    counts = [len(e) for e in edges]
-    ends = np.cumsum(counts).tolist()
-    # A slice of an array has at least one entry.
-    points = w.array("other_points", owner, wp.int32, np.append(np.concatenate(edges), 0).astype(np.int32), per="table")
-    count = w.array("other_count", owner, wp.int32, np.array(counts, np.int32), per="table")
-    return [
-        Listed(points[end - most : end + (most == 0)], count[k : k + 1], most)
-        for k, (end, most) in enumerate(zip(ends, counts, strict=True))
-    ]
-
-
-def found_lists(w: Context, owner: str, strips: Sequence[Strip], room: int) -> list[Listed]:
-    """Lists that the kernel of undamaged families fills; strips that are `room` apart share one."""
-    found = []
-    for k in range(min(room, len(strips))):
-        points = w.array(f"other_points_{k}", owner, wp.int32, shape=strips[0].size, per="table")
-        count = w.array(f"other_count_{k}", owner, wp.int32, shape=1, per="once")
-        found.append(Listed(points, count, strips[0].size))
-    return [found[strip.number % len(found)] for strip in strips]

@@ -8,6 +8,7 @@ from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
+from ..interfaces import BondBreaking
 from ..kernels.bond_associated import BondAssociatedKernels
 from ..kernels.factories import PairFactory
 from ..kernels.pointwise import Pointwise
@@ -63,4 +64,23 @@ class BondAssociatedLaw(Protocol):
 
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
         """Add the pointwise stage that sums the pairs of each point [N] to its force [N]."""
+        ...
+
+
+class FastForce(Protocol):
+    """Fast kernels on one sheet and device."""
+
+    def breaks_bonds(self, breaking: BondBreaking) -> bool:
+        """Whether the kernels of the force can break the bonds."""
+        ...
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3.
+
+        In the stages of `breaking`, for which `breaks_bonds` must be true, bonds break before.
+        """
+        ...
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
         ...

@@ -19,8 +19,9 @@ from ..materials import Prony, capabilities
 from ..phases import Phase
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
-from .fast_path import NO_PRONY, FastForce, RowSums, sums_rows
+from .fast_path import NO_PRONY, RowSums, sums_rows
 from .prony import at_once, check_prony, prony_array
+from .variational import FastForce
 
 # What the fast kernels of a CPU fill in with Prony terms: in a step, and off its path.
 VISCOUS = ("viscous_step", "viscous_force")
@@ -48,6 +49,7 @@ class Visco(BondAssociated):
     fast: bool = field(default=True, kw_only=True)
 
     has_tangent: ClassVar[bool] = False
+    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()

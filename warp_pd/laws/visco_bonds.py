@@ -47,6 +47,7 @@ class ViscoBondBased:
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
+    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

@@ -15,7 +15,7 @@ import warp as wp
 from ..checks import InputError, finite, point_indices, positive
 from ..device.context import Context
 from ..device.fields import Array
-from ..device.launches import OfStrip, Stage
+from ..device.launches import Stage
 from ..families.share import Share
 from ..interfaces import BondBreaking, BuiltLaw, BuiltRupture, Rupture
 from ..kernels.damage import face_damage, point_damage
@@ -247,20 +247,12 @@ class BreakingBonds(Damaged):
         found, self.criterion = rupture.criterion(context, law)
         self._breaking = BondBreaking(
             Breaking(found, self.spared is not None), self.criterion, self.spared, rupture.squared_stretch,
-            self.add_listed if self.released is not None else None,
         )  # fmt: skip
         self._with_force = law.break_with_force(self._breaking)
         screened = self.screens and context.layout == "lattice" and not context.device.is_cuda and context.share is None
         self._screen = screening(context.bits, found, context.module) if screened else None
         self._kernel = breaking(
-            context.layout,
-            context.bits,
-            found,
-            self.spared is not None,
-            screened and not self._with_force,
-            context.device.is_cuda or self._with_force,
-            self.tracked_energy,
-            context.module,
+            context.layout, context.bits, found, self.spared is not None, screened, self.tracked_energy, context.module
         )
 
     def add_breaking(self, stage: Stage) -> None:
@@ -278,18 +270,7 @@ class BreakingBonds(Damaged):
                     self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
                     **{name: arguments[name] for name in ("family", "displacement", "horizon", "intact")},
                 )  # fmt: skip
-        stage.launch(
-            self.owner, self._kernel, size, **arguments, criterion=self.criterion, exceeding=exceeding, points=None,
-            point_count=None, stride=size,
-        )  # fmt: skip
-
-    def add_listed(self, stage: Stage, points: Array, count: Array, threads: int, strip: OfStrip | None) -> None:
-        """Add the launch that breaks the bonds of listed points."""
-        kernel = replace(self._kernel, effects=replace(self._kernel.effects, per="list"))
-        stage.launch(
-            self.owner, kernel, threads, strip=strip, **self.arguments(), criterion=self.criterion, exceeding=None,
-            points=points, point_count=count, stride=threads,
-        )  # fmt: skip
+        stage.launch(self.owner, self._kernel, size, **arguments, criterion=self.criterion, exceeding=exceeding)
 
 
 class BreakingByEnergy(BreakingBonds):

@@ -153,21 +153,6 @@ def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(monkeypatch):
     assert waits["family_block_force"] and not waits["undamaged_family_force"]
 
 
-def test_strips_of_several_processes_follow_each_other(monkeypatch):
-    """A launch that is divided around an exchange gathers nothing for another strip. Declared on a CPU, not run."""
-    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
-    monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
-    monkeypatch.setattr(fast_path, "LONG_STRIPS_FROM", 0)
-    monkeypatch.setattr(fast_path, "LONG_STRIP", 200)
-    monkeypatch.setattr(exchange, "has_streams", lambda device: True)
-    built = process(scene("torn"), 1, 3, begin=False)
-    strips = built.law.fast_path.strips
-    assert len(strips) > 1 and built.law.fast_path.lag == 0
-    items = [item for item in built.context.stages["step"] if isinstance(item, Launch)]
-    assert all(item.strip is None for item in items)
-    assert sum(item.name.startswith("gather_from_reverse_bonds") for item in items) == len(strips)
-
-
 def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
     def call(*writes):
         return Call("", "", 0, lambda: None, None, Touched(writes=frozenset(writes)), side_stream=True, beside=True)

@@ -23,6 +23,7 @@ def strips(monkeypatch):
     monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
     monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
     monkeypatch.setattr(fast_path, "STRIP", 135)
+    monkeypatch.setattr(fast_path, "RING", 250)
 
 
 def pulled(tracked=True, torn=True):
@@ -74,6 +75,7 @@ CASES = {"undamaged": {"torn": False}, "torn": {"tracked": False}, "torn, energi
 def test_any_order_of_the_streams_leaves_the_same_bits(strips, monkeypatch, case, whole):
     if whole:
         monkeypatch.setattr(fast_path, "STRIPS_FROM", 10**9)
+        monkeypatch.setattr(fast_path, "RING", 10**9)
     in_order = pulled(**CASES[case])
     graph.run_once(in_order.context.device, list(in_order.context.stages["step"]) * STEPS)
     names = [item.name for item in in_order.context.stages["step"]]
@@ -91,6 +93,7 @@ def test_strips_have_the_bits_of_a_whole_sheet(strips, monkeypatch):
     results = []
     for least in (0, 10**9):
         monkeypatch.setattr(fast_path, "STRIPS_FROM", least)
+        monkeypatch.setattr(fast_path, "RING", max(least, 250))
         built = pulled()
         before = built.law.intact.numpy().copy()
         graph.run_once(built.context.device, list(built.context.stages["step"]) * STEPS)

@@ -309,7 +309,8 @@ def test_every_kernel_is_looked_at(recorded):
     # On a GPU alone: fast paths, linear iterations. In `warp-pd bench`, the training of a network and the set-up of
     # families, and the check that bodies begin outside the sheet alone: the rest.
     elsewhere = {
-        "family_block_force", "undamaged_family_force", "gather_from_reverse_bonds", "combine", "scale_blocks",
+        "family_block_force", "undamaged_family_force", "damaged_family_force", "changed_families",
+            "gather_from_reverse_bonds", "combine", "scale_blocks",
         "multiply_adds", "samples",
         "list_near_points", "find_reverse_members", "mark_common_members", "sum_intersection_shapes",
         "find_distances",
