@@ -5,8 +5,9 @@ import scene_rates
 
 def test_rows_of_scenes(monkeypatch, capsys):
     monkeypatch.setattr(scene_rates, "available_cores", lambda: 1)
-    monkeypatch.setattr(scene_rates, "SIDE", 15)
-    monkeypatch.setattr(scene_rates, "ROUNDS", 1)
+    # A lattice of fewer points than the scene has would take longer a point for its launches alone.
+    monkeypatch.setattr(scene_rates, "SIDE", 61)
+    monkeypatch.setattr(scene_rates, "ROUNDS", 3)
     monkeypatch.setattr(scene_rates, "SECONDS", 0.01)
     scene_rates.main(["--scenes", "folded_sheet", "tension"])
     lines = capsys.readouterr().out.splitlines()
