@@ -310,7 +310,7 @@ def test_every_kernel_is_looked_at(recorded):
     # families, and the check that bodies begin outside the sheet alone: the rest.
     elsewhere = {
         "family_block_force", "undamaged_family_force", "damaged_family_force", "changed_families",
-            "gather_from_reverse_bonds", "combine", "scale_blocks",
+        "gather_from_reverse_bonds", "combine", "scale_blocks",
         "multiply_adds", "samples",
         "list_near_points", "find_reverse_members", "mark_common_members", "sum_intersection_shapes",
         "find_distances",
