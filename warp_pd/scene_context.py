@@ -41,7 +41,8 @@ def scene_context(
         gradual=gradual,
         contact=any(part.changes_velocities for part in scene.contacts),
         half_steps=all(c.half_steps for c in scene.contacts),
-        compact=fast_path.compact_tables(scene.force, sheet, device) if solver.dynamic and not gradual else "",
+        # The energy that a breaking bond releases has the same bits in every launch only with stored tables.
+        compact=fast_path.compact_tables(scene.force, sheet, device) if solver.dynamic and scene.damage is None else "",
     )
     initial = start if placement is None else start + placement
     made = Context(

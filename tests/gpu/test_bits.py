@@ -125,7 +125,8 @@ def test_strips_on_streams_give_the_same_bits(device, monkeypatch, layout, preci
         simulation.damage = None
         result = simulation.run(device=device)
         names = [item.name for item in result.built.context.stages["step"]]
-        assert (names.count("undamaged_family_force") > 1) == (least == 0)
+        # A CPU takes one kernel for all families.
+        assert (names.count("undamaged_family_force") > 1) == (least == 0 and "cuda" in device)
         results.append(left_behind(result.built))
     assert_same(*results)
 

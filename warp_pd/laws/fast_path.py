@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 MAX_MEMBERS, MAX_CPU_MEMBERS = 64, 256
 # Largest horizon [spacings] with so few members also on an irregular cloud.
 MAX_COMPACT = 4.0
+# Largest horizon at which tables of few bytes cost no time; clouds of a larger one have them from so many points on.
+FREE_COMPACT, COMPACT_FROM = 2.5, 2**20
 # Largest number of points of such a cloud: entries of its tables have numbers of 31 bits.
 MAX_COMPACT_POINTS = 2**24
 # Threads per block of the kernel of undamaged families: with a family in registers, few threads fit a multiprocessor.
@@ -102,7 +104,8 @@ def has_blocks(law: BondAssociated) -> bool:
 def compact_tables(law: Law, sheet: Sheet, device: wp.Device) -> str:
     """Name of the influence function if the families are those of kernels/compact_clouds.py, or empty."""
     flat_cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < MAX_COMPACT_POINTS
-    if not law.compact or not flat_cloud or not shares_memory(device):
+    pays = law.horizon <= FREE_COMPACT or sheet.size >= COMPACT_FROM
+    if not (law.compact and flat_cloud and pays and shares_memory(device)):
         return ""
     return law.compact if sheet.spacings is None else "table"
 
@@ -180,7 +183,7 @@ class FastPath:
         self.listed = stencil is not None
         self.gridded = force.families.layout == "grid"
         # Several processes divide launches around exchanges, and lists of damaged families are of the whole sheet.
-        self.short = self.listed and w.share is None and force.intact is None
+        self.beside = self.listed and w.share is None and force.intact is None
         # The kernel of all others is compiled for its own block size.
         self.shared_module = f"{w.module}_shared_{force.families.members}"
         self.lists = None if stencil is None else Lists.of(force, self.whole_families, stencil[1])
@@ -189,7 +192,7 @@ class FastPath:
         self.ring = CLOUD_RING if self.compact else RING
         here, divided = self.whole_families, self.listed or (self.compact and w.share is None)
         self.strips = self._strips() if divided else [Strip(0, here.start, here.stop, 0, force.points)]
-        self.lag = LAG if self.short and len(self.strips) > 1 else 0
+        self.lag = LAG if self.beside and len(self.strips) > 1 else 0
         key = (w.bits, self.gridded, force.key[3] is not None, w.module if self.lag else None, w.device.is_cuda)
         self.module = shared_name(stencil, near, key)
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
@@ -218,7 +221,7 @@ class FastPath:
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete after it."""
         points, reach = self.force.points, self.force.families.index_reach
-        if not self.short:
+        if not self.beside:
             return long_strips(self.whole_families, points, reach() if points > 2 * self.ring else 0, self.ring)
         around = reach() if points >= STRIPS_FROM else points
         strips = short_strips(self.whole_families, points, around, STRIP, ROOM)
@@ -254,14 +257,14 @@ class FastPath:
         self, stage: Stage, strip: Strip, lists: Lists, displacement: Array, force: Array,
         breaking: BondBreaking | None,
     ) -> None:  # fmt: skip
-        """Kernels of inner families and of all others, beside each other on one GPU.
+        """Kernels of inner families and of all others, beside each other on one GPU if bonds cannot break.
 
-        A few families keep a GPU waiting as long as a hundred thousand: they run while it works on the others.
+        A few families keep a GPU waiting as long as a hundred thousand. Where bonds can break, it gained nothing.
         """
         assert self.stencil is not None
-        law, alone = self.force, self.force.context.share is None
+        law, beside = self.force, self.beside
         undamaged = (stage, strip, *self.stencil, displacement, force, breaking)
-        if not alone:
+        if not beside:
             # What exchanges wait for comes first.
             self._add_undamaged(*undamaged)
         if lists.damaged is not None:
@@ -272,13 +275,13 @@ class FastPath:
                 intact=law.intact, damaged_points=lists.damaged, damaged_count=lists.counts[1:],
             )  # fmt: skip
         edges = lists.edges_between(strip.begin, strip.end)
-        self._add_shared(stage, edges, displacement, force, breaking, beside=alone)
+        self._add_shared(stage, edges, displacement, force, breaking, beside=beside)
         if lists.damaged is not None and self._drops:
             self._add_damaged(stage, lists, *self.stencil, displacement, force, breaking)
         elif lists.damaged is not None:
             changed = Run(lists.damaged, lists.counts[1:], 0, law.points)
-            self._add_shared(stage, changed, displacement, force, breaking, beside=alone)
-        if alone:
+            self._add_shared(stage, changed, displacement, force, breaking)
+        if beside:
             self._add_undamaged(*undamaged)
         if breaking is not None:
             near = Run(lists.near_breaking, lists.counts, 0, law.points)
@@ -306,7 +309,7 @@ class FastPath:
                 begin, end = earlier.gather_begin, earlier.gather_end
         stage.launch(
             law.owner, self._lattice_kernel(stencil, False, breaking, gather), strip.size, begin=strip.begin,
-            block_dim=UNDAMAGED_BLOCK, beside=law.context.share is None and part is None, strip=part,
+            block_dim=UNDAMAGED_BLOCK, beside=self.beside and part is None, strip=part,
             family_class=law.struct.family_class, gathering=gathering, gather_begin=begin, gather_end=end,
             stride=strip.size, inner=inner, **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
         )  # fmt: skip
@@ -315,10 +318,9 @@ class FastPath:
         self, stage: Stage, lists: Lists, stencil: Stencil, inner: int, displacement: Array, force: Array,
         breaking: BondBreaking | None,
     ) -> None:  # fmt: skip
-        alone = self.force.context.share is None
         stage.launch(
             self.force.owner, self._lattice_kernel(stencil, True, breaking), DAMAGED_THREADS, block_dim=UNDAMAGED_BLOCK,
-            side_stream=alone, beside=alone, damaged_points=lists.damaged, damaged_count=lists.counts[1:],
+            damaged_points=lists.damaged, damaged_count=lists.counts[1:],
             stride=DAMAGED_THREADS, **self._of_lattice(stage, stencil, inner, displacement, force, breaking),
         )  # fmt: skip
 

@@ -50,6 +50,7 @@ from warp_pd import (
 from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
 from warp_pd.parts import built_motion
+from warp_pd.solvers import stable_step
 
 ROOT = Path(__file__).parents[3]
 SPEC = importlib.util.spec_from_file_location("compare_checkouts", ROOT / "tools" / "compare_checkouts.py")
@@ -128,17 +129,19 @@ def further():
 @pytest.fixture(scope="module")
 def recorded():
     """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
-    found, joined, marked_from = [], launches._joined, built_motion.MARKED_FROM
+    found, joined = [], launches._joined
+    # The last case as on a large sheet.
+    small, large = (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS), (0, 0)
     launches._joined = lambda first, second: None
     try:
         made, more = compare_checkouts.parts(), further()
-        small = [(simulation, marked_from) for simulation in (*(made[name]() for name in CASES), *more.values())]
-        for simulation, built_motion.MARKED_FROM in (*small, (more["bodies"], 0)):
+        cases = [(simulation, small) for simulation in (*(made[name]() for name in CASES), *more.values())]
+        for simulation, (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS) in (*cases, (more["bodies"], large)):
             built = simulation.build("cpu", 64)
             _prepare(built)
             found += [(built, launch) for stage in built.context.stages.values() for launch in stage.launches()]
     finally:
-        launches._joined, built_motion.MARKED_FROM = joined, marked_from
+        launches._joined, (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS) = joined, small
     unique = {}
     for built, launch in found:
         key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))

@@ -34,6 +34,7 @@ class Hasty(Gent):
 def blocks(monkeypatch):
     """Run blocks of threads on a CPU as on a GPU, one after the other."""
     monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
+    monkeypatch.setattr(fast_path, "COMPACT_FROM", 0)
     monkeypatch.setattr(graph, "SPLIT_FROM", float("inf"))
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
 
@@ -176,13 +177,12 @@ def shuffled(points=13):
 @pytest.mark.parametrize("influence", ["inverse", "inverse_square", lambda r: 1.2 - r])
 def test_influence_functions_of_a_cloud(blocks, influence):
     """Named ones are evaluated, others have a table."""
-    compare(jittered(13), 2.015, 64, cut=CUT, law={"influence": influence})
+    compare(jittered(13), 2.015, 64, law={"influence": influence})
 
 
-@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-def test_a_cloud_through_a_ring(monkeypatch, blocks, cut):
+def test_a_cloud_through_a_ring(monkeypatch, blocks):
     monkeypatch.setattr(fast_path, "CLOUD_RING", 300)
-    quick, _ = compare(jittered(33), 2.015, 64, cut=cut)
+    quick, _ = compare(jittered(33), 2.015, 64)
     assert quick.count("gather_from_reverse_bonds") > 4
 
 
@@ -200,7 +200,7 @@ def test_indices_that_are_far_apart(monkeypatch, blocks):
 
 def test_forces_with_indices_that_are_far_apart(monkeypatch, blocks):
     monkeypatch.setattr(family_struct, "NEAR", 5)
-    compare(shuffled(), 2.015, 64, cut=CUT)
+    compare(shuffled(), 2.015, 64)
 
 
 def test_bytes_of_a_cloud(monkeypatch, blocks):
@@ -212,13 +212,18 @@ def test_bytes_of_a_cloud(monkeypatch, blocks):
     assert not {"shapes", "bonds", "moments"} & {field.name for field in stored}
 
 
-def test_laws_that_need_tables_have_them(blocks):
+def test_laws_that_need_tables_have_them(monkeypatch, blocks):
     cloud = jittered(13)
     assert build(cloud).context.layout == "cloud compact linear"
     assert build(cloud, law={"fast": False}).context.layout == "cloud"
     assert build(cloud, law={"broken": "redistribute"}).context.layout == "cloud"
     assert build(cloud, solver=Newton()).context.layout == "cloud"
+    assert build(cloud, damage=CriticalStretch(1e3)).context.layout == "cloud"
     assert build(cloud, damage=TearingEnergy(10.0)).context.layout == "cloud with shares"
+    assert build(cloud, horizon=3.15).context.layout == "cloud compact linear"
+    monkeypatch.setattr(fast_path, "COMPACT_FROM", cloud.size + 1)
+    assert build(cloud, horizon=3.15).context.layout == "cloud"
+    assert build(cloud, horizon=2.015).context.layout == "cloud compact linear"
     assert Visco(NEO).compact == "" and BondAssociated(NEO, influence=lambda r: 1.2 - r).compact == "table"
 
 
