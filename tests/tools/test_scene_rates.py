@@ -1,5 +1,6 @@
-"""Costs of scenes beside the best rate: one that is computed with more than a plain lattice costs more."""
+"""Costs of scenes beside the best rate: the rows of the table, not the speed of the machine that runs the tests."""
 
+import pytest
 import scene_rates
 
 
@@ -14,5 +15,7 @@ def test_rows_of_scenes(monkeypatch, capsys):
     assert len(lines) == 3, "tension has no explicit steps"
     cells = [cell.strip() for cell in lines[2].split("|")[1:-1]]
     assert cells[:3] == ["folded_sheet", "BondBased", "lattice"]
-    assert float(cells[7]) > 0.0
-    assert float(cells[-1]) > 1.0
+    cost, best, times = (float(cell) for cell in cells[7:])
+    # Not that it costs more than the best: both are times of a machine that others may use.
+    assert cost > 0.0 and best > 0.0
+    assert times == pytest.approx(cost / best, rel=0.02)
