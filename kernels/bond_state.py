@@ -16,6 +16,7 @@ from .effects import Kernel, kernel
 from .families import WORD, family_functions, has_shares
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
+from .stiffness_left import stiffness_left
 
 
 @dataclass(frozen=True)
@@ -69,28 +70,38 @@ def bond_state(layout: str, bits: int, breakable: bool, module: str) -> BondStat
 
 
 @functools.cache
-def gather_pairs(layout: str, bits: int, breakable: bool, module: str) -> Pointwise:
-    """Pointwise stage that sums bond_force [members, points], both ends of a bond, to the internal force [N]."""
+def gather_pairs(layout: str, bits: int, breakable: bool, module: str, softened: bool = False) -> Pointwise:
+    """Pointwise stage that sums bond_force [members, points], both ends of a bond, to the internal force [N].
+
+    With `softened` each family has lost stiffness by the damage [points] of its point, see kernels/damage_field.py.
+    """
     vec3, real = numeric(bits).vec3, numeric(bits).real
     f = family_functions(layout, bits, module)
     Family = f.struct
     is_intact = bond_state(layout, bits, breakable, module).is_intact
+    left = stiffness_left(bits)
 
     @functools.partial(wp.struct, module=module)
     class Gather:
         family: Family
         intact: wp.array2d(dtype=wp.uint32)
         bond_force: wp.array2d(dtype=vec3)
+        damage: wp.array(dtype=real)
         force: wp.array(dtype=vec3)
 
-    @pointwise(module, Gather, writes=("force",), gathers=("bond_force",))
+    @pointwise(module, Gather, writes=("force",), gathers=("bond_force", "damage"))
     def gather(begin: int, end: int, a: Gather):
         for i in range(begin, end):
             pull = vec3(real(0.0), real(0.0), real(0.0))
             for k in range(a.family.members):
                 if is_intact(a.family, a.intact, i, k):
                     m = f.neighbour(a.family, i, k)
-                    pull += a.bond_force[k, i] - a.bond_force[f.reverse(a.family, i, k), m]
+                    own = a.bond_force[k, i]
+                    others = a.bond_force[f.reverse(a.family, i, k), m]
+                    if wp.static(softened):
+                        own = left(a.damage[i]) * own
+                        others = left(a.damage[m]) * others
+                    pull += own - others
             a.force[i] = pull
 
     return gather

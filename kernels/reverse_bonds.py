@@ -7,6 +7,7 @@ import warp as wp
 from .families import WORD, family_functions, is_grid, is_lattice
 from .numeric import numeric
 from .pointwise import Pointwise, pointwise
+from .stiffness_left import stiffness_left
 
 
 @functools.cache
@@ -18,6 +19,7 @@ def gather_reverse_bonds(
     turns_over: bool,
     listed: bool,
     module: str,
+    softened: bool = False,
 ) -> Pointwise:
     """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
 
@@ -33,6 +35,7 @@ def gather_reverse_bonds(
         turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
         listed: Whether a list of other points was used; the first point empties it.
         module: Name of the Warp module.
+        softened: Whether families have lost stiffness by the damage of their points.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -42,6 +45,7 @@ def gather_reverse_bonds(
     right, up = zip(*steps, strict=True) if steps else ((), ())
     reverses = [steps.index((-x, -y)) for x, y in steps] if steps else []
     lattice, gridded = is_lattice(layout), is_grid(layout) and steps is not None
+    left = stiffness_left(bits)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(len(up))]
     reach = max(up, default=0)
 
@@ -50,11 +54,12 @@ def gather_reverse_bonds(
         family: Family
         columns: int
         bond_force: wp.array2d(dtype=vec3)
+        damage: wp.array(dtype=real)
         other_count: wp.array(dtype=wp.int32)
         first_point: int
         force: wp.array(dtype=vec3)
 
-    @pointwise(module, GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force",))
+    @pointwise(module, GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force", "damage"))
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):
@@ -78,7 +83,11 @@ def gather_reverse_bonds(
                         if wp.static(turns_over):
                             ring = a.bond_force.shape[1]
                             column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
-                        push += a.bond_force[wp.static(reverses[k]), column]
+                        part = a.bond_force[wp.static(reverses[k]), column]
+                        if wp.static(softened):
+                            line = a.family.centres[wp.static(up[k] + reach), i]
+                            part = left(a.damage[line + wp.static(right[k])]) * part
+                        push += part
             if not deep:
                 for k in range(wp.static(n)):
                     if wp.static(lattice):
@@ -88,15 +97,23 @@ def gather_reverse_bonds(
                         there = i + shift >= 0 and i + shift < a.force.shape[0]
                         row = wp.static(reverses[k])
                         column = place + wp.where(there, shift, 0)
+                        m = i + wp.where(there, shift, 0)
                     else:
                         members_here = f.initial(a.family, i, wp.static(k // word_size))
                         there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
                         row = wp.where(there, f.reverse(a.family, i, wp.static(k)), 0)
-                        column = place + wp.where(there, f.neighbour(a.family, i, wp.static(k)) - i, 0)
+                        m = wp.where(there, f.neighbour(a.family, i, wp.static(k)), i)
+                        column = place + m - i
                     if wp.static(turns_over):
                         ring = a.bond_force.shape[1]
                         column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
-                    push += wp.where(there, real(1.0), real(0.0)) * a.bond_force[row, column]
-            a.force[i] = a.force[i] - push
+                    share = wp.where(there, real(1.0), real(0.0))
+                    if wp.static(softened):
+                        share = share * left(a.damage[m])
+                    push += share * a.bond_force[row, column]
+            own = a.force[i]
+            if wp.static(softened):
+                own = left(a.damage[i]) * own
+            a.force[i] = own - push
 
     return gather_from_reverse_bonds

@@ -5,9 +5,8 @@ Far ahead of the tip the sheet is in pure shear: when the crack grows by da, a p
 energy release rate is therefore exactly G = H W(stretch), whatever the length of the crack. The sheet must tear when G
 reaches the tearing energy Gc: `onset_ratio` is G / Gc when the tip has moved by `advance` spacings.
 
-`tearing_energy` is Gc [J/m^2]; if `critical_stretch` is given, Gc is the tearing energy that stands for it. With
-`gradual` = False bonds break at once, at the critical stretch, instead of losing their weight gradually. The edges move
-apart at a constant speed, slow against waves, until G is `overload` times Gc. `material` is one of MATERIALS;
+`tearing_energy` is Gc [J/m^2]. The edges move apart at a
+constant speed, slow against waves, until G is `overload` times Gc. `material` is one of MATERIALS;
 `wrinkles` = "relaxed" or "resolved" says whether the sheet wrinkles below the spacing.
 """
 
@@ -18,7 +17,6 @@ import numpy as np
 from warp_pd import (
     ArrudaBoyce,
     BondAssociated,
-    CriticalStretch,
     Explicit,
     Gent,
     Measure,
@@ -36,7 +34,6 @@ from warp_pd.device.checks import InputError, count, one_of, positive
 from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import energy_density, stretch_of_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
-from warp_pd.parts import tip_width
 
 HEIGHT, THICKNESS, DENSITY, MU = 0.04, 1e-3, 1000.0, 1e3
 LENGTH, CUT = 3.5 * HEIGHT, 1.25 * HEIGHT
@@ -53,12 +50,11 @@ MATERIALS = {
 
 def build(
     points: int = 40,
-    horizon: float = 3.15,
+    horizon: float = 2.015,
     material: str = "neo_hookean",
     wrinkles: str = "relaxed",
     tearing_energy: float = 2.0,
-    critical_stretch: float | None = None,
-    gradual: bool = True,
+    length: float | None = None,
     overload: float = 1.5,
     advance: float = 12.0,
     duration: float = 3.0,
@@ -73,19 +69,14 @@ def build(
 
     Args:
         points: Points along the height: rows.
-        critical_stretch: Stretch at which a bond breaks, in place of the tearing energy [-].
-        gradual: Whether bonds lose their weight gradually, or break at once at the critical stretch.
+        length: Length of the damage field [m]; see TearingEnergy.
         advance: Growth of the crack at which its onset is read, in spacings.
     """
     sheet_material = with_wrinkles(MATERIALS[one_of("material", material, tuple(MATERIALS))], wrinkles)
     sheet, top, bottom = strip(points, horizon, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
     spacing, grips = sheet.spacing, np.concatenate([top, bottom])
-    energy, width = positive("tearing_energy", tearing_energy), tip_width(horizon, gradual) * spacing
-    if critical_stretch is not None:
-        energy = width * float(energy_density(sheet_material, critical_stretch, 1.0))
-    damage = TearingEnergy(energy, spared=grips)
-    if not gradual:
-        damage = CriticalStretch(stretch_at(sheet_material, energy / width), spared=grips)
+    energy = positive("tearing_energy", tearing_energy)
+    damage = TearingEnergy(energy, length=length, spared=grips)
     last = stretch_at(sheet_material, positive("overload", overload) * energy / HEIGHT)
     travel = 0.5 * (last - 1.0) * HEIGHT
     line = TearLine(sheet)

@@ -16,6 +16,7 @@ import numpy as np
 import warp as wp
 
 from .cores import available_cores, cores
+from .fields import Array
 from .launches import Call, Item, Launch, Stage
 from .streams import MAIN, SIDE, stream_of, stream_waits
 
@@ -134,11 +135,24 @@ def run_once(device: wp.Device, items: Iterable[Item]) -> None:
     if device.is_cuda and any(stream_of(item) != MAIN for item in items):
         _run_on_streams(device, items)
         return
+    for condition, group in itertools.groupby(items, _condition if device.is_cuda else lambda item: None):
+        if condition is not None and wp.is_conditional_graph_supported():
+            wp.capture_if(condition, on_true=functools.partial(_run_in_order, list(group), device))
+        else:
+            _run_in_order(group, device)
+
+
+def _run_in_order(items: Iterable[Item], device: wp.Device) -> None:
     for item in items:
         if isinstance(item, Launch):
             _launch(item, device)
         else:
             item.function()
+
+
+def _condition(item: Item) -> Array | None:
+    """What says whether a GPU needs a launch, and those next to it, at all; or None."""
+    return item.only_if if isinstance(item, Launch) and item.grouped else None
 
 
 def _run_on_streams(device: wp.Device, items: Sequence[Item]) -> None:

@@ -148,6 +148,7 @@ class Launch:
         span: How blocks share points, where its threads do not stand for points.
         strip: Which strip of a sheet it works on, if that is why it may run in parallel with others.
         only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
+        grouped: Whether a GPU leaves it out, too, together with those next to it of the same `only_if`.
     """
 
     name: str
@@ -166,6 +167,7 @@ class Launch:
     span: Span | None = None
     strip: OfStrip | None = None
     only_if: Array | None = None
+    grouped: bool = False
 
     @property
     def points(self) -> tuple[int, int]:
@@ -280,6 +282,7 @@ class Stage:
         span: Span | None = None,
         strip: OfStrip | None = None,
         only_if: Array | None = None,
+        grouped: bool = False,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
@@ -294,7 +297,7 @@ class Stage:
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
             block_dim or self.block_dim, begin, side_stream=side_stream, beside=beside, span=span, strip=strip,
-            only_if=only_if,
+            only_if=only_if, grouped=grouped,
         )  # fmt: skip
         self.items.append(made)
 

@@ -20,7 +20,7 @@ from ..families.share import BLOCK as SUM_BLOCK
 from ..families.share import Share
 from ..geometry.sheet import Sheet
 from ..kernels.effects import Kernel
-from ..kernels.families import COMPACT, CURVED, WITH_SHARES
+from ..kernels.families import COMPACT, CURVED
 from ..kernels.numeric import Numeric
 from .communicator import Crew
 
@@ -47,7 +47,7 @@ def find_device(name: str | None) -> wp.Device:
 
 
 def layout_of(sheet: Sheet) -> str:
-    """Layout of the families of a sheet whose bonds keep their weight."""
+    """Layout of the families of a sheet ."""
     return sheet.layout if sheet.frames is None else sheet.layout + CURVED
 
 
@@ -61,6 +61,7 @@ class Features:
         damped: Whether there is mass damping.
         tracked: Whether external work and losses are summed.
         breakable: Whether bonds can break.
+        softened: Whether a damage field takes stiffness from families.
         contact: Whether a contact may change velocities.
         half_steps: Whether the energy balance may take the velocities at half steps.
         compact: Name of the influence function of a cloud whose tables take few bytes, see kernels/compact_clouds.py;
@@ -72,7 +73,7 @@ class Features:
     damped: bool = False
     tracked: bool = False
     breakable: bool = False
-    gradual: bool = False
+    softened: bool = False
     contact: bool = False
     half_steps: bool = True
     compact: str = ""
@@ -166,8 +167,7 @@ class Context:
         """Layout of the families, see `family_functions`."""
         if self.features.compact:
             return COMPACT + self.features.compact
-        layout = layout_of(self.sheet)
-        return layout + WITH_SHARES if self.features.gradual else layout
+        return layout_of(self.sheet)
 
     def array(
         self,

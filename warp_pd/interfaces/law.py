@@ -111,8 +111,7 @@ class BuiltLaw(BuiltPart, Protocol):
         horizon: Horizon in spacings of the sheet [-].
         families: The families on the host.
         struct: The families on the device, a Warp struct (kernels/families.py).
-        intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break. If they lose their weight
-            gradually, it is (2 words, N), and the first rows are bits of the bonds with their full weight.
+        intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break.
         constants: Constants of the material.
         inverse_horizon: [1/m].
         unit_volume: Thickness times reference area [m^3].
@@ -173,8 +172,20 @@ class BuiltLaw(BuiltPart, Protocol):
         """
         ...
 
-    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
-        """Energy density in pure shear [J/m^3] at stretches [-], both of one shape.
+    def soften(self, damage: Array) -> None:
+        """Let the family of each point lose stiffness by its damage, (N,); see kernels/damage_field.py.
+
+        Raises:
+            InputError: for a law that cannot.
+        """
+        ...
+
+    def represented_areas(self) -> np.ndarray:
+        """Area that the bonds of each point stand for [m^2], shape (N,)."""
+        ...
+
+    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
+        """Energy density [J/m^3] at stretches and stretches across them [-], which broadcast; in pure shear by default.
 
         Raises:
             InputError: for a law whose material has none.
@@ -235,11 +246,6 @@ class Law(Protocol):
     def horizon(self) -> float:
         """Horizon in spacings of the sheet [-]."""
         ...
-
-    @property
-    def softens(self) -> bool:
-        """Whether its bonds can lose their weight gradually."""
-        return False
 
     @property
     def compact(self) -> str:

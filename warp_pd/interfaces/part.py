@@ -235,11 +235,11 @@ class Rupture(Part, Protocol):
 
     Attributes:
         spared: Points whose bonds never break, such as those in a clamp; None if all bonds may break.
-        gradual: Whether bonds lose their weight gradually in dynamics, with laws that allow it.
+        is_field: Whether a damage field of the points takes stiffness from families.
     """
 
     argument: ClassVar[str] = "damage"
-    gradual: ClassVar[bool] = False
+    is_field: ClassVar[bool] = False
     spared: Any
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:

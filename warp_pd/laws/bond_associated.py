@@ -15,7 +15,9 @@ from ..families import InfluenceFunction, influence_function
 from ..interfaces import BondBreaking, BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..kernels.bond_associated import bond_associated
+from ..kernels.bond_state import gather_pairs
 from ..kernels.effects import Kernel
+from ..kernels.pointwise import Pointwise
 from ..kernels.reference_force import reference_force
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
@@ -44,8 +46,8 @@ class BondAssociated:
                 fractions (BA eqs. 38 and 43). It has no energy and misses uniform stress by about 1 %.
             "plain": in proportion to |D_ij|; conserves energy, exact for uniform stress inside the sheet.
             "corrected": the nearest weights for which uniform stress is in equilibrium also at the edges.
-            "auto": "plain" if bonds can break or at horizons above 4.5, "corrected" otherwise; on graded sheets,
-                where plain weights are out of balance, also if bonds can break.
+            "auto": "corrected", but "plain" at horizons above 4.5, and with CriticalStretch and CriticalEnergy on
+                sheets that are not graded.
             With rupture, "corrected" applies as long as the family of a point is undamaged; `broken` sets the
             weights of a damaged family.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
@@ -67,11 +69,6 @@ class BondAssociated:
     fast: bool = True
 
     has_tangent: ClassVar[bool] = True
-
-    @property
-    def softens(self) -> bool:
-        """Whether its bonds can lose their weight gradually."""
-        return self.form == "variational" and self.broken == "drop"
 
     @property
     def compact(self) -> str:
@@ -135,7 +132,8 @@ class BondAssociatedForce(FamilyLaw):
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         breakable, sheet = context.features.breakable, context.sheet
-        self.law, self.weights = law, law.resolved_weights(breakable, sheet.spacings is not None)
+        at_once = breakable and not context.features.softened
+        self.law, self.weights = law, law.resolved_weights(at_once, sheet.spacings is not None)
         self.material, self.fast = law.material, law.fast
         self.shown_stress = law.material
         broken = law.broken if breakable else None
@@ -181,7 +179,7 @@ class BondAssociatedForce(FamilyLaw):
         They do not where the energy is tracked: several processes have a launch of its own for it, and the same bits.
         """
         features = self.context.features
-        able = self.context.share is None and not features.gradual and not features.tracked
+        able = self.context.share is None and not features.softened and not features.tracked
         found = able and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
         if found:
             self._breaking = breaking
@@ -193,7 +191,23 @@ class BondAssociatedForce(FamilyLaw):
             self.fast_path.add_force(stage, displacement, out, self._breaking)
             return
         self.add_reference_force(stage, displacement)
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+        self.add_gather(stage, self.gather, self.pairs, out)
+
+    @property
+    def gather(self) -> Pointwise:
+        """Stage that sums the pairs of each point."""
+        layout, bits, _, broken, _ = self.key
+        return gather_pairs(layout, bits, broken is not None, self.context.module, self.damage is not None)
+
+    def soften(self, damage: Array) -> None:
+        """Let the family of each point lose stiffness by its damage, (N,).
+
+        Raises:
+            InputError: for published weights, which have no energy.
+        """
+        if self.weights == "published":
+            raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with TearingEnergy")
+        self.damage = damage
 
     def add_reference_force(self, stage: Stage, displacement: Array) -> None:
         """Add the launch that fills `pairs`."""
@@ -229,9 +243,9 @@ class BondAssociatedForce(FamilyLaw):
         """Internal variables that the stress depends on, for the fields of frames."""
         return {}
 
-    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
-        """Energy density of the material in pure shear [J/m^3]."""
-        return energy_density(self.material, stretch, 1.0, self.context.device)
+    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
+        """Energy density of the material [J/m^3], in pure shear by default."""
+        return energy_density(self.material, stretch, across, self.context.device)
 
     def fictitious_mass(self, stage: Stage) -> Array | None:
         """Add the launches that fill an array with the sums of the rows of the stiffness [N/m].

@@ -63,7 +63,6 @@ class BondBased:
     weights: ClassVar[str] = "pairwise"
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = True
-    softens: ClassVar[bool] = False
     compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:

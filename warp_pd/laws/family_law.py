@@ -18,6 +18,7 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Law, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
+from ..kernels.damage_field import soften_energy
 from ..kernels.effects import Kernel
 from ..kernels.pointwise import Pointwise
 from ..materials import Material, capabilities, padded_constants
@@ -69,6 +70,7 @@ class FamilyLaw(BuiltLaw):
         offered_fields: Point fields of its own that the law offers for frames, besides those of all laws.
         shown_stress: Material of the stresses that frames can show, or None for a law without one.
         shown: Point fields that frames show, or None.
+        damage: Damage of the points by which families have lost stiffness, (N,), or None.
         takes_curved: Whether it works on curved sheets.
         takes_graded: Whether it works on sheets of graded spacing.
         takes_tension_field: Whether its material may be a TensionField.
@@ -85,6 +87,7 @@ class FamilyLaw(BuiltLaw):
     offered_fields: Sequence[str] = ()
     shown_stress: Material | None = None
     shown: ShownFields | None = None
+    damage: Array | None = None
     takes_curved: bool = False
     takes_graded: bool = False
     takes_tension_field: bool = False
@@ -127,10 +130,9 @@ class FamilyLaw(BuiltLaw):
         self.intact: Array | None = None
         if context.features.breakable:
             bits = families.rows_of_points(pack(families.exists)).T
-            if context.features.gradual:
-                bits = np.concatenate([bits, bits])
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True, halo=True)
         self.thickness = context.sheet.thickness
+        self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
         self.lock, self.goes_slack = known.lock, known.goes_slack
@@ -154,6 +156,9 @@ class FamilyLaw(BuiltLaw):
             self.add_force(stage, state.displacement, state.force)
         elif phase is Phase.FRAME and self.strain_energy is not None:
             self.add_energy(stage, state.displacement, self.strain_energy)
+            if self.damage is not None:
+                soften = soften_energy(self.context.bits, self.context.module)
+                stage.launch(self.owner, soften, self.points, damage=self.damage, energies=self.strain_energy)
         if phase is Phase.FRAME and self.shown is not None:
             self.add_shown(stage, self.shown)
 
@@ -178,8 +183,24 @@ class FamilyLaw(BuiltLaw):
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
         """Add the pointwise stage that sums the pairs of each point [N], (members, N), to its force [N]."""
         stage.pointwise(
-            self.owner, gather, self.points, family=self.struct, intact=self.intact, bond_force=bond_force, force=force
-        )
+            self.owner, gather, self.points, family=self.struct, intact=self.intact, bond_force=bond_force,
+            damage=self.damage, force=force,
+        )  # fmt: skip
+
+    def soften(self, damage: Array) -> None:
+        """Let the family of each point lose stiffness by its damage, (N,); see kernels/damage_field.py.
+
+        Raises:
+            InputError: by default: the law has no energy that families could lose.
+        """
+        raise InputError(f"damage = TearingEnergy: expected the law BondAssociated, Visco or Nodal, got {self.owner}")
+
+    def represented_areas(self) -> np.ndarray:
+        """Area that the bonds of each point stand for [m^2], shape (N,): the sum of their weights."""
+        assert self._weights is not None
+        areas = self.families.rows_of_points(self._weights.sum(axis=1)) * self.families.reference_area
+        stiffness = self.context.sheet.stiffness
+        return np.asarray(areas if stiffness is None else areas / stiffness)
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
@@ -203,8 +224,8 @@ class FamilyLaw(BuiltLaw):
             f"fast = False and weights that conserve energy"
         )
 
-    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
-        """Energy density in pure shear [J/m^3].
+    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
+        """Energy density at a stretch and one across it, in pure shear by default [J/m^3].
 
         Raises:
             InputError: if the law has none.

@@ -56,10 +56,6 @@ def family_struct(
     def put(name: str, values: np.ndarray | None, dtype: Any) -> Any:
         return context.array(name, owner, dtype, values, per="table")
 
-    if context.features.gradual:
-        exist = _by_member(families.rows_of_points(families.exists), real)
-        s.shares = context.array("bond_shares", "rupture", types.real, exist, per="bond", restart=True)
-
     if families.shift is not None and families.family_class is not None:
         s.stencil_shift = put("stencil_shift", families.shift, wp.int32)
         s.stencil_reverse = put("stencil_reverse", families.reverses, wp.int32)

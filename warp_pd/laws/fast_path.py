@@ -147,7 +147,7 @@ class RowSums:
         """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
         assert breaking is None
         self.add_pairs(stage, displacement, "force", NO_PRONY)
-        self.force.add_gather(stage, self.force.kernels.gather, self.force.pairs, force)
+        self.force.add_gather(stage, self.force.gather, self.force.pairs, force)
 
     def add_pairs(self, stage: Stage, displacement: Array, what: str, prony: Mapping[str, Any]) -> None:
         """Add the launch that fills the forces of each family on its pairs [N]; `what` as for `family_rows`."""
@@ -210,7 +210,7 @@ class FastPath:
     @property
     def _drops(self) -> bool:
         """Whether inner families that lost bonds have a kernel: not if others get their weight, or they fade."""
-        return self.force.key[3] == "drop" and not self.force.context.features.gradual
+        return self.force.key[3] == "drop"
 
     @property
     def whole_families(self) -> slice:
@@ -388,10 +388,11 @@ class FastPath:
         gather = gather_reverse_bonds(
             layout, bits, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
             self.bond_force.shape[1] < law.points, counts is not None, law.context.module,
+            law.damage is not None,
         )  # fmt: skip
         return gather, {
             "family": law.struct, "columns": law.lattice_columns, "bond_force": self.bond_force, "other_count": counts,
-            "first_point": strip.gather_begin, "force": force,
+            "damage": law.damage, "first_point": strip.gather_begin, "force": force,
         }  # fmt: skip
 
     def _add_gather(self, stage: Stage, strip: Strip, force: Array, part: OfStrip | None = None) -> None:

@@ -55,7 +55,6 @@ class HyperelasticBonds:
     weights: ClassVar[str] = "pairwise"
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
-    softens: ClassVar[bool] = False
     compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
 from ..interfaces.context import Context
+from ..kernels.bond_state import gather_pairs
 from ..kernels.effects import Kernel
 from ..kernels.nodal import nodal
 from ..materials import Material, check_material, energy_density
@@ -41,7 +42,6 @@ class Nodal:
     weights: ClassVar[str] = "point"
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = False
-    softens: ClassVar[bool] = False
     compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
@@ -105,11 +105,21 @@ class NodalForce(PointLaw):
             **self.family_arguments(displacement), constants=self.constants,
             unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
         )  # fmt: skip
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+        breakable, softened = self.intact is not None, self.damage is not None
+        gather = gather_pairs(self.context.layout, self.context.bits, breakable, self.context.module, softened)
+        self.add_gather(stage, gather, self.pairs, out)
 
-    def energy_density(self, stretch: np.ndarray) -> np.ndarray:
-        """Energy density of the material in pure shear [J/m^3]."""
-        return energy_density(self.material, stretch, 1.0, self.context.device)
+    def soften(self, damage: Array) -> None:
+        """Let the family of each point lose stiffness by its damage, (N,)."""
+        self.damage = damage
+
+    def represented_areas(self) -> np.ndarray:
+        """Area of each point [m^2], shape (N,)."""
+        return self.context.sheet.areas
+
+    def energy_density(self, stretch: np.ndarray, across: Any = 1.0) -> np.ndarray:
+        """Energy density of the material [J/m^3], in pure shear by default."""
+        return energy_density(self.material, stretch, across, self.context.device)
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""

@@ -34,6 +34,12 @@ class BondAssociatedLaw(Protocol):
     lattice_columns: int
     inverse_horizon: float
     unit_volume: float
+    damage: Array | None
+
+    @property
+    def gather(self) -> Pointwise:
+        """Stage that sums the pairs of each point."""
+        ...
 
     @property
     def material(self) -> Material:

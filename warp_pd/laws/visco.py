@@ -141,6 +141,14 @@ class ViscoForce(ElasticVisco):
         work = self.internal["viscous_work"]
         work.assign(to_host(work) - to_host(self.viscous))
 
+    def soften(self, damage: Array) -> None:
+        """Refuse a damage field.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError("damage = TearingEnergy: expected Visco without prony, or another criterion with it")
+
     def sums(self) -> Mapping[str, Array]:
         """Strain energy and viscous losses."""
         return {**super().sums(), "viscous": self.viscous}
@@ -183,7 +191,7 @@ class ViscoForce(ElasticVisco):
             )  # fmt: skip
         elif self._updated is not stage:
             self.rows.add_pairs(stage, displacement, "viscous_force", {**NO_PRONY, "prony": self.prony, **state})
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
+        self.add_gather(stage, self.gather, self.pairs, out)
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""

@@ -46,7 +46,6 @@ class ViscoBondBased:
 
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
-    softens: ClassVar[bool] = False
     compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:

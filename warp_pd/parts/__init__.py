@@ -12,7 +12,7 @@ from .reaction import Reaction
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .self_contact import SelfContact
 from .supports import Fixed, Motion, stretching_edges
-from .tearing_energy import TearingEnergy, stretch_or_energy, tip_width
+from .tearing_energy import TearingEnergy, stretch_or_energy
 
 __all__ = [
     "BodyForce",
@@ -43,5 +43,4 @@ __all__ = [
     "TriangleMesh",
     "stretch_or_energy",
     "stretching_edges",
-    "tip_width",
 ]

@@ -168,7 +168,7 @@ class Damaged(BuiltRupture):
         tracked_energy: Warp function of the energy that is lost, or None.
     """
 
-    def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
+    def __init__(self, owner: str, rupture: Rupture, context: Context, law: BuiltLaw) -> None:
         self.label, self.owner, self.context, self.law = f"damage = {owner}", owner, context, law
         sheet = context.sheet
         self.spared: Array | None = None
@@ -210,12 +210,18 @@ class Damaged(BuiltRupture):
 
     def _add_damage(self, stage: Stage) -> None:
         context = self.context
-        family = {"family": self.law.struct, "intact": self.law.intact}
-        key = (context.layout, context.bits, context.module)
-        stage.launch(self.owner, point_damage(*key), context.sheet.size, **family, out=self.damage)
         stage.launch(
-            self.owner, face_damage(*key), len(context.sheet.triangles), **family, triangles=self._triangles,
-            intact_faces=self.intact_faces,
+            self.owner, point_damage(context.layout, context.bits, context.module), context.sheet.size,
+            family=self.law.struct, intact=self.law.intact, out=self.damage,
+        )  # fmt: skip
+        self.add_faces(stage)
+
+    def add_faces(self, stage: Stage) -> None:
+        """Add the launch that finds the faces that no crack cuts."""
+        context = self.context
+        stage.launch(
+            self.owner, face_damage(context.layout, context.bits, context.module), len(context.sheet.triangles),
+            family=self.law.struct, intact=self.law.intact, triangles=self._triangles, intact_faces=self.intact_faces,
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:

@@ -1,214 +1,333 @@
-"""A tearing energy as the criterion of rupture: the critical stretch that stands for it on a sheet."""
+"""A tearing energy as the criterion of rupture: a damage field of points, by which the sheet tears."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import warp as wp
 
-from ..device.checks import InputError, point_indices, positive
+from ..device.checks import InputError, one_of, point_indices, positive
+from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..families.share import Share
+from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
-from ..kernels.rupture import Criterion, elongation
-from ..kernels.softening import softening
-from ..materials import borne, stretch_of_density
-from .rupture import BondCriterion, BreakingBonds, CriticalStretch, Damaged
+from ..interfaces.phases import Phase
+from ..kernels.damage_field import NEAR, damage_field
+from .rupture import CriticalStretch, Damaged
 
-# Width kappa of a crack tip in spacings, see docs/tearing.md: of bonds that break at once, and of bonds that lose their
-# weight gradually, by the horizon in spacings.
-TIP_WIDTH = 2.07
-GRADUAL_HORIZONS, GRADUAL_WIDTHS = (2.015, 3.15, 4.15), (1.32, 1.20, 1.40)
-# A bond loses its weight while its elongation is between these shares of the critical one.
-BEGIN, END = 0.4, 1.6
-# How much the spacing may vary where bonds may break.
-EVEN = 0.1
-# Range of the critical stretch: below it round-off and roughness break bonds, above it no rubber is known.
-MIN_STRETCH, MAX_STRETCH = 1.05, 30.0
+# Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
+DEFAULT_LENGTH = 2.0
+# Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
+MIN_LENGTH = 0.75
+# Share of the limit of the energy density that no bond reaches outside the stretches that are looked at.
+SCREEN = 0.8
+# Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
+SWEEPS, MAX_SWEEPS = 1.3, 64
+# Threads that share the list of points: as many as a GPU holds at once, and few where each has its turn.
+GPU_THREADS, CPU_THREADS = 2**15, 64
+# Mean damage that a run may gain before a note says so.
+MUCH_DAMAGE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class TearingEnergy(BondCriterion):
+class TearingEnergy(Rupture):
     """A crack advances when the energy release rate reaches the tearing energy of the material, Gc.
 
-    By Thomas's relation (1955), the tearing energy is the width of the tip times the work per volume to break the
-    material there,
-
-        Gc = kappa dx W(s_c),
-
-    with the energy density W of pure shear, the spacing dx, and the width kappa of a tip in spacings, as measured in
-    docs/tearing.md. A bond loses its weight gradually, and for good, while its elongation grows from 0.4 to 1.6 times
-    that of the critical stretch s_c: see kernels/softening.py. The elongation of a bond shorter than the spacing, as
-    irregular clouds have, counts over the spacing: otherwise the roughness of the displacement would break it.
-
-    In static solvers, and with a law whose bonds cannot lose their weight gradually, bonds break at once at s_c, for
-    which kappa is another. The summary states the stretches.
+    A damage field d of the points, 0 to 1 and never healing, takes stiffness from the sheet; its own energy over the
+    area of a tear is Gc (kernels/damage_field.py). Its length says over what width: half a tear is twice the length
+    wide. It is a property of the material, or of the model, not of the grid: with the tearing energy it sets the
+    energy density at which intact material is damaged, its strength: 3 Gc / (16 length). Bonds break where the field
+    has passed.
 
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
-        spared: Points whose bonds never break, such as those in a clamp; None if all bonds may break.
+        length: Length of the field [m]; by default two horizons, or what follows from the strength.
+        strength: Energy density at which intact material begins to tear [J/m^3], in place of the length. If the
+            spacing cannot resolve the length that follows, it is two horizons, and a note says what spacing would.
+        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear, in place of both [-].
+        spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
+        cut_profile: Whether cuts of the sheet have the damage of a crack around them from the start. Without it they
+            are notches, and a tear must begin first, at 1.2 to 1.3 Gc.
+        screened: Whether to look only at points near damage, or with a stretched bond; otherwise at all in every
+            step, which is slow and must give the same.
 
     Raises:
-        InputError: for an energy that is not positive.
+        InputError: for values that are not positive, or more than one of length, strength and stretch_at_break.
     """
 
     energy: float
+    length: float | None = None
+    strength: float | None = None
     spared: Any = None
+    stretch_at_break: float | None = None
+    cut_profile: bool = True
+    screened: bool = True
 
-    gradual: ClassVar[bool] = True
+    is_field: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive("TearingEnergy.energy", self.energy)
+        given = {name: getattr(self, name) for name in ("length", "strength", "stretch_at_break")}
+        given = {name: value for name, value in given.items() if value is not None}
+        for name, value in given.items():
+            positive(f"TearingEnergy.{name}", value)
+        if len(given) > 1:
+            raise InputError(f"TearingEnergy: expected one of length, strength and stretch_at_break, got {given}")
+        if self.stretch_at_break is not None and self.stretch_at_break <= 1.0:
+            raise InputError(
+                f"TearingEnergy.stretch_at_break = {self.stretch_at_break!r}: expected a stretch greater than 1"
+            )
+        one_of("TearingEnergy.cut_profile", self.cut_profile, (True, False))
+        one_of("TearingEnergy.screened", self.screened, (True, False))
+
+    def compile_key(self) -> tuple[object, ...]:
+        """What decides its kernels."""
+        return (self.spared is not None, self.screened)
 
     def divided(self, sheet: Sheet, share: Share) -> Rupture:
         """The same criterion for the points that are here.
 
         Raises:
-            InputError: on a graded sheet, of which it asks the spacing where bonds may break.
+            InputError: always: several processes cannot yet run it.
         """
-        if sheet.spacings is not None:
-            raise InputError("damage = TearingEnergy: expected a sheet of one spacing with several processes")
-        return super().divided(sheet, share)
-
-    def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
-        """The critical stretch, for bonds that break at once.
-
-        Raises:
-            InputError: for a law without an energy density, or a spacing that cannot resolve the tearing energy.
-        """
-        return _elongation(context, self.critical_stretch(context, law), self.spared)
+        raise InputError("damage = TearingEnergy: several processes cannot yet run it; expected CriticalStretch")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
-        """The criterion on a device."""
-        if context.features.gradual:
-            return SofteningBonds(self, context, law)
-        return TearingBonds(self, context, law)
-
-    def critical_stretch(self, context: Context, law: BuiltLaw) -> float:
-        """Critical stretch s_c that stands for the tearing energy on a sheet.
+        """The field on a device.
 
         Raises:
-            InputError: if there is none in the range that the spacing resolves.
+            InputError: for a law without a stress, or a length that the families cannot resolve.
         """
-        spacing = tearing_spacing(context.sheet, self.spared)
-        width = tip_width(law.horizon, context.features.gradual) * spacing
-        stretches = np.geomspace(MIN_STRETCH, MAX_STRETCH, 400)
-        found = stretch_of_density(law.energy_density, self.energy / width, stretches)
-        if np.isnan(found):
-            density = law.energy_density(stretches)
-            last = borne(density) - 1
-            low, high, largest = density[0] * width, density[last] * width, stretches[last]
-            raise InputError(
-                f"TearingEnergy.energy = {self.energy:g}: expected {low:.3g} to {high:.3g} J/m^2 at a spacing of "
-                f"{spacing:.3g} m, which are stretches from {MIN_STRETCH:g} to {largest:.3g}"
-            )
-        return found
+        return DamageField(self, context, law)
 
 
-class TearingBonds(BreakingBonds):
-    """Bonds that break at once by a tearing energy."""
-
-    criterion: Any
-
-    def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
-        super().__init__("TearingEnergy", rupture, context, law)
-        self._spacing = tearing_spacing(context.sheet, rupture.spared)
-
-    def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """The critical stretch that was used."""
-        return [_stands_for(self.criterion.stretch, self._spacing)]
-
-
-class SofteningBonds(Damaged):
-    """Bonds that lose their weight gradually by a tearing energy.
+class DamageField(Damaged):
+    """The damage field on a device.
 
     Attributes:
-        critical: The critical stretch that stands for it.
-        beginning: Struct of the stretch at which a bond begins to lose its weight.
-        end: Stretch at which it has lost it.
+        field: Damage of the points, (N,), in the precision of the device.
+        length: Its length [m].
+        limit: Energy density at which intact material begins to tear [J/m^3].
+        sweeps: Sweeps in a step.
     """
 
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
-        self.critical = rupture.critical_stretch(context, law)
-        begin, self.end = (1.0 + share * (self.critical - 1.0) for share in (BEGIN, END))
-        _, self.beginning = _elongation(context, begin, rupture.spared)
-        self._spacing = tearing_spacing(context.sheet, rupture.spared)
-        self._kernel = softening(
-            context.layout, context.bits, self.spared is not None, self.tracked_energy, context.module
+        self.rupture = rupture
+        horizon = law.families.horizon
+        self._resolved = DEFAULT_LENGTH * horizon
+        self.length = self._length(rupture, law)
+        self.limit = 3.0 * rupture.energy / (16.0 * self.length)
+        sheet, real = context.sheet, context.types.real
+        n = sheet.size
+        spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
+        areas = law.represented_areas()
+        neighbours, couplings = gradient_couplings(sheet)
+        couplings *= 2.0 * self.length**2 / areas
+        profile = self._profile(sheet)
+
+        def put(name: str, values: np.ndarray, dtype: Any = real, per: str = "point") -> Array:
+            return context.array(name, self.owner, dtype, values, per=per)
+
+        self.field = context.array("damage_field", self.owner, real, profile, restart=True)
+        self._other = put("damage_after_sweep", profile)
+        self._before = context.array("damage_before", self.owner, real, shape=n)
+        self._driving = context.array("driving", self.owner, real, shape=n)
+        self._listed = context.array("listed_points", self.owner, wp.int32, shape=n, per="table")
+        self._count = context.array("listed_count", self.owner, wp.int32, shape=1, per="once")
+        self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
+        self._couplings = put("field_couplings", couplings, per="bond")
+        self._scale = put("driving_scale", law.families.reference_area / (areas * 2.0 * self.limit))
+        self._limits = put("limit_energy", 2.0 * self.limit * sheet.thickness * areas)
+        self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
+        self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS)))
+        self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
+        self._range = self._safe_stretches(law)
+        self.fracture = context.array("fracture", self.owner, wp.float64, shape=n)
+        apart = profile - profile[neighbours]
+        self._fracture_at_start = float(
+            (2.0 * self.limit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))).sum()
         )
+        self._area = float(sheet.areas.sum())
+        self._profile_mean = float(profile.mean())
+        self.kernels = damage_field(
+            context.layout, context.bits, self.spared is not None, rupture.screened, self.released is not None,
+            law.earlier_energy, context.module,
+        )  # fmt: skip
+        law.soften(self.field)
+
+    def _length(self, rupture: TearingEnergy, law: BuiltLaw) -> float:
+        """The length of the field [m].
+
+        Raises:
+            InputError: for one that is too short for the families.
+        """
+        if rupture.length is not None:
+            least = MIN_LENGTH * law.families.horizon
+            if rupture.length < least:
+                raise InputError(
+                    f"TearingEnergy.length = {rupture.length:g}: expected {least:.3g} m or more at a horizon of "
+                    f"{law.families.horizon:.3g} m; better {self._resolved:.3g} m"
+                )
+            return rupture.length
+        wanted = self.wanted_length()
+        return self._resolved if wanted is None else max(wanted, self._resolved)
+
+    def wanted_length(self) -> float | None:
+        """The length that follows from the strength [m]; None without one."""
+        strength = self.rupture.strength
+        if self.rupture.stretch_at_break is not None:
+            # Uniaxial tension is the least energy of all widths.
+            widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
+            strength = float(np.nanmin(self.law.energy_density(self.rupture.stretch_at_break, widths)))
+        return None if strength is None else 3.0 * self.rupture.energy / (16.0 * strength)
+
+    def _profile(self, sheet: Sheet) -> np.ndarray:
+        """Damage at the start, (N,): that of cracks where the sheet has cuts."""
+        damage = np.zeros(sheet.size)
+        segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
+        if len(segments):
+            apart = distance_from_segments(sheet.points, segments, 2.0 * self.length)
+            damage = np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2
+        if self.rupture.spared is not None:
+            damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
+        return damage
+
+    def _safe_stretches(self, law: BuiltLaw) -> tuple[float, float]:
+        """Squared stretches of bonds between which no energy reaches the limit, for any material of the sheet."""
+        stiffest = 1.0 if self.context.sheet.stiffness is None else float(self.context.sheet.stiffness.max())
+        allowed = SCREEN * self.limit / stiffest
+        longer, shorter = np.geomspace(1.0, 30.0, 2000), np.geomspace(1.0, 1e-3, 2000)
+
+        def last(stretches: np.ndarray) -> float:
+            over = ~(law.energy_density(stretches, stretches) <= allowed)
+            return float(stretches[max(int(np.argmax(over)) - 1, 0)] if over.any() else stretches[-1])
+
+        high, low = last(longer), last(shorter)
+        return (low**2 if low > shorter[-1] else 0.0), high**2
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of a phase."""
+        super().add(phase, stage)
+        if phase is Phase.START:
+            self._add_list(stage)
+        if phase is Phase.FRAME:
+            stage.launch(
+                self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
+                couplings=self._couplings, limit=self._limits, damage=self.field, out=self.fracture,
+            )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launch that takes weight from bonds."""
+        """Add the launches that find the damage of a step."""
+        k, shared, given = self.kernels, self._shared(), self.arguments()
+        self._add_list(stage)
+        source, target = self.field, self._other
+        for _ in range(self.sweeps):
+            stage.launch(
+                self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
+                driving=self._driving, source=source, target=target, **shared,
+            )  # fmt: skip
+            source, target = target, source
+        given.pop("horizon")
         stage.launch(
-            self.owner, self._kernel, self.context.sheet.size, **self.arguments(), begin_at=self.beginning,
-            none_above=self.end, shares=self.law.struct.shares,
+            self.owner, k.finish, self._threads, squared_reach=self._reach, damage=self.field, before=self._before,
+            **given, **shared,
         )  # fmt: skip
 
+    def _shared(self) -> dict[str, Any]:
+        """Arguments of all launches on listed points."""
+        return {
+            "listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count,
+            "grouped": True,
+        }  # fmt: skip
+
+    def _add_list(self, stage: Stage) -> None:
+        """Add the launches that list points, and find what drives their damage."""
+        k, n, given = self.kernels, self.context.sheet.size, self.arguments()
+        shortest, longest = self._range
+        stage.launch(self.owner, k.empty, 1, count=self._count)
+        stage.launch(
+            self.owner, k.wake, n, shortest=shortest, longest=longest, neighbours=self._neighbours, damage=self.field,
+            listed=self._listed, count=self._count,
+            **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
+        )  # fmt: skip
+        stage.launch(
+            self.owner, k.drive, self._threads, scale=self._scale, neighbours=self._neighbours, damage=self.field,
+            driving=self._driving, before=self._before, **self._shared(),
+            **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
+        )  # fmt: skip
+
+    def _add_damage(self, stage: Stage) -> None:
+        stage.launch(
+            self.owner, self.kernels.shown, self.context.sheet.size, damage=self.field, out=self.damage
+        )  # fmt: skip
+        self.add_faces(stage)
+
+    def begin(self) -> None:
+        """Refuse a start at which intact material would tear.
+
+        Raises:
+            InputError: for one.
+        """
+        driving = to_host(self._driving).astype(float)
+        driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
+        most = float(driving.max(initial=0.0))
+        if most > 0.5:
+            raise InputError(
+                f"damage = TearingEnergy: the sheet starts with {most * 2.0 * self.limit:.3g} J/m^3, above the "
+                f"strength of {self.limit:.3g} J/m^3 that {self._said_length()} stands for; expected a shorter length "
+                f"or a larger energy"
+            )
+
+    def _said_length(self) -> str:
+        return f"a length of {self.length:.3g} m"
+
+    def sums(self) -> Mapping[str, Array]:
+        """The energy that was released, and that of the field."""
+        return {**super().sums(), "fracture": self.fracture}
+
+    def column_names(self) -> Sequence[str]:
+        """Those of damage, and the energy of the field."""
+        return (*super().column_names(), "fracture")
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Largest and mean damage, and the energy of the field since the start [J]."""
+        return {**super().columns(totals, elapsed), "fracture": totals["fracture"] - self._fracture_at_start}
+
+    def column_units(self) -> Mapping[str, str]:
+        """Joule."""
+        return {"fracture": "J"}
+
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """The stretches that were used."""
-        said = _stands_for(self.critical, self._spacing)
-        return [f"{said}: bonds lose their weight between {self.beginning.stretch:.4g} and {self.end:.4g}"]
+        """What the tearing energy stands for, and damage of much of the sheet."""
+        said = [
+            f"the tearing energy has a length of {self.length:.4g} m: intact material begins to tear at "
+            f"{self.limit:.4g} J/m^3"
+        ]
+        wanted = self.wanted_length()
+        if wanted is not None and wanted < self._resolved:
+            spacing = self.context.sheet.spacing * wanted / self._resolved
+            said.append(
+                f"the strength needs a length of {wanted:.3g} m, which a spacing of {spacing:.3g} m resolves: "
+                f"intact material is weaker here than it should be, cracks are not"
+            )
+        gained = history[-1]["mean_damage"] - self._profile_mean
+        if gained > MUCH_DAMAGE:
+            said.append(
+                f"the mean damage grew by {gained:.0%}: most of the sheet is beyond its strength of {self.limit:.3g} "
+                f"J/m^3, not a tear alone"
+            )
+        return said
 
 
-def _elongation(context: Context, stretch: float, spared: Any) -> tuple[Criterion, Any]:
-    """The criterion of elongation, and its struct filled in."""
-    found = elongation(context.layout, context.bits, context.module)
-    values = found.struct()
-    values.stretch, values.spacing = stretch, tearing_spacing(context.sheet, spared)
-    return found, values
-
-
-def _stands_for(stretch: float, spacing: float) -> str:
-    """What a tearing energy is on this sheet."""
-    return f"the tearing energy stands for a critical stretch of {stretch:.4g} at a spacing of {spacing:.4g} m"
-
-
-def tearing_spacing(sheet: Sheet, spared: Any) -> float:
-    """Spacing [m] where bonds may break.
-
-    Args:
-        sheet: The sheet.
-        spared: Points whose bonds never break, or None.
-
-    Raises:
-        InputError: on a graded sheet, if it varies there by more than `EVEN`.
-    """
-    if sheet.spacings is None:
-        return sheet.spacing
-    breakable = np.ones(sheet.size, bool)
-    if spared is not None:
-        breakable[point_indices("TearingEnergy.spared", spared, sheet.size)] = False
-    there = sheet.spacings[breakable]
-    if len(there) == 0:
-        return sheet.spacing
-    low, high = float(there.min()), float(there.max())
-    if high > (1.0 + EVEN) * low:
-        raise InputError(
-            f"TearingEnergy on a graded sheet, with spacings from {low:.3g} to {high:.3g} m where bonds may break: "
-            f"expected one within {EVEN:.0%}; spare the other points, as with spared=sheet.where(...)"
-        )
-    return float(np.sqrt(low * high))
-
-
-def tip_width(horizon: float, gradual: bool) -> float:
-    """Width kappa of a crack tip in spacings; in proportion to wider horizons than those it was measured at.
-
-    Args:
-        horizon: In spacings.
-        gradual: Whether bonds lose their weight gradually.
-    """
-    if not gradual:
-        return TIP_WIDTH
-    wider = max(horizon / GRADUAL_HORIZONS[-1], 1.0)
-    return wider * float(np.interp(horizon, GRADUAL_HORIZONS, GRADUAL_WIDTHS))
-
-
-def stretch_or_energy(critical_stretch: float, tearing_energy: float | None, spared: Any = None) -> BondCriterion:
+def stretch_or_energy(critical_stretch: float, tearing_energy: float | None, spared: Any = None) -> Rupture:
     """The criterion of a scene: a tearing energy [J/m^2] if one is given, a critical stretch [-] otherwise."""
     if tearing_energy is not None:
-        return TearingEnergy(tearing_energy, spared)
+        return TearingEnergy(tearing_energy, spared=spared)
     return CriticalStretch(critical_stretch, spared)

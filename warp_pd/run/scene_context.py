@@ -30,7 +30,6 @@ def scene_context(
     """The context in which the parts of a scene are built; with several processes `crew.share` says what is here."""
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
-    gradual = scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens
     start, placement = scene.initial("initial_displacement"), sheet.placement()
     features = Features(
         held=bool(held.any()),
@@ -38,7 +37,7 @@ def scene_context(
         damped=solver.mass_damping is not None,
         tracked=scene.track_energy and solver.dynamic,
         breakable=scene.damage is not None,
-        gradual=gradual,
+        softened=scene.damage is not None and scene.damage.is_field,
         contact=any(part.changes_velocities for part in scene.contacts),
         half_steps=all(c.half_steps for c in scene.contacts),
         # The energy that a breaking bond releases has the same bits in every launch only with stored tables.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..device.checks import InputError
 from ..interfaces import System
 from ..interfaces.phases import Phase
 
@@ -22,6 +23,8 @@ class StaticRupture:
     def __init__(self, system: System) -> None:
         """Add the stage "rupture", if anything can break."""
         self.intact, self._context = system.law.intact, system.context
+        if system.context.features.softened:
+            raise InputError("damage = TearingEnergy: expected the solver Explicit, or CriticalStretch with this one")
         if self.intact is not None:
             system.add([Phase.RUPTURE], self._context.stage("rupture", "whenever the sheet is in static equilibrium"))
 

@@ -1,0 +1,353 @@
+"""A damage field of points, d from 0 to 1, by which the family of a point loses stiffness, and bonds break.
+
+    E = h sum_i A_i g(d_i) Y_i + h sum_i A_i (3 Gc / 8) (d_i / l + l |grad d|_i^2),      g(d) = (1 - d)^2,
+
+with the mean energy density Y_i of the family of i, the area A_i that its bonds stand for, the tearing energy Gc and a
+length l: model AT1 of Pham, Amor, Marigo and Maurini (Int. J. Damage Mech. 20, 2011), as Kumar, Francfort and
+Lopez-Pamies (J. Mech. Phys. Solids 112, 2018) take it to elastomers. Nothing happens below Y = 3 Gc / (16 l).
+
+g belongs to the family's own point. A softened family whose bonds are intact therefore has the force of the undamaged
+one times g, and g stands where forces are gathered alone. At a fixed displacement the energy is quadratic in d:
+
+    d_i = max(d_i earlier, min(1, (2 y_i - 1 + sum_k c_ik d_k) / (2 y_i + sum_k c_ik))),      y_i = 8 l Y_i / (3 Gc),
+
+is one sweep of Jacobi's method. c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the
+triangles, with sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a
+free edge, and exact for a linear field on any triangles.
+
+Points may change that are damaged, that have a damaged neighbour, or whose energy is above the limit. They are listed
+in every step; a GPU lists them in any order, on which no result depends.
+
+Bonds break for good where d has reached SEVERED at an end, or at a common member nearer to the line between the ends
+than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import warp as wp
+
+from .bits import bit_of
+from .effects import Kernel, kernel
+from .families import WORD, family_functions
+from .numeric import numeric
+from .rupture import reference_and_deformed
+from .stiffness_left import stiffness_left
+
+SEVERED, NEAR = 0.8, 0.55
+
+
+@dataclass(frozen=True)
+class DamageFieldKernels:
+    """Kernels of one configuration.
+
+    Attributes:
+        empty: Empties the list.
+        wake: Lists the points whose damage may change, and some others.
+        drive: Fills `driving` with y of listed points, or -1 where nothing can happen, and `before` with their damage.
+        sweep: One sweep over the listed points.
+        finish: Breaks bonds of listed points, and sums the energy that is released.
+        fracture_energy: Energy of the field at each point [J].
+        shown: The damage of each point in float32, for frames.
+    """
+
+    empty: Kernel
+    wake: Kernel
+    drive: Kernel
+    sweep: Kernel
+    finish: Kernel
+    fracture_energy: Kernel
+    shown: Kernel
+
+
+@functools.cache
+def damage_field(
+    layout: str, bits: int, spared: bool, screened: bool, tracked: bool, earlier_energy: wp.Function, module: str
+) -> DamageFieldKernels:
+    """Kernels of the field.
+
+    Args:
+        layout: "lattice", "grid" or "cloud".
+        bits: 32 or 64.
+        spared: Whether some points stay undamaged.
+        screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
+            otherwise all points are listed.
+        tracked: Whether to sum the energy that is released.
+        earlier_energy: Warp function of the force law's energy of a family a moment ago.
+        module: Name of the Warp module.
+    """
+    types = numeric(bits)
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    f = family_functions(layout, bits, module)
+    Family, word_size = f.struct, WORD
+    bond_vectors = reference_and_deformed(layout, bits, module)
+    left = stiffness_left(bits)
+    severed = SEVERED
+
+    @wp.func(module=module)
+    def stretched(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        intact: wp.array2d(dtype=wp.uint32),
+        horizon: real,
+        shortest: real,
+        longest: real,
+        i: int,
+    ):
+        """Whether the squared stretch of an intact bond is outside the range in which no energy reaches the limit."""
+        found = bool(False)
+        for word in range(family.words):
+            members = intact[word, i]
+            begin = word * word_size
+            for k in range(begin, wp.min(begin + word_size, family.members)):
+                m = wp.where(bit_of(members, k - begin), f.neighbour(family, i, k), i)
+                X, Y = bond_vectors(family, displacement, horizon, i, k, m)
+                there = wp.dot(X, X)
+                now = wp.dot(Y, Y)
+                found = found or (m != i and (now > longest * there or now < shortest * there))
+        return found
+
+    @wp.func(module=module)
+    def touches_damage(damage: wp.array(dtype=real), neighbours: wp.array2d(dtype=wp.int32), i: int):
+        """Whether the point or a neighbour is damaged."""
+        most = damage[i]
+        for k in range(neighbours.shape[0]):
+            most = wp.max(most, damage[neighbours[k, i]])
+        return most > real(0.0)
+
+    @kernel(module, per="once")
+    def empty(first: int, count: wp.array(dtype=wp.int32)):
+        count[0] = 0
+
+    @kernel(module, per="list", gathers=("displacement", "damage"))
+    def wake(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        intact: wp.array2d(dtype=wp.uint32),
+        horizon: real,
+        shortest: real,
+        longest: real,
+        neighbours: wp.array2d(dtype=wp.int32),
+        spared_mask: wp.array(dtype=wp.uint8),
+        damage: wp.array(dtype=real),
+        first: int,
+        listed: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        if wp.static(spared):
+            if spared_mask[i] != wp.uint8(0):
+                return
+        if wp.static(screened):
+            if not touches_damage(damage, neighbours, i):
+                if not stretched(family, displacement, intact, horizon, shortest, longest, i):
+                    return
+        listed[wp.atomic_add(count, 0, 1)] = i
+
+    @kernel(module, per="list", gathers=("displacement", "damage"))
+    def drive(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        intact: wp.array2d(dtype=wp.uint32),
+        constants: parameters,
+        inverse_horizon: real,
+        scale: wp.array(dtype=real),
+        neighbours: wp.array2d(dtype=wp.int32),
+        damage: wp.array(dtype=real),
+        listed: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+        stride: int,
+        first: int,
+        driving: wp.array(dtype=real),
+        before: wp.array(dtype=real),
+    ):
+        for n in range(wp.tid() + first, count[0], stride):
+            i = listed[n]
+            y = scale[i] * earlier_energy(
+                family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i
+            )
+            driving[i] = wp.where(y > real(0.5) or touches_damage(damage, neighbours, i), y, real(-1.0))
+            before[i] = damage[i]
+
+    @kernel(module, per="list", gathers=("source",))
+    def sweep(
+        neighbours: wp.array2d(dtype=wp.int32),
+        couplings: wp.array2d(dtype=real),
+        driving: wp.array(dtype=real),
+        source: wp.array(dtype=real),
+        listed: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+        stride: int,
+        first: int,
+        target: wp.array(dtype=real),
+    ):
+        for n in range(wp.tid() + first, count[0], stride):
+            i = listed[n]
+            d = source[i]
+            y = driving[i]
+            if y >= real(0.0):
+                above = real(2.0) * y - real(1.0)
+                below = real(2.0) * y
+                for k in range(neighbours.shape[0]):
+                    c = couplings[k, i]
+                    above += c * source[neighbours[k, i]]
+                    below += c
+                d = wp.max(d, wp.min(above / below, real(1.0)))
+            target[i] = d
+
+    @wp.func(module=module)
+    def off_line(family: Family, i: int, k: int, other: int):
+        """Squared distance of a member from bond k, over the horizon squared; large if an end is nearer than the line.
+
+        Only what is nearer to both ends than they are to each other counts, so that both ends of a bond agree.
+        """
+        X = f.chord(family, i, k)
+        Z = f.chord(family, i, other)
+        along = wp.dot(X, Z)
+        there = wp.dot(X, X)
+        squared = wp.dot(Z, Z)
+        between = squared < there and squared < real(2.0) * along
+        return wp.where(between, squared - along * along / there, real(1.0e9))
+
+    @wp.func(module=module)
+    def bonds_left(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        damage: wp.array(dtype=real),
+        spared_mask: wp.array(dtype=wp.uint8),
+        squared_reach: wp.array(dtype=real),
+        i: int,
+        word: int,
+    ):
+        """Bits of the bonds of one word that do not break."""
+        kept = intact[word, i]
+        begin = word * word_size
+        for k in range(begin, wp.min(begin + word_size, family.members)):
+            if bit_of(intact[word, i], k - begin):
+                m = f.neighbour(family, i, k)
+                breaks = damage[i] >= real(severed) or damage[m] >= real(severed)
+                for other in range(family.members):
+                    if bit_of(f.initial(family, i, other // word_size), other % word_size):
+                        p = f.neighbour(family, i, other)
+                        if damage[p] >= real(severed):
+                            breaks = breaks or off_line(family, i, k, other) < squared_reach[p]
+                if wp.static(spared):
+                    breaks = breaks and spared_mask[m] == wp.uint8(0)
+                if breaks:
+                    kept = kept & ~(wp.uint32(1) << wp.uint32(k - begin))
+        return kept
+
+    @wp.func(module=module)
+    def near_severed(
+        family: Family, intact: wp.array2d(dtype=wp.uint32), damage: wp.array(dtype=real), i: int
+    ):
+        """Whether any member of the undamaged family, or the point, is severed. At most points the search ends here."""
+        most = damage[i]
+        for word in range(family.words):
+            members = f.initial(family, i, word)
+            begin = word * word_size
+            for k in range(begin, wp.min(begin + word_size, family.members)):
+                most = wp.max(most, damage[wp.where(bit_of(members, k - begin), f.neighbour(family, i, k), i)])
+        return most >= real(severed)
+
+    @wp.func(module=module)
+    def energy_of_step(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        dt: real,
+        constants: parameters,
+        inverse_horizon: real,
+        i: int,
+    ):
+        """2 E(half a step back) - E(now) / 2 - E(a step back) / 2, see kernels/rupture.py."""
+        energy = real(0.0)
+        for half_steps in range(3):
+            back = real(0.5) * real(half_steps) * dt
+            part = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+            energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
+        return energy
+
+    @kernel(module, per="list", gathers=("displacement", "velocity", "damage"))
+    def finish(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        step: wp.array(dtype=real),
+        constants: parameters,
+        inverse_horizon: real,
+        unit_volume: real,
+        spared_mask: wp.array(dtype=wp.uint8),
+        squared_reach: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        before: wp.array(dtype=real),
+        listed: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+        stride: int,
+        first: int,
+        intact: wp.array2d(dtype=wp.uint32),
+        released: wp.array(dtype=wp.float64),
+    ):
+        for n in range(wp.tid() + first, count[0], stride):
+            i = listed[n]
+            breaks = bool(False)
+            if near_severed(family, intact, damage, i):
+                for word in range(family.words):
+                    if bonds_left(family, intact, damage, spared_mask, squared_reach, i, word) != intact[word, i]:
+                        breaks = True
+            lost = real(0.0)
+            if wp.static(tracked):
+                if breaks or damage[i] > before[i]:
+                    stored = energy_of_step(
+                        family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
+                    )
+                    lost = (left(before[i]) - left(damage[i])) * stored
+                    if breaks:
+                        lost = left(before[i]) * stored
+            if breaks:
+                for word in range(family.words):
+                    intact[word, i] = bonds_left(family, intact, damage, spared_mask, squared_reach, i, word)
+                if wp.static(tracked):
+                    lost -= left(damage[i]) * energy_of_step(
+                        family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
+                    )
+            if wp.static(tracked):
+                released[i] = released[i] + wp.float64(unit_volume * lost)
+
+    @kernel(module, gathers=("damage",))
+    def fracture_energy(
+        neighbours: wp.array2d(dtype=wp.int32),
+        couplings: wp.array2d(dtype=real),
+        limit: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        first: int,
+        out: wp.array(dtype=wp.float64),
+    ):
+        """`limit` is 3 Gc / (8 l) times the volume of the point [J]."""
+        i = wp.tid() + first
+        total = damage[i]
+        for k in range(neighbours.shape[0]):
+            apart = damage[i] - damage[neighbours[k, i]]
+            total += real(0.25) * couplings[k, i] * apart * apart
+        out[i] = wp.float64(limit[i] * total)
+
+    @kernel(module)
+    def shown(damage: wp.array(dtype=real), first: int, out: wp.array(dtype=wp.float32)):
+        i = wp.tid() + first
+        out[i] = wp.float32(damage[i])
+
+    return DamageFieldKernels(empty, wake, drive, sweep, finish, fracture_energy, shown)
+
+
+@functools.cache
+def soften_energy(bits: int, module: str) -> Kernel:
+    """Kernel that takes the part that damage took from the energy of each family."""
+    real, left = numeric(bits).real, stiffness_left(bits)
+
+    @kernel(module)
+    def soften_energy(damage: wp.array(dtype=real), first: int, energies: wp.array(dtype=wp.float64)):
+        i = wp.tid() + first
+        energies[i] = wp.float64(left(damage[i])) * energies[i]
+
+    return soften_energy

@@ -1,0 +1,313 @@
+"""The damage field of a tearing energy: its energy, its forces, what it breaks, and tears that keep their balance."""
+
+import numpy as np
+import pytest
+from helpers import NEO, array, build, internal_force, jittered, rough, square, strain_energy, uniform
+from resumed_runs import require_same_when_stopped
+
+from warp_pd import (
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    InputError,
+    Motion,
+    Newton,
+    Nodal,
+    Prony,
+    Relaxation,
+    Sheet,
+    Simulation,
+    TearingEnergy,
+    TensionField,
+    Visco,
+    Yeoh,
+)
+from warp_pd.families import unpack
+from warp_pd.geometry.couplings import gradient_couplings
+from warp_pd.materials import energy_density
+
+LAWS = [
+    BondAssociated(NEO, weights="plain"), BondAssociated(TensionField(NEO), weights="corrected", horizon=3.15),
+    BondAssociated(NEO, fast=False), Visco(Yeoh(500.0, 10.0)), Nodal(NEO, horizon=2.015),
+]  # fmt: skip
+
+
+def damaged(built, seed=0):
+    """Give the points a random damage."""
+    values = np.random.default_rng(seed).uniform(0.0, 0.7, len(built.rupture.field))
+    built.rupture.field.assign(values)
+    return values
+
+
+def fracture(built):
+    """Energy of the field [J]."""
+    built.context.run("frame")
+    return float(built.rupture.fracture.numpy().sum())
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{type(law).__name__} {law.weights}")
+@pytest.mark.parametrize("sheet", [square(9), jittered(9)], ids=["lattice", "cloud"])
+def test_the_force_is_minus_the_gradient_of_the_energy(sheet, law):
+    built = Simulation(sheet, law, Explicit(1.0), damage=TearingEnergy(10.0)).build("cpu", 64)
+    damaged(built)
+    displacement = rough(sheet)
+    force, rng = internal_force(built, displacement), np.random.default_rng(1)
+    for _ in range(2):
+        direction = rng.normal(size=force.shape)
+        step = 1e-6 * sheet.spacing
+        ahead, behind = (strain_energy(built, displacement + sign * step * direction) for sign in (1.0, -1.0))
+        slope = (ahead - behind) / (2.0 * step)
+        assert slope == pytest.approx(-(force * direction).sum(), rel=2e-6)
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
+
+
+@pytest.mark.parametrize("sheet", [square(9), jittered(9)], ids=["lattice", "cloud"])
+def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet):
+    """A strain far above the limit in the middle; where the damage grew, no small change of it lowers the energy."""
+    built = build(sheet, damage=TearingEnergy(8.0), weights="corrected")
+    built.state.step.fill_(1e-12)
+    x = sheet.points - 0.05
+    bump = np.exp(-(x**2).sum(axis=1, keepdims=True) / 0.02**2)
+    displacement = np.hstack([0.25 * x * bump, 0.0 * bump])
+    built.state.displacement.assign(displacement)
+    for _ in range(60):
+        built.context.run("step")
+        built.state.velocity.zero_()
+        built.state.displacement.assign(displacement)
+    field = built.rupture.field.numpy().copy()
+    grown = np.flatnonzero(field > 1e-3)
+    assert 0 < len(grown) < sheet.size and 0.1 < field.max() < 0.8
+
+    def energy(values):
+        built.rupture.field.assign(values)
+        return strain_energy(built, displacement) + float(built.rupture.fracture.numpy().sum())
+
+    def slope(point, size=1e-6):
+        change = np.zeros(sheet.size)
+        change[point] = size
+        return (energy(field + change) - energy(field - change)) / (2.0 * size)
+
+    scale = built.rupture.limit * sheet.thickness * sheet.areas
+    for point in grown:
+        assert abs(slope(point)) < 2e-4 * scale[point]
+    for point in np.flatnonzero(field == 0.0)[::7]:
+        assert slope(point, 1e-9) > -1e-6 * scale[point]
+
+
+@pytest.mark.parametrize("sheet", [
+    square(41), jittered(41, share=0.3), square(41).turned(20.0),
+    Sheet.outline([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], spacing=lambda x, y: 0.002 + 0.02 * np.abs(y - 0.05),
+                  thickness=1e-3, density=1e3),
+], ids=["lattice", "cloud", "turned", "graded"])  # fmt: skip
+def test_the_energy_of_a_crack_is_its_length_times_the_tearing_energy(sheet):
+    """The field that a line of severed points takes around it; no displacement."""
+    middle = sheet.points.mean(axis=0)
+    built = build(sheet, damage=TearingEnergy(7.0, length=0.012))
+    x = sheet.points - middle
+    if sheet.spacings is None and sheet.lattice is None:
+        angle = np.deg2rad(20.0) if len(sheet.triangles) == 3200 and np.ptp(sheet.points) > 0.11 else 0.0
+        x = x @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    on_line = np.abs(x[:, 1]) < 0.4 * sheet.spacing
+    built.rupture.field.assign(np.where(on_line, 1.0, 0.0))
+    for _ in range(60):
+        built.context.run("step")
+    field = built.rupture.field.numpy()
+    expected = np.maximum(1.0 - np.abs(x[:, 1]) / 0.024, 0.0) ** 2
+    assert np.abs(field - expected).max() < 0.1
+    assert fracture(built) == pytest.approx(7.0 * 0.1 * sheet.thickness, rel=0.04)
+
+
+@pytest.mark.parametrize("sheet", [jittered(15, share=0.3), square(9)], ids=["cloud", "lattice"])
+def test_couplings_are_exact_for_linear_fields(sheet):
+    neighbours, weights = gradient_couplings(sheet)
+    field = sheet.points @ [2.0, -3.0]
+    found = 0.5 * (weights * (field - field[neighbours]) ** 2).sum()
+    assert found == pytest.approx(13.0 * 0.01, rel=1e-6)
+    for i in range(sheet.size):
+        for m, w in zip(neighbours[:, i], weights[:, i], strict=True):
+            assert w == 0.0 or w in weights[:, m][neighbours[:, m] == i]
+
+
+def test_damage_never_heals():
+    sheet = square(9)
+    built = build(sheet, damage=TearingEnergy(5.0))
+    built.state.step.fill_(1e-12)
+    found = []
+    for stretch in (1.0, 1.3, 1.6, 1.2, 1.0):
+        internal_force(built, uniform(sheet, [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]]))
+        built.context.run("step")
+        found.append(built.rupture.field.numpy().copy())
+    assert (np.diff(found, axis=0) >= 0.0).all() and found[0].max() == 0.0 and found[2].max() > 0.2
+    np.testing.assert_array_equal(found[2], found[4])
+
+
+def torn_strip(law, precision=32, screened=True, sheet=None):
+    sheet = sheet or square(17).cut((-0.01, 0.047), (0.04, 0.047))
+    bottom, top = sheet.edges("bottom"), sheet.edges("top")
+    return Simulation(
+        sheet, law, Explicit(0.6, frames=60, damping=2.0, precision=precision),
+        loads=[Fixed(bottom), Motion(top, [0.0, 0.6], x=0.0, y=[0.0, 0.08], z=0.0)],
+        damage=TearingEnergy(6.0, spared=np.concatenate([bottom, top]), screened=screened, length=0.014),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("sheet", [None, jittered(17).cut((-0.01, 0.047), (0.04, 0.047))], ids=["lattice", "cloud"])
+def test_looking_where_something_can_happen_gives_the_bits_of_looking_everywhere(sheet, precision):
+    law = BondAssociated(TensionField(NEO), horizon=2.015)
+    one, other = (
+        torn_strip(law, precision, screened, sheet).run(device="cpu").built for screened in (True, False)
+    )
+    for name in ("displacement", "damage_field", "intact_bonds", "released"):
+        np.testing.assert_array_equal(array(one, name).numpy(), array(other, name).numpy())
+    assert one.rupture.field.numpy().max() > 0.8
+
+
+@pytest.mark.parametrize(
+    "law",
+    [BondAssociated(TensionField(NEO), horizon=3.15), BondAssociated(NEO), Visco(Yeoh(500.0)), Nodal(NEO, 2.015)],
+    ids=["relaxed", "resolved", "Visco", "Nodal"],
+)
+def test_a_torn_strip_keeps_its_balance(law):
+    result = torn_strip(law).run(device="cpu")
+    assert result.status == "finished"
+    history = result.history
+    assert history[-1]["largest_damage"] > 0.9
+    losses = np.diff([row["rupture"] for row in history])
+    assert losses.sum() > 0.0 and losses.min() > -2e-3 * losses.sum()
+    assert max(abs(row["balance_error"]) for row in history if row["time"] > 0.05) < 0.005
+
+
+def test_a_run_resumed_in_the_middle_of_a_tear_is_the_same(tmp_path):
+    law = BondAssociated(TensionField(NEO), horizon=2.015)
+    whole = require_same_when_stopped(lambda: torn_strip(law), tmp_path, (30, 45))
+    field = array(whole.built, "damage_field").numpy()
+    assert ((field > 0.1) & (field < 0.7)).any() and (field > 0.8).any()
+
+
+def test_spared_points_stay_undamaged_and_keep_their_bonds():
+    sheet = square(17).cut((-0.01, 0.047), (0.04, 0.047))
+    spared = sheet.where(lambda x, y: x > 0.06)
+    built = build(sheet, damage=TearingEnergy(2.0, spared=spared))
+    built.state.step.fill_(1e-12)
+    for _ in range(20):
+        internal_force(built, uniform(sheet, [[2.0, 0.0], [0.0, 2.0], [0.0, 0.0]]))
+        built.context.run("step")
+    field = built.rupture.field.numpy()
+    assert (field[spared] == 0.0).all() and field.max() > 0.9
+    intact = unpack(built.law.intact.numpy().T, built.law.families.members)
+    exists = built.law.families.rows_of_points(built.law.families.exists)
+    np.testing.assert_array_equal(intact[spared], exists[spared])
+    assert not intact[field > 0.8].any()
+
+
+def test_both_ends_of_a_bond_agree():
+    built = torn_strip(BondAssociated(TensionField(NEO)), sheet=jittered(17, share=0.3)).build("cpu")
+    families, n = built.law.families, len(built.rupture.field)
+    built.rupture.field.assign(np.where(np.random.default_rng(0).random(n) < 0.05, 0.9, 0.01))
+    built.state.step.fill_(1e-12)
+    built.context.run("step")
+    intact = unpack(built.law.intact.numpy().T, families.members)
+    members = families.members_of(np.arange(n))
+    bonds = {(i, int(members[i, k])) for i, k in zip(*np.nonzero(intact), strict=True)}
+    assert 0.1 * members.size < len(bonds) < 0.9 * (members >= 0).sum()
+    assert all((m, i) in bonds for i, m in bonds)
+
+
+def test_intact_material_begins_to_tear_at_its_strength():
+    """In uniaxial, planar and equibiaxial tension: the energy density at the first damage."""
+    sheet = square(11)
+    for widths in (lambda s: s**-0.5, lambda s: 1.0, lambda s: s):
+        built = build(sheet, damage=TearingEnergy(5.0, strength=300.0, length=None), weights="corrected")
+        assert built.rupture.length == pytest.approx(max(3.0 * 5.0 / (16.0 * 300.0), 2.0 * 2.015 * sheet.spacing))
+        built.state.step.fill_(1e-12)
+        for stretch in np.arange(1.0, 2.0, 0.005):
+            internal_force(built, uniform(sheet, [[stretch, 0.0], [0.0, widths(stretch)], [0.0, 0.0]]))
+            built.context.run("step")
+            if built.rupture.field.numpy().max() > 0.0:
+                break
+        assert float(energy_density(NEO, stretch, widths(stretch))) == pytest.approx(built.rupture.limit, rel=0.03)
+
+
+def test_a_stretch_at_break_is_a_strength():
+    sheet = square(11)
+    strength = float(energy_density(NEO, 1.3, 1.3**-0.5))
+    by_stretch, by_energy = (
+        build(sheet, damage=TearingEnergy(60.0, **given)).rupture
+        for given in ({"stretch_at_break": 1.3}, {"strength": strength})
+    )
+    assert by_stretch.wanted_length() == pytest.approx(by_energy.wanted_length(), rel=5e-3)
+
+
+def test_cuts_have_the_profile_of_a_crack_unless_they_are_notches():
+    sheet = square(21).cut((-0.01, 0.0475), (0.05, 0.0475))
+    apart = np.hypot(np.maximum(sheet.points[:, 0] - 0.05, 0.0), sheet.points[:, 1] - 0.0475)
+    crack, notch = (build(sheet, damage=TearingEnergy(5.0, length=0.02, cut_profile=p)).rupture for p in (True, False))
+    np.testing.assert_allclose(crack.field.numpy(), np.maximum(1.0 - apart / 0.04, 0.0) ** 2, atol=1e-12)
+    assert (notch.field.numpy() == 0.0).all()
+
+
+def test_a_crack_of_an_outline_has_the_profile_too():
+    sheet = Sheet.outline(
+        [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)], spacing=0.005, thickness=1e-3, density=1e3,
+        cracks={"slit": [(0.0, 0.05), (0.05, 0.05)]}, holes={"hole": [(0.07, 0.07), (0.09, 0.07), (0.09, 0.09)]},
+    )  # fmt: skip
+    apart = np.hypot(np.maximum(sheet.points[:, 0] - 0.05, 0.0), sheet.points[:, 1] - 0.05)
+    field = build(sheet, damage=TearingEnergy(5.0, length=0.02)).rupture.field.numpy()
+    np.testing.assert_allclose(field, np.maximum(1.0 - apart / 0.04, 0.0) ** 2, atol=1e-9)
+
+
+def test_a_start_beyond_the_strength_is_one_line():
+    sheet = square(9)
+    start = uniform(sheet, [[1.9, 0.0], [0.0, 1.9], [0.0, 0.0]])
+    with pytest.raises(InputError, match=r"^damage = TearingEnergy: the sheet starts with [^\n]*$"):
+        Simulation(
+            sheet, BondAssociated(NEO), Explicit(1e-3, frames=1), damage=TearingEnergy(5.0), initial_displacement=start
+        ).run(device="cpu")
+
+
+def test_the_summary_states_length_and_strength():
+    sheet = square(9)
+    loads = [Fixed(sheet.edges("left"))]
+    for given, said in (({}, 1), ({"strength": 1e5}, 2)):
+        simulation = Simulation(
+            sheet, BondAssociated(NEO), Explicit(1e-6, frames=1), damage=TearingEnergy(5.0, **given), loads=loads
+        )
+        notes = simulation.run(device="cpu").summary["notes"]
+        assert sum("length of" in note for note in notes) == said
+
+
+@pytest.mark.parametrize(("law", "solver"), [
+    (Visco(Yeoh(500.0), prony=(Prony(c10=100.0, time=0.1),)), Explicit(1.0)),
+    (BondAssociated(NEO, weights="published"), Explicit(1.0)),
+    (BondAssociated(NEO), Relaxation()), (BondAssociated(NEO), Newton()),
+], ids=["Prony", "published", "Relaxation", "Newton"])  # fmt: skip
+def test_what_cannot_have_the_field_is_one_line(law, solver):
+    sheet = square(9)
+    loads = [Fixed(sheet.edges("left", "right", "bottom", "top"))]
+    with pytest.raises(InputError, match=r"^[^\n]*TearingEnergy[^\n]*expected[^\n]*$|expected[^\n]*TearingEnergy$"):
+        Simulation(sheet, law, solver, damage=TearingEnergy(5.0), loads=loads).build("cpu")
+
+
+def test_other_criteria_have_no_field():
+    sheet = square(9)
+    for damage in (None, CriticalStretch(1.5)):
+        built = Simulation(sheet, BondAssociated(NEO), Explicit(1.0), damage=damage).build("cpu")
+        assert "damage_field" not in [stored.name for stored in built.context.fields]
+        launched = {part for stage in built.context.stages.values() for launch in stage for part in launch.parts}
+        assert not launched & {"wake", "drive", "sweep", "finish"}
+
+
+@pytest.mark.parametrize("given", [
+    {"energy": 0.0}, {"energy": -1.0}, {"energy": float("nan")}, {"energy": "1"}, {"length": 0.0}, {"strength": -1.0},
+    {"stretch_at_break": 0.9}, {"length": 1.0, "strength": 1.0},
+])  # fmt: skip
+def test_wrong_values_are_refused(given):
+    with pytest.raises(InputError, match=r"^TearingEnergy"):
+        TearingEnergy(**{"energy": 1.0, **given})
+
+
+def test_a_length_shorter_than_the_families_is_refused():
+    with pytest.raises(InputError, match=r"^TearingEnergy\.length = 0\.001: expected 0\.0151 m or more"):
+        build(square(11), damage=TearingEnergy(5.0, length=1e-3))

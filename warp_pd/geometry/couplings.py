@@ -1,0 +1,96 @@
+"""Couplings of neighbouring points: the gradient of a field that is linear on every triangle of a sheet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .shape import Shape
+from .topology import directed_edges
+
+
+def gradient_couplings(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Neighbours of every point and their couplings w_ik, with sum_ik w_ik (d_i - d_k)^2 / 2 = integral of |grad d|^2.
+
+    w_ik is half the sum of the cotangents of the angles that face an edge. Where the angles are wide it would be
+    negative, and is zero. A cut of the sheet couples no points, but those of a lattice or grid all the same.
+
+    Args:
+        shape: Points and triangles, flat or curved.
+
+    Returns:
+        Neighbours, int32, shape (K, N), each point itself where it has fewer; couplings [-], shape (K, N), there zero.
+    """
+    if shape.whole_lattice is not None:
+        return _of_lattice(shape)
+    points, triangles = shape.positions, np.asarray(shape.triangles)
+    size = shape.size
+    if not len(triangles):
+        return np.arange(size, dtype=np.int32)[None], np.zeros((1, size))
+    edges = directed_edges(triangles)
+    facing = points[np.concatenate([triangles[:, 2], triangles[:, 0], triangles[:, 1]])]
+    a, b = points[edges[:, 0]] - facing, points[edges[:, 1]] - facing
+    cotangent = (a * b).sum(axis=1) / np.linalg.norm(np.cross(a, b), axis=1)
+    low, high = np.sort(edges.astype(np.int64), axis=1).T
+    keys, number = np.unique(low * size + high, return_inverse=True)
+    weights = np.maximum(0.5 * np.bincount(number, cotangent), 0.0)
+    low, high = np.divmod(keys, size)
+    start, end = np.concatenate([low, high]), np.concatenate([high, low])
+    return _table(size, start, end, np.concatenate([weights, weights]))
+
+
+def _of_lattice(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Those of a lattice: the angles that face a diagonal are right ones."""
+    lattice = shape.whole_lattice
+    assert lattice is not None
+    columns, rows = lattice.columns, lattice.rows
+    number = np.arange(columns * rows, dtype=np.int32).reshape(rows, columns)
+    neighbours, weights = np.tile(number, (4, 1, 1)), np.zeros((4, rows, columns))
+    across = np.full((rows, 1), lattice.dy / lattice.dx)
+    along = np.full((1, columns), lattice.dx / lattice.dy)
+    if rows > 1:
+        across[[0, -1]] *= 0.5
+    if columns > 1:
+        along[:, [0, -1]] *= 0.5
+    neighbours[0, :, :-1], weights[0, :, :-1] = number[:, 1:], across
+    neighbours[1, :, 1:], weights[1, :, 1:] = number[:, :-1], across
+    neighbours[2, :-1], weights[2, :-1] = number[1:], along
+    neighbours[3, 1:], weights[3, 1:] = number[:-1], along
+    return neighbours.reshape(4, -1), weights.reshape(4, -1)
+
+
+def _table(size: int, start: np.ndarray, end: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One column for each point, of the edges that begin there in the order of their ends."""
+    order = np.lexsort((end, start))
+    start, end, weights = start[order], end[order], weights[order]
+    count = np.bincount(start, minlength=size)
+    place = np.arange(len(start)) - np.repeat(np.cumsum(count) - count, count)
+    most = int(count.max())
+    neighbours, table = np.tile(np.arange(size, dtype=np.int32), (most, 1)), np.zeros((most, size))
+    neighbours[place, start], table[place, start] = end, weights
+    return neighbours, table
+
+
+def crack_segments(shape: Shape) -> np.ndarray:
+    """Ends of the cuts of a shape, and of the edges whose two faces lie on each other [m], shape (S, 2, dimensions)."""
+    points = shape.points
+    dimensions = points.shape[1]
+    found = [np.asarray(shape.cuts, float).reshape(-1, 2, dimensions)] if shape.cuts else []
+    if shape.barriers is not None and len(shape.barriers):
+        places = np.round(points[shape.barriers] / (1e-6 * shape.spacing)).astype(np.int64)
+        there = {tuple(pair.ravel().tolist()) for pair in places}
+        faces = [k for k, pair in enumerate(places) if tuple(pair[::-1].ravel().tolist()) in there]
+        found.append(points[shape.barriers[faces]])
+    return np.concatenate(found) if found else np.zeros((0, 2, dimensions))
+
+
+def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: float) -> np.ndarray:
+    """Distance of points from the nearest of some segments [m], shape (N,); infinite beyond `within`."""
+    nearest = np.full(len(points), np.inf)
+    for start, end in segments:
+        low, high = np.minimum(start, end) - within, np.maximum(start, end) + within
+        at = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+        along = end - start
+        share = ((points[at] - start) @ along / max(float(along @ along), 1e-300)).clip(0.0, 1.0)
+        apart = np.linalg.norm(points[at] - start - share[:, None] * along, axis=1)
+        nearest[at] = np.minimum(nearest[at], apart)
+    return nearest
