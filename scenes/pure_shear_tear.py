@@ -54,7 +54,7 @@ def build(
     material: str = "neo_hookean",
     wrinkles: str = "relaxed",
     tearing_energy: float = 2.0,
-    length: float | None = None,
+    damage_length: float | None = None,
     overload: float = 1.5,
     advance: float = 12.0,
     duration: float = 3.0,
@@ -69,14 +69,14 @@ def build(
 
     Args:
         points: Points along the height: rows.
-        length: Length of the damage field [m]; see TearingEnergy.
+        damage_length: Length of the damage field [m]; see TearingEnergy.
         advance: Growth of the crack at which its onset is read, in spacings.
     """
     sheet_material = with_wrinkles(MATERIALS[one_of("material", material, tuple(MATERIALS))], wrinkles)
     sheet, top, bottom = strip(points, horizon, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
     spacing, grips = sheet.spacing, np.concatenate([top, bottom])
     energy = positive("tearing_energy", tearing_energy)
-    damage = TearingEnergy(energy, length=length, spared=grips)
+    damage = TearingEnergy(energy, length=damage_length, spared=grips)
     last = stretch_at(sheet_material, positive("overload", overload) * energy / HEIGHT)
     travel = 0.5 * (last - 1.0) * HEIGHT
     line = TearLine(sheet)

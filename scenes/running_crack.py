@@ -29,6 +29,7 @@ def build(
     horizon: float = 3.15,
     wrinkles: str = "relaxed",
     tearing_energy: float = 4.0,
+    damage_length: float | None = None,
     overload: float = 2.0,
     duration: float = 0.6,
     damping: float = 1.0,
@@ -82,7 +83,7 @@ def build(
             Motion(top, times=[0.0], x=0.0, y=[travel], z=0.0),
             Motion(bottom, times=[0.0], x=0.0, y=[-travel], z=0.0),
         ],
-        damage=TearingEnergy(energy, spared=grips),
+        damage=TearingEnergy(energy, damage_length, spared=grips),
         initial_displacement=stretched,
         solver=Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping),
         measures=[

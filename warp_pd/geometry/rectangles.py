@@ -117,8 +117,12 @@ def filled(
     inside = turned_grid((dx, dy), half, float(np.hypot(*(high - low))), turn)
     inside += np.random.default_rng(seed).uniform(-jitter, jitter, inside.shape) * (dx, dy)
     inside += 0.5 * (low + high)
-    clear = 0.55 * np.array([dx, dy])
-    inside = inside[((inside > low + clear) & (inside < high - clear)).all(axis=1)]
-    outer = (np.abs(square.points - low) < 1e-6 * square.spacing).any(axis=1)
-    outer |= (np.abs(square.points - high) < 1e-6 * square.spacing).any(axis=1)
-    return cloud(np.vstack([square.points[outer], inside]), None, None, square.spacing)
+    # Points lie on the outer edges, and on those of the rectangle where layers continue it: what is held beyond them
+    # would otherwise end up to half a spacing away.
+    beyond = np.array(layers) * (dx, dy)
+    on_line = np.zeros(square.size, bool)
+    for line in (low, high, low + beyond, high - beyond):
+        on_line |= (np.abs(square.points - line) < 1e-6 * square.spacing).any(axis=1)
+        inside = inside[(np.abs(inside - line) > 0.55 * np.array([dx, dy])).all(axis=1)]
+    inside = inside[((inside > low) & (inside < high)).all(axis=1)]
+    return cloud(np.vstack([square.points[on_line], inside]), None, None, square.spacing)

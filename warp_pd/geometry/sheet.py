@@ -121,7 +121,7 @@ class Sheet(SelectableShape):
     ) -> Sheet:
         """A rectangle whose inside is a grid turned against its edges, or a jittered one: cracks must not see which.
 
-        The edges carry the points of `rectangle`. With no turn and no jitter it is `rectangle` itself, a lattice;
+        The edges carry the points of `rectangle`, also those that layers continue. With no turn and no jitter it is `rectangle` itself, a lattice;
         otherwise a cloud.
 
         Args:
