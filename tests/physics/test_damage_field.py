@@ -12,7 +12,6 @@ from warp_pd import (
     Fixed,
     InputError,
     Motion,
-    Newton,
     Nodal,
     Prony,
     Relaxation,
@@ -62,14 +61,14 @@ def test_the_force_is_minus_the_gradient_of_the_energy(sheet, law):
     np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
 
 
-@pytest.mark.parametrize("sheet", [square(9), jittered(9)], ids=["lattice", "cloud"])
+@pytest.mark.parametrize("sheet", [square(17), jittered(17)], ids=["lattice", "cloud"])
 def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet):
     """A strain far above the limit in the middle; where the damage grew, no small change of it lowers the energy."""
-    built = build(sheet, damage=TearingEnergy(8.0), weights="corrected")
+    built = build(sheet, damage=TearingEnergy(8.0, length=0.016), weights="corrected")
     built.state.step.fill_(1e-12)
     x = sheet.points - 0.05
     bump = np.exp(-(x**2).sum(axis=1, keepdims=True) / 0.02**2)
-    displacement = np.hstack([0.6 * x * bump, 0.0 * bump])
+    displacement = np.hstack([0.4 * x * bump, 0.0 * bump])
     built.state.displacement.assign(displacement)
     for _ in range(60):
         built.context.run("step")
@@ -148,7 +147,7 @@ def torn_strip(law, precision=32, screened=True, sheet=None):
     return Simulation(
         sheet, law, Explicit(0.6, frames=60, damping=2.0, precision=precision),
         loads=[Fixed(bottom), Motion(top, [0.0, 0.6], x=0.0, y=[0.0, 0.08], z=0.0)],
-        damage=TearingEnergy(6.0, spared=np.concatenate([bottom, top]), screened=screened, length=0.014),
+        damage=TearingEnergy(6.0, spared=np.concatenate([bottom, top]), screened=screened, length=0.016),
     )  # fmt: skip
 
 
@@ -173,7 +172,7 @@ def test_a_torn_strip_keeps_its_balance(law):
     result = torn_strip(law).run(device="cpu")
     assert result.status == "finished"
     history = result.history
-    assert history[-1]["largest_damage"] > 0.9
+    assert history[-1]["largest_damage"] > 0.8 and not result.built.rupture.intact_faces.numpy().all()
     losses = np.diff([row["rupture"] for row in history])
     assert losses.sum() > 0.0 and losses.min() > -2e-3 * losses.sum()
     assert max(abs(row["balance_error"]) for row in history if row["time"] > 0.05) < 0.005
@@ -199,7 +198,8 @@ def test_spared_points_stay_undamaged_and_keep_their_bonds():
     intact = unpack(built.law.intact.numpy().T, built.law.families.members)
     exists = built.law.families.rows_of_points(built.law.families.exists)
     np.testing.assert_array_equal(intact[spared], exists[spared])
-    assert not intact[field > 0.8].any()
+    members = built.law.families.members_of(np.arange(sheet.size))
+    assert not (intact & ~np.isin(members, spared))[field > 0.8].any()
 
 
 def test_both_ends_of_a_bond_agree():
@@ -211,23 +211,24 @@ def test_both_ends_of_a_bond_agree():
     intact = unpack(built.law.intact.numpy().T, families.members)
     members = families.members_of(np.arange(n))
     bonds = {(i, int(members[i, k])) for i, k in zip(*np.nonzero(intact), strict=True)}
-    assert 0.1 * members.size < len(bonds) < 0.9 * (members >= 0).sum()
+    assert 0.3 * (members >= 0).sum() < len(bonds) < 0.96 * (members >= 0).sum()
     assert all((m, i) in bonds for i, m in bonds)
 
 
 def test_intact_material_begins_to_tear_at_its_strength():
     """In uniaxial, planar and equibiaxial tension: the energy density at the first damage."""
-    sheet = square(11)
-    for widths in (lambda s: s**-0.5, lambda s: 1.0, lambda s: s):
-        built = build(sheet, damage=TearingEnergy(5.0, strength=300.0, length=None), weights="corrected")
+    sheet, inside = square(15), lambda x, y: np.maximum(np.abs(x - 0.05), np.abs(y - 0.05)) < 0.03
+    for widths in (lambda s: s**-0.5, lambda s: 1.0 + 0.0 * s, lambda s: s):
+        built = build(sheet, damage=TearingEnergy(5.0, strength=300.0), weights="corrected")
         assert built.rupture.length == pytest.approx(max(3.0 * 5.0 / (16.0 * 300.0), 2.0 * 2.015 * sheet.spacing))
         built.state.step.fill_(1e-12)
-        for stretch in np.arange(1.0, 2.0, 0.005):
+        stretches = np.linspace(1.0, 1.5, 2001)
+        energies = energy_density(NEO, stretches, widths(stretches))
+        for share in (0.98, 1.02):
+            stretch = float(np.interp(share * built.rupture.limit, energies, stretches))
             internal_force(built, uniform(sheet, [[stretch, 0.0], [0.0, widths(stretch)], [0.0, 0.0]]))
             built.context.run("step")
-            if built.rupture.field.numpy().max() > 0.0:
-                break
-        assert float(energy_density(NEO, stretch, widths(stretch))) == pytest.approx(built.rupture.limit, rel=0.03)
+            assert (built.rupture.field.numpy()[sheet.where(inside)] > 0.0).all() == (share > 1.0)
 
 
 def test_a_stretch_at_break_is_a_strength():
@@ -281,8 +282,8 @@ def test_the_summary_states_length_and_strength():
 @pytest.mark.parametrize(("law", "solver"), [
     (Visco(Yeoh(500.0), prony=(Prony(c10=100.0, time=0.1),)), Explicit(1.0)),
     (BondAssociated(NEO, weights="published"), Explicit(1.0)),
-    (BondAssociated(NEO), Relaxation()), (BondAssociated(NEO), Newton()),
-], ids=["Prony", "published", "Relaxation", "Newton"])  # fmt: skip
+    (BondAssociated(NEO), Relaxation()),
+], ids=["Prony", "published", "Relaxation"])  # fmt: skip
 def test_what_cannot_have_the_field_is_one_line(law, solver):
     sheet = square(9)
     loads = [Fixed(sheet.edges("left", "right", "bottom", "top"))]
