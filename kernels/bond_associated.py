@@ -58,7 +58,7 @@ class FamilyMechanics:
         gradient: (H1, H2, tilt) -> columns of F.
         stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, with P R^-1 on a curved sheet.
         area_weight: (family, i, j, undamaged, size) -> W_ij divided by the reference area.
-        family_scale: (family, i, undamaged, total) -> factor on the weights of a damaged family.
+        family_scale: (family, i, undamaged, total) -> factor on its weights; 1 in the variational form.
         damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
             determines no gradient; and `size`, as from `intersection`.
         add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
@@ -96,7 +96,7 @@ class BondAssociatedKernels:
 
 @functools.cache
 def bond_associated(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
+    layout: str, bits: int, material: PairFactory, breakable: bool, form: str, module: str
 ) -> BondAssociatedKernels:
     """Kernels of the bond-associated law.
 
@@ -104,8 +104,7 @@ def bond_associated(
         layout: "lattice", "grid" or "cloud".
         bits: 32 or 64.
         material: Factory of (stress, energy), called with `bits`.
-        breakable: None, or how the weights of a damaged family are treated: "redistribute" (the intact bonds
-            represent the whole area of the point) or "drop" (each represents its own area).
+        breakable: Whether bonds can break.
         form: "variational" or "published".
         module: Name of the Warp module.
     """
@@ -115,11 +114,9 @@ def bond_associated(
     f = family_functions(layout, bits, module)
     Family = f.struct
     _, energy = material(bits)
-    damaged = breakable is not None
-    redistribute = breakable == "redistribute"
     published = form == "published"
     word_size = WORD
-    bonds = bond_state(layout, bits, damaged, module)
+    bonds = bond_state(layout, bits, breakable, module)
     intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
     motion = kinematics(bits)
     inverse_shape, remaining_inverse, fading_inverse = (
@@ -232,8 +229,8 @@ def bond_associated(
 
     @wp.func(module=module)
     def area_weight(family: Family, i: int, j: int, undamaged: bool, size: real):
-        """W_ij divided by the reference area; for a damaged family up to the factor `family_scale`."""
-        if wp.static(redistribute or published):
+        """W_ij divided by the reference area; in the published form up to the factor `family_scale`."""
+        if wp.static(published):
             if undamaged:
                 return f.weight(family, i, j)
             else:
@@ -245,14 +242,14 @@ def bond_associated(
 
     @wp.func(module=module)
     def family_scale(family: Family, i: int, undamaged: bool, total: real):
-        """Factor that makes the weights of a damaged family sum to the area of its point."""
-        scale = real(1.0)
-        if wp.static(redistribute or published):
-            if wp.static(published) or not undamaged:
-                scale = real(0.0)
-                if total > real(0.0):
-                    scale = f.area(family, i) / total
-        return scale
+        """Factor that makes the weights of a family sum to the area of its point, in the published form."""
+        if wp.static(published):
+            scale = real(0.0)
+            if total > real(0.0):
+                scale = f.area(family, i) / total
+            return scale
+        else:
+            return real(1.0)
 
     @wp.func(module=module)
     def add_to_members(
@@ -308,7 +305,7 @@ def bond_associated(
     earlier_energy = declare_energy("earlier_energy", earlier_intersection)
 
     return BondAssociatedKernels(
-        gather=gather_pairs(layout, bits, damaged, module),
+        gather=gather_pairs(layout, bits, breakable, module),
         strain_energy=energy_of_families(layout, bits, family_energy, module),
         earlier_energy=earlier_energy,
         mechanics=FamilyMechanics(

@@ -104,7 +104,7 @@ def bond_associated_tangent(
     bits: int,
     material: PairFactory,
     response: FunctionFactory,
-    breakable: str | None,
+    breakable: bool,
     held: bool,
     module: str,
 ) -> TangentKernels:
@@ -115,7 +115,7 @@ def bond_associated_tangent(
         bits: 32 or 64.
         material: Factory of (stress, energy).
         response: Factory of the function that gives stress and moduli.
-        breakable: None, "redistribute" or "drop".
+        breakable: Whether bonds can break.
         held: Whether any component is held.
         module: Name of the Warp module.
     """

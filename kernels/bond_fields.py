@@ -17,7 +17,7 @@ from .principal_fields import Wanted, image_of, showing, tensors
 
 @functools.cache
 def bond_fields(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, volume: FunctionFactory | None,
+    layout: str, bits: int, material: PairFactory, breakable: bool, form: str, volume: FunctionFactory | None,
     width: FunctionFactory | None, viscous: bool, stiffened: bool, wanted: Wanted, module: str, shown_module: str,
 ) -> Kernel:  # fmt: skip
     """Kernel of the fields of a law with a gradient for every bond; see `bond_associated` for the first arguments.
@@ -26,7 +26,7 @@ def bond_fields(
         layout: Layout of the families.
         bits: 32 or 64.
         material: Factory of (stress, energy).
-        breakable: None, or how the weights of a damaged family are treated.
+        breakable: Whether bonds can break.
         form: "variational" or "published".
         volume: Factory of (G, constants) -> J^2 - 1, needed for the Cauchy stress.
         width: Factory of the width in uniaxial tension of a material of tension field theory, or None.

@@ -52,7 +52,6 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
         commons: wp.array3d(dtype=wp.uint32)
         initials: wp.array2d(dtype=wp.uint32)
         weights: wp.array2d(dtype=real)
-        determinants: wp.array2d(dtype=real)
         areas: wp.array(dtype=real)
         family_areas: wp.array(dtype=real)
 

@@ -37,7 +37,7 @@ def family_rows(
     bits: int,
     material: PairFactory,
     near: FunctionFactory | None,
-    breakable: str | None,
+    breakable: bool,
     words: int,
     what: str,
     module: str,
@@ -52,7 +52,7 @@ def family_rows(
         bits: 32 or 64.
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`, or None.
-        breakable: None, "redistribute" or "drop".
+        breakable: Whether bonds can break.
         words: Number of words of a family's masks.
         what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
             "viscous_force", with Prony terms; or "viscous_step", which also brings them to the end of a step and adds
@@ -66,11 +66,11 @@ def family_rows(
     law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
     is_undamaged, intact_members = law.is_undamaged, law.intact_members
     green, damaged_inverse = law.green, law.damaged_inverse
-    area_weight, family_scale, stress_on_members = law.area_weight, law.family_scale, law.stress_on_members
+    area_weight, stress_on_members = law.area_weight, law.stress_on_members
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
-    damaged, curved, word_size = breakable is not None, is_curved(layout), WORD
+    curved, word_size = is_curved(layout), WORD
     energetic, viscous, advances = what == "energy", what.startswith("viscous"), what == "viscous_step"
     relaxing = relaxing_stress(bits, advances, module) if viscous else None
     # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
@@ -131,7 +131,7 @@ def family_rows(
 
         rows = Rows()
         all_rows = Row()
-        if wp.static(damaged):
+        if wp.static(breakable):
             shapes = Shapes()
             all_shapes = Shape()
         for word in range(wp.static(words)):
@@ -149,7 +149,7 @@ def family_rows(
                     row[3 + c] = arm[1] * u[c]
                 rows[k] = row
                 all_rows += row
-                if wp.static(damaged):
+                if wp.static(breakable):
                     if not undamaged:
                         bond = f.bond(family, i, k)
                         shape = Shape()
@@ -169,7 +169,6 @@ def family_rows(
             all_answers = Row()
         stored = real(0.0)
         work = wp.float64(0.0)
-        total = real(0.0)
         guess = real(0.0)
         for word in range(wp.static(words)):
             bonds = here[word]
@@ -188,7 +187,7 @@ def family_rows(
                 inverse = f.shape(family, i, j)
                 tilt = f.tilt(family, i, j)
                 size = real(0.0)
-                if wp.static(damaged):
+                if wp.static(breakable):
                     if not undamaged:
                         shape = Shape()
                         for other in range(wp.static(words)):
@@ -216,7 +215,6 @@ def family_rows(
                         H1, H2 = level(H1, H2, tilt)
                     strain_now = green(H1, H2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
                     if wp.static(energetic):
                         stored += weight * energy(strain_now, constants)
                     else:
@@ -237,11 +235,10 @@ def family_rows(
                         answers[j] = answer
                         all_answers += answer
 
-        scale = unit * family_scale(family, i, undamaged, total)
         if wp.static(advances):
-            viscous_work[i] = viscous_work[i] + wp.float64(scale / inverse_horizon) * work
+            viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
         if wp.static(energetic):
-            energies[i] = wp.float64(scale * stored)
+            energies[i] = wp.float64(unit * stored)
         else:
             for word in range(wp.static(words)):
                 bonds = here[word]
@@ -259,6 +256,6 @@ def family_rows(
                         A = all_answers - A
                     arm, area = moment(family, i, k)
                     pull = arm[0] * vec3(A[0], A[1], A[2]) + arm[1] * vec3(A[3], A[4], A[5])
-                    bond_force[k, i] = f.from_frame(family, i, scale * pull)
+                    bond_force[k, i] = f.from_frame(family, i, unit * pull)
 
     return family_rows

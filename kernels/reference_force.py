@@ -12,9 +12,7 @@ from .numeric import numeric
 
 
 @functools.cache
-def reference_force(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
-) -> Kernel:
+def reference_force(layout: str, bits: int, material: PairFactory, breakable: bool, form: str, module: str) -> Kernel:
     """Reference kernel that fills bond_force [members, points] with the forces of each family, N.
 
     It evaluates the sums as written in the formulas above, for any family and form. Arguments as for `bond_associated`.

@@ -24,7 +24,7 @@ def row_sums(
     bits: int,
     material: PairFactory,
     response: FunctionFactory,
-    breakable: str | None,
+    breakable: bool,
     form: str,
     module: str,
 ) -> tuple[Kernel, Kernel]:

@@ -58,10 +58,9 @@ def gather_reverse_bonds(
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):
-                # The lists have been used; the next launches start new ones.
+                # The list has been used; the next launches start a new one.
                 if i == a.first_point:
                     a.other_count[0] = 0
-                    a.other_count[1] = 0
             place = i
             if wp.static(turns_over):
                 place = i % a.bond_force.shape[1]

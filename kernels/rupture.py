@@ -41,19 +41,6 @@ class Criterion:
     gathers: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Breaking:
-    """How bonds break in the kernel of the forces.
-
-    Attributes:
-        criterion: The criterion by which a bond breaks.
-        spared: Whether the bonds of some points never break.
-    """
-
-    criterion: Criterion
-    spared: bool
-
-
 CriterionFactory = Callable[[str, int, str], Criterion]
 
 

@@ -85,7 +85,7 @@ def conversions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
 
 @functools.cache
-def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> ViscoKernels:
+def visco(layout: str, bits: int, material: PairFactory, breakable: bool, module: str) -> ViscoKernels:
     """Kernels of the law; arguments as for `bond_associated`; `material` is the equilibrium one."""
     types = numeric(bits)
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
@@ -206,7 +206,7 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
 
 
 @functools.cache
-def visco_energy(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> Kernel:
+def visco_energy(layout: str, bits: int, material: PairFactory, breakable: bool, module: str) -> Kernel:
     """Kernel `stored_energy`: stored energy of each family and the energy that it has dissipated [points], J."""
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters

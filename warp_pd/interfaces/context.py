@@ -63,8 +63,7 @@ class Features:
         breakable: Whether bonds can break.
         contact: Whether a contact may change velocities.
         half_steps: Whether the energy balance may take the velocities at half steps.
-        compact: Name of the influence function of a cloud whose tables take few bytes, see kernels/compact_clouds.py;
-            empty on all other sheets.
+        dynamic: Whether the solver steps in time.
     """
 
     held: bool = False
@@ -75,7 +74,7 @@ class Features:
     gradual: bool = False
     contact: bool = False
     half_steps: bool = True
-    compact: str = ""
+    dynamic: bool = False
 
 
 @dataclass(eq=False)
@@ -129,6 +128,8 @@ class Context:
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
+        compact: Name of the influence function of a cloud whose families take few bytes (kernels/compact_clouds.py);
+            empty on all other sheets.
         state: Arrays that parts have in common.
     """
 
@@ -148,6 +149,7 @@ class Context:
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
+    compact: str = ""
     state: State = field(init=False)
     _sequences: dict[tuple[str, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -164,10 +166,19 @@ class Context:
     @property
     def layout(self) -> str:
         """Layout of the families, see `family_functions`."""
-        if self.features.compact:
-            return COMPACT + self.features.compact
+        if self.compact:
+            return COMPACT + self.compact
         layout = layout_of(self.sheet)
         return layout + WITH_SHARES if self.features.gradual else layout
+
+    def use_compact_families(self, influence: str) -> None:
+        """Let the families of a cloud take few bytes; for the force law, which is built before any kernel is made.
+
+        Args:
+            influence: As `compact`.
+        """
+        if influence:
+            self.compact, self.module = influence, f"{self.module}_compact_{influence}"
 
     def array(
         self,
@@ -301,7 +312,7 @@ class Context:
         start = np.zeros((sheet.size, 3))
         return replace(
             self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
-            placement=None,
+            placement=None, compact="",
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:

@@ -64,7 +64,6 @@ class BondBased:
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = True
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -172,11 +171,11 @@ class BondBasedForce(FamilyLaw):
         }  # fmt: skip
 
     def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
-        """Add the launch that computes each bond once, in the stage of a step before bonds break.
+        """Add the launch that computes each bond once, before bonds break.
 
-        The sum of the forces leaves out what has broken since.
+        The sum of the forces later in the stage leaves out what has broken since.
         """
-        if self.once is None or self.once.forces_and_screen is None or stage.name != "step":
+        if self.once is None or self.once.forces_and_screen is None:
             return False
         self._screened = stage
         stage.launch(
@@ -184,6 +183,11 @@ class BondBasedForce(FamilyLaw):
             **self._forces_once(self.context.state.displacement), nearly=NEARLY * squared_stretch, exceeding=exceeding,
         )  # fmt: skip
         return True
+
+    @property
+    def force_path(self) -> str:
+        """Whether each bond is computed once, or from both of its ends."""
+        return "reference" if self.once is None else "each bond once"
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""

@@ -77,8 +77,7 @@ def family_struct(
         return s
     assert families.neighbours is not None
     if is_compact(context.layout):
-        assert inverse is not None
-        _put_compact(s, families, context, put, inverse, weights)
+        _put_compact(s, families, context, put, weights)
         return s
     if families.centres is not None and families.steps is not None:
         steps = np.zeros((families.members, 2), np.int32)
@@ -107,9 +106,7 @@ def family_struct(
     return s
 
 
-def _put_compact(
-    s: Any, families: Families, context: Context, put: Callable[..., Any], inverse: np.ndarray, weights: np.ndarray
-) -> None:
+def _put_compact(s: Any, families: Families, context: Context, put: Callable[..., Any], weights: np.ndarray) -> None:
     """Put the tables of `kernels.compact_clouds` on the device; arguments as for `family_struct`."""
     types = context.types
     real = wp.dtype_to_numpy(types.real)
@@ -133,9 +130,6 @@ def _put_compact(
     s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
     s.initials = put("initials", pack(families.exists).T, wp.uint32)
     s.weights = put("weights", _by_member(weights, real), types.real)
-    if context.features.breakable:
-        a, b, c = np.moveaxis(inverse, -1, 0)
-        s.determinants = put("determinants", _by_member(a * c - b * b, real), types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", families.member_areas.sum(axis=1), types.real)
 

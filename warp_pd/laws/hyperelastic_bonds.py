@@ -56,7 +56,6 @@ class HyperelasticBonds:
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

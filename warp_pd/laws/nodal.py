@@ -42,7 +42,6 @@ class Nodal:
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

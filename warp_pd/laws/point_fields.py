@@ -137,11 +137,11 @@ class ShownFields:
 
     def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
         """Kernel of the means over the bonds of a law with a gradient for each."""
-        layout, bits, functions, broken, form = key
+        layout, bits, functions, breakable, form = key
         known: Capabilities = capabilities(material)
         context = self.law.context
         return bond_fields(
-            layout, bits, functions, broken, form, known.volume, known.wrinkle_width, viscous,
+            layout, bits, functions, breakable, form, known.volume, known.wrinkle_width, viscous,
             context.sheet.stiffness is not None, self.wanted, context.module, self.module,
         )  # fmt: skip
 

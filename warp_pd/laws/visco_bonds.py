@@ -47,7 +47,6 @@ class ViscoBondBased:
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)

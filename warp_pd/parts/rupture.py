@@ -17,12 +17,12 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families.share import Share
 from ..geometry.sheet import Sheet
-from ..interfaces import BondBreaking, BuiltLaw, BuiltRupture, Rupture
+from ..interfaces import BuiltLaw, BuiltRupture, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.energy_release import energy_release
-from ..kernels.rupture import SCREENED, Breaking, Criterion, breaking, critical_energy, critical_stretch, screening
+from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, critical_stretch, screening
 
 # Beyond it the squares of stretches overflow in float32.
 MAX_STRETCH = 1e12
@@ -90,7 +90,7 @@ class CriticalStretch(BondCriterion):
         """The squared critical stretch."""
         found = critical_stretch(context.layout, context.bits, context.module)
         values = found.struct()
-        values.squared = self.stretch**2
+        values.squared = self.squared_stretch
         return found, values
 
 
@@ -245,10 +245,7 @@ class BreakingBonds(Damaged):
     def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
         super().__init__(owner, rupture, context, law)
         found, self.criterion = rupture.criterion(context, law)
-        self._breaking = BondBreaking(
-            Breaking(found, self.spared is not None), self.criterion, self.spared, rupture.squared_stretch,
-        )  # fmt: skip
-        self._with_force = law.break_with_force(self._breaking)
+        self._limit = rupture.squared_stretch
         screened = self.screens and context.layout == "lattice" and not context.device.is_cuda and context.share is None
         self._screen = screening(context.bits, found, context.module) if screened else None
         self._kernel = breaking(
@@ -256,16 +253,12 @@ class BreakingBonds(Damaged):
         )
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that break bonds, unless the force law does so on its own in a step."""
-        if self._with_force and stage.name == "step":
-            self._breaking.stages.add(stage.name)
-            return
+        """Add the launches that break bonds."""
         size, arguments, exceeding = self.context.sheet.size, self.arguments(), None
         if self._screen is not None:
             blocks = -(-size // SCREENED)
             exceeding = self.context.array("exceeding", self.owner, wp.uint8, shape=blocks, per="block")
-            limit = self._breaking.squared_stretch
-            if limit is None or not self.law.screen_with_force(stage, limit, exceeding):
+            if self._limit is None or not self.law.screen_with_force(stage, self._limit, exceeding):
                 stage.launch(
                     self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
                     **{name: arguments[name] for name in ("family", "displacement", "horizon", "intact")},
