@@ -20,7 +20,7 @@ from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
-from .force_paths import PATHS, TUNING, FamilyBlocks, ForcePath, force_path, shares_memory
+from .force_paths import PATHS, FamilyBlocks, ForcePath, force_path
 from .point_fields import ShownFields, factors
 from .shared_tables import law_tables
 from .variational import Key
@@ -101,27 +101,6 @@ class BondAssociated:
         return BondAssociatedForce(self, context)
 
 
-def compact_families(law: BondAssociated, context: Context, paths: Sequence[type[ForcePath]]) -> str:
-    """Name of the influence function if the families are those of kernels/compact_clouds.py, or empty.
-
-    Blocks of threads find shape tensors anew; a tangent would take long. Where bonds can break, the energy that one
-    releases has the same bits in every launch only with stored tables.
-
-    Args:
-        law: The law as given by the user.
-        context: Knows the sheet and the device.
-        paths: Force paths of the law.
-    """
-    sheet, features = context.whole, context.features
-    in_blocks = FamilyBlocks in paths and law.fast and law.form == "variational" and shares_memory(context.device)
-    able = in_blocks and capabilities(law.material).near is not None and law.horizon <= TUNING.compact_horizon
-    cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < TUNING.max_compact_points
-    pays = law.horizon <= TUNING.free_compact_horizon or sheet.size >= TUNING.compact_points
-    if not (able and cloud and pays and features.dynamic and not features.breakable):
-        return ""
-    return law.influence if isinstance(law.influence, str) and sheet.spacings is None else "table"
-
-
 class BondAssociatedForce(FamilyLaw):
     """The law on one sheet and device.
 
@@ -150,7 +129,9 @@ class BondAssociatedForce(FamilyLaw):
                 raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
             # Their kernels compute the weights themselves.
             require_one_material(sheet, "weights 'published'")
-        context.use_compact_families(compact_families(law, context, self.paths))
+        if self._has_compact_families(context):
+            named = isinstance(law.influence, str) and sheet.spacings is None
+            context.use_compact_families(str(law.influence) if named else "table")
         families, inverse, weights, self.correction = law_tables(context, law, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
@@ -158,6 +139,11 @@ class BondAssociatedForce(FamilyLaw):
         self.kernels = bond_associated(*self.key, context.module)
         self.earlier_energy = self.kernels.earlier_energy
         self.path = force_path(self, inverse, weights)
+
+    def _has_compact_families(self, context: Context) -> bool:
+        """Whether its families are those of kernels/compact_clouds.py."""
+        blocks = self.fast and self.weights != "published" and FamilyBlocks in self.paths
+        return blocks and FamilyBlocks.takes_compact_families(context, self.material, self.law.horizon)
 
     @property
     def force_path(self) -> str:

@@ -19,6 +19,7 @@ import warp as wp
 
 from ..device.fields import Array
 from ..device.launches import Span, Stage
+from ..interfaces.context import Context
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD, is_compact
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
@@ -27,7 +28,7 @@ from ..kernels.reference_force import reference_force
 from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.stencil import Stencil
 from ..kernels.undamaged_lattice import list_of_others, undamaged_lattice_force
-from ..materials import capabilities
+from ..materials import Material, capabilities
 from .family_struct import moments_of
 from .undamaged_lattice import shared_name, undamaged_stencil
 from .variational import BondAssociatedLaw
@@ -309,6 +310,25 @@ class FamilyBlocks:
         """Factory of the material's stress_near if blocks can take a law on its sheet and device."""
         few = law.families.members <= TUNING.block_members
         return capabilities(law.material).near if few and shares_memory(law.context.device) else None
+
+    @staticmethod
+    def takes_compact_families(context: Context, material: Material, horizon: float) -> bool:
+        """Whether the families of a sheet should be those of kernels/compact_clouds.py.
+
+        Blocks find shape tensors anew; a tangent would take long. Where bonds can break, the energy that one releases
+        has the same bits in every launch only with stored tables.
+
+        Args:
+            context: Knows the sheet and the device.
+            material: The material.
+            horizon: In spacings.
+        """
+        sheet, features = context.whole, context.features
+        able = shares_memory(context.device) and capabilities(material).near is not None
+        cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < TUNING.max_compact_points
+        pays = horizon <= TUNING.free_compact_horizon or sheet.size >= TUNING.compact_points
+        few = horizon <= TUNING.compact_horizon
+        return able and cloud and pays and few and features.dynamic and not features.breakable
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
