@@ -68,11 +68,6 @@ def test_weights(weights):
 
 
 @pytest.mark.parametrize("bits", [32, 64])
-def test_broken_families_that_keep_their_weight(bits):
-    compare(square(13), bits, broken="redistribute", damage=CriticalStretch(1e3), tear=lambda built: sever(built, CUT))
-
-
-@pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("sheet", [square(11), jittered(11)], ids=["lattice", "cloud"])
 def test_softened_bonds(sheet, bits):
     compare(sheet, bits, damage=TearingEnergy(1e6), tear=soften)
