@@ -37,9 +37,8 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state, energy_of_families, gather_pairs
 from .effects import Kernel
 from .factories import PairFactory
-from .families import WORD, family_functions, has_shares, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 from .pointwise import Pointwise
 
 
@@ -95,31 +94,24 @@ class BondAssociatedKernels:
 
 
 @functools.cache
-def bond_associated(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
-) -> BondAssociatedKernels:
+def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
     """Kernels of the bond-associated law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
-        breakable: None, or how the weights of a damaged family are treated: "redistribute" (the intact bonds
-            represent the whole area of the point) or "drop" (each represents its own area).
         form: "variational" or "published".
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     parameters = types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     _, energy = material(bits)
-    damaged = breakable is not None
-    redistribute = breakable == "redistribute"
+    redistribute = layout.redistribute
     published = form == "published"
     word_size = WORD
-    bonds = bond_state(layout, bits, damaged, module)
+    bonds = bond_state(layout)
     intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
     motion = kinematics(bits)
     inverse_shape, remaining_inverse, fading_inverse = (
@@ -133,7 +125,7 @@ def bond_associated(
         motion.curved_gradient,
         motion.curved_stress_on_members,
     )
-    gradual, curved = has_shares(layout), is_curved(layout)
+    gradual, curved = layout.softening, layout.curved
 
     @wp.func(module=module)
     def green(H1: vec3, H2: vec3, tilt: vec2):
@@ -308,8 +300,8 @@ def bond_associated(
     earlier_energy = declare_energy("earlier_energy", earlier_intersection)
 
     return BondAssociatedKernels(
-        gather=gather_pairs(layout, bits, damaged, module),
-        strain_energy=energy_of_families(layout, bits, family_energy, module),
+        gather=gather_pairs(layout),
+        strain_energy=energy_of_families(layout, family_energy),
         earlier_energy=earlier_energy,
         mechanics=FamilyMechanics(
             intact_members,

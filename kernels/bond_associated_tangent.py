@@ -20,7 +20,7 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
 
@@ -100,31 +100,22 @@ def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
 @functools.cache
 def bond_associated_tangent(
-    layout: str,
-    bits: int,
-    material: PairFactory,
-    response: FunctionFactory,
-    breakable: str | None,
-    held: bool,
-    module: str,
+    layout: Layout, material: PairFactory, response: FunctionFactory, held: bool
 ) -> TangentKernels:
     """Kernels of the tangent; arguments as for `bond_associated`, with the factory of stress and moduli.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy).
         response: Factory of the function that gives stress and moduli.
-        breakable: None, "redistribute" or "drop".
         held: Whether any component is held.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33, parameters = types.mat32, types.mat33, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    law = bond_associated(layout, material, "variational").mechanics
     intact_members, is_undamaged, is_intact, intersection = (
         law.intact_members,
         law.is_undamaged,
@@ -132,7 +123,7 @@ def bond_associated_tangent(
         law.intersection,
     )
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
-    gradient_of, level, curved = law.gradient, kinematics(bits).level, is_curved(layout)
+    gradient_of, level, curved = law.gradient, kinematics(bits).level, layout.curved
     response_of = response(bits)
     word_size = WORD
     block_of, inverse_of = block_functions(bits, module)

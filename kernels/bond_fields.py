@@ -9,38 +9,41 @@ from .bond_associated import bond_associated
 from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import family_functions
+from .families import Layout, family_functions
 from .incompressible import incompressible, yeoh
-from .numeric import numeric
 from .principal_fields import Wanted, image_of, showing, tensors
 
 
 @functools.cache
 def bond_fields(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, volume: FunctionFactory | None,
-    width: FunctionFactory | None, viscous: bool, stiffened: bool, wanted: Wanted, module: str, shown_module: str,
-) -> Kernel:  # fmt: skip
+    layout: Layout,
+    material: PairFactory,
+    form: str,
+    volume: FunctionFactory | None,
+    width: FunctionFactory | None,
+    viscous: bool,
+    stiffened: bool,
+    wanted: Wanted,
+    shown_module: str,
+) -> Kernel:
     """Kernel of the fields of a law with a gradient for every bond; see `bond_associated` for the first arguments.
 
     Args:
         layout: Layout of the families.
-        bits: 32 or 64.
         material: Factory of (stress, energy).
-        breakable: None, or how the weights of a damaged family are treated.
         form: "variational" or "published".
         volume: Factory of (G, constants) -> J^2 - 1, needed for the Cauchy stress.
         width: Factory of the width in uniaxial tension of a material of tension field theory, or None.
         viscous: Whether the stress has Prony terms, see kernels/visco.py.
         stiffened: Whether the moduli have a factor at each point.
         wanted: What to fill.
-        module: Name of the Warp module of the law.
         shown_module: Name of the Warp module of the kernel.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
-    Family = family_functions(layout, bits, module).struct
-    from_frame = family_functions(layout, bits, module).from_frame
-    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
+    Family = family_functions(layout).struct
+    from_frame = family_functions(layout).from_frame
+    law = bond_associated(layout, material, form).mechanics
     stress, _ = material(bits)
     prony_stress = incompressible(yeoh).functions(bits)[0]
     stretch_of, _ = tensors(bits)
@@ -128,11 +131,11 @@ def bond_fields(
 
 
 @functools.cache
-def bond_counts(layout: str, bits: int, breakable: bool, module: str, shown_module: str) -> Kernel:
+def bond_counts(layout: Layout, shown_module: str) -> Kernel:
     """Kernel that counts the intact and the broken bonds of each point."""
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bonds = bond_state(layout, bits, breakable, module)
+    bonds = bond_state(layout)
 
     @wp.func(module=shown_module)
     def count(bits_set: wp.uint32):

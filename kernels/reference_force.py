@@ -7,24 +7,21 @@ import warp as wp
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import family_functions
-from .numeric import numeric
+from .families import Layout, family_functions
 
 
 @functools.cache
-def reference_force(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
-) -> Kernel:
+def reference_force(layout: Layout, material: PairFactory, form: str) -> Kernel:
     """Reference kernel that fills bond_force [members, points] with the forces of each family, N.
 
     It evaluates the sums as written in the formulas above, for any family and form. Arguments as for `bond_associated`.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     stress, _ = material(bits)
-    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
+    law = bond_associated(layout, material, form).mechanics
     is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
     add_to_members, stress_on_members = law.add_to_members, law.stress_on_members

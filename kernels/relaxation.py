@@ -14,31 +14,22 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 
 @functools.cache
-def row_sums(
-    layout: str,
-    bits: int,
-    material: PairFactory,
-    response: FunctionFactory,
-    breakable: str | None,
-    form: str,
-    module: str,
-) -> tuple[Kernel, Kernel]:
+def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, form: str) -> tuple[Kernel, Kernel]:
     """Kernels `family_rows` and `sum_rows`; arguments as for `bond_associated_tangent`.
 
     family_rows fills row [members, points] with the contributions of the family of a point to the rows of its members,
     and own [points] with that to its own row; sum_rows adds both ends of the bonds to the density [N/m].
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3 = types.real, types.vec3
     parameters = types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
+    law = bond_associated(layout, material, form).mechanics
     intact_members, is_undamaged, is_intact, intersection = (
         law.intact_members,
         law.is_undamaged,

@@ -26,7 +26,7 @@ import warp as wp
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import family_functions
+from .families import Layout, family_functions
 from .incompressible import incompressible, yeoh
 from .numeric import numeric
 
@@ -85,15 +85,15 @@ def conversions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
 
 @functools.cache
-def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> ViscoKernels:
+def visco(layout: Layout, material: PairFactory) -> ViscoKernels:
     """Kernels of the law; arguments as for `bond_associated`; `material` is the equilibrium one."""
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     stress, _ = material(bits)
     prony_stress = incompressible(yeoh).functions(bits)[0]
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    law = bond_associated(layout, material, "variational").mechanics
     is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
     add_to_members, stress_on_members = law.add_to_members, law.stress_on_members
@@ -206,14 +206,14 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
 
 
 @functools.cache
-def visco_energy(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> Kernel:
+def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     """Kernel `stored_energy`: stored energy of each family and the energy that it has dissipated [points], J."""
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     prony_stress = incompressible(yeoh).functions(bits)[0]
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    law = bond_associated(layout, material, "variational").mechanics
     is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
     green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
     term_constants, tensor = conversions(bits, module)

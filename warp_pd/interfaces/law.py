@@ -246,7 +246,7 @@ class Law(Protocol):
         """Name of the influence function if its fast kernels take the tables of kernels/compact_clouds.py, or empty."""
         return ""
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
         ...
 

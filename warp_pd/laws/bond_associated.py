@@ -104,9 +104,9 @@ class BondAssociated:
         """Form of the kernels: "published" or "variational"."""
         return "published" if self.weights == "published" else "variational"
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
-        return (layout, self.material.functions, self.broken if breakable else None, self.form, self.fast)
+        return (self.material.functions, self.broken, self.form, self.fast)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
@@ -122,7 +122,8 @@ class BondAssociatedForce(FamilyLaw):
 
     Attributes:
         weights: The weights in use, "published", "plain" or "corrected".
-        key: Everything that decides its kernels: layout, precision, material functions, `broken` or None, form.
+        layout: Layout of its families.
+        key: Everything that decides its kernels: layout, material functions, form.
         fast_path: Its fast kernels, or None.
     """
 
@@ -147,8 +148,9 @@ class BondAssociatedForce(FamilyLaw):
         families, inverse, weights, self.correction = law_tables(context, law, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
-        self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
-        self.kernels = bond_associated(*self.key, context.module)
+        self.layout = replace(context.layout, redistribute=broken == "redistribute")
+        self.key: Key = (self.layout, law.material.functions, law.form)
+        self.kernels = bond_associated(*self.key)
         self.earlier_energy = self.kernels.earlier_energy
         self._breaking: BondBreaking | None = None
         self.fast_path: FastForce | None = self.fast_kernels(inverse, weights)
@@ -197,7 +199,7 @@ class BondAssociatedForce(FamilyLaw):
 
     def add_reference_force(self, stage: Stage, displacement: Array) -> None:
         """Add the launch that fills `pairs`."""
-        kernel = reference_force(*self.key, self.context.module)
+        kernel = reference_force(*self.key)
         stage.launch(
             self.owner, kernel, self.points, **self.family_arguments(displacement), constants=self.constants,
             unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
@@ -242,8 +244,8 @@ class BondAssociatedForce(FamilyLaw):
         response = capabilities(material).response
         if response is None:
             return None
-        layout, bits, functions, broken, form = self.key
-        rows, total = row_sums(layout, bits, functions, response, broken, form, context.module)
+        layout, functions, form = self.key
+        rows, total = row_sums(layout, functions, response, form)
         density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
         own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
         stage.launch(

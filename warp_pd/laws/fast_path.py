@@ -25,7 +25,7 @@ from ..interfaces import BondBreaking, Law
 from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
-from ..kernels.families import WORD, is_compact
+from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
 from ..kernels.lost_members import changed_families
@@ -133,11 +133,9 @@ class RowSums:
 
     def __init__(self, force: BondAssociatedLaw, what: Sequence[str] = ("force", "energy")) -> None:
         self.force = force
-        layout, bits, material, broken, _ = force.key
+        layout, material, _ = force.key
         near, words = capabilities(force.material).near, -(-force.families.members // WORD)
-        self.kernels = {
-            name: family_rows(layout, bits, material, near, broken, words, name, force.context.module) for name in what
-        }
+        self.kernels = {name: family_rows(layout, material, near, words, name) for name in what}
 
     def breaks_bonds(self, breaking: BondBreaking) -> bool:
         """They cannot."""
@@ -187,13 +185,13 @@ class FastPath:
         # The kernel of all others is compiled for its own block size.
         self.shared_module = f"{w.module}_shared_{force.families.members}"
         self.lists = None if stencil is None else Lists.of(force, self.whole_families, stencil[1])
-        self.compact = is_compact(w.layout)
+        self.compact = w.layout.compact != ""
         # The families of a cloud are all alike to their kernel: its strips may be short, and then stay in the cache.
         self.ring = CLOUD_RING if self.compact else RING
         here, divided = self.whole_families, self.listed or (self.compact and w.share is None)
         self.strips = self._strips() if divided else [Strip(0, here.start, here.stop, 0, force.points)]
         self.lag = LAG if self.beside and len(self.strips) > 1 else 0
-        key = (w.bits, self.gridded, force.key[3] is not None, w.module if self.lag else None, w.device.is_cuda)
+        key = (w.bits, self.gridded, force.layout.breakable, w.module if self.lag else None, w.device.is_cuda)
         self.module = shared_name(stencil, near, key)
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         for module in (self.module, self.shared_module):
@@ -210,7 +208,8 @@ class FastPath:
     @property
     def _drops(self) -> bool:
         """Whether inner families that lost bonds have a kernel: not if others get their weight, or they fade."""
-        return self.force.key[3] == "drop" and not self.force.context.features.gradual
+        layout = self.force.layout
+        return layout.breakable and not layout.redistribute and not layout.softening
 
     @property
     def whole_families(self) -> slice:
@@ -327,9 +326,9 @@ class FastPath:
     def _lattice_kernel(
         self, stencil: Stencil, damaged: bool, breaking: BondBreaking | None, gather: Pointwise | None = None
     ) -> Kernel:
-        _, bits, _, broken, _ = self.force.key
+        layout = self.force.layout
         return undamaged_lattice_force(
-            bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, damaged, gather,
+            layout.bits, self.near, stencil, self.gridded, layout.breakable, breaking is not None, damaged, gather,
             self.module,
         )  # fmt: skip
 
@@ -355,16 +354,16 @@ class FastPath:
         self, stage: Stage, run: Run, displacement: Array, force: Array, breaking: BondBreaking | None,
         beside: bool = False, part: OfStrip | None = None,
     ) -> None:  # fmt: skip
-        law, w = self.force, self.force.context
-        layout, bits, material, broken, _ = law.key
+        law = self.force
+        layout, material, _ = law.key
         members, listed = law.families.members, run.points is not None
         if run.stop == run.start:
             return
         together, sharing = families_together(members), threads_of_family(members)
         blocks = min(-(-(run.stop - run.start) // together), MAX_LISTED_BLOCKS if listed else MAX_BLOCKS)
         kernel = block_force(
-            layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
-            listed, w.module, self.shared_module,
+            layout, material, self.near, None if breaking is None else breaking.kernel, members, listed,
+            self.shared_module,
         )  # fmt: skip
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
@@ -382,12 +381,11 @@ class FastPath:
     def _gather(self, strip: Strip, force: Array) -> tuple[Pointwise, dict[str, Any]]:
         """The stage that gathers the forces of a strip, with its arguments."""
         law, lists = self.force, self.lists
-        layout, bits, _, _, _ = law.key
         counts = None if lists is None or lists.damaged is None else lists.counts
         steps = law.families.steps
         gather = gather_reverse_bonds(
-            layout, bits, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            self.bond_force.shape[1] < law.points, counts is not None, law.context.module,
+            law.layout, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
+            self.bond_force.shape[1] < law.points, counts is not None,
         )  # fmt: skip
         return gather, {
             "family": law.struct, "columns": law.lattice_columns, "bond_force": self.bond_force, "other_count": counts,

@@ -61,9 +61,9 @@ class Visco(BondAssociated):
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """What decides which kernels are compiled."""
-        return (*super().compile_key(layout, breakable), bool(self.prony))
+        return (*super().compile_key(), bool(self.prony))
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device; without Prony terms those of BondAssociated.
@@ -160,8 +160,7 @@ class ViscoForce(ElasticVisco):
         )  # fmt: skip
 
     def _reference(self) -> ViscoKernels:
-        layout, bits, material, broken, _form = self.key
-        return visco(layout, bits, material, broken, self.context.module)
+        return visco(self.layout, self.law.material.functions)
 
     def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
         """None: those of elastic laws know of no Prony terms."""
@@ -187,9 +186,8 @@ class ViscoForce(ElasticVisco):
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
-        layout, bits, material, broken, _form = self.key
         stage.launch(
-            "Visco", visco_energy(layout, bits, material, broken, self.context.module), self.points,
+            "Visco", visco_energy(self.layout, self.law.material.functions), self.points,
             **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
             prony=self.prony, **self.internal, out=out, dissipated=self.viscous,
         )  # fmt: skip
