@@ -10,8 +10,8 @@ from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
 from .families import Layout, family_functions
-from .incompressible import incompressible, yeoh
 from .principal_fields import Wanted, image_of, showing, tensors
+from .visco import overstressed
 
 
 @functools.cache
@@ -45,15 +45,11 @@ def bond_fields(
     from_frame = family_functions(layout).from_frame
     law = bond_associated(layout, material, form).mechanics
     stress, _ = material(bits)
-    prony_stress = incompressible(yeoh).functions(bits)[0]
+    with_overstress = overstressed(bits, shown_module) if viscous else None
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
     with_stress = wanted.piola or wanted.cauchy or (wanted.state and width is None)
     volume_change = volume(bits) if wanted.cauchy and volume is not None else None
-
-    @wp.func(module=shown_module)
-    def tensor(v: vec3):
-        return mat22(v[0], v[2], v[2], v[1])
 
     @kernel(shown_module, gathers=("displacement",))
     def bond_fields(
@@ -85,35 +81,26 @@ def bond_fields(
         F1 = vec3()
         F2 = vec3()
         for j in range(family.members):
-            if law.is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = law.intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                weight = law.area_weight(family, i, j, undamaged, size)
-                if inverse[0] > real(0.0) and weight > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    G = law.green(H1, H2, tilt)
-                    total += weight
-                    mean += weight * G
-                    if wp.static(wanted.direction):
-                        A1, A2 = law.gradient(H1, H2, tilt)
-                        F1 += weight * A1
-                        F2 += weight * A2
-                    if wp.static(with_stress):
-                        S = stress(G, constants)
-                        if wp.static(viscous):
-                            old = tensor(strain[j, i])
-                            for p in range(prony.shape[0]):
-                                term = prony[p]
-                                own = parameters(term[0], term[1], real(0.0), real(0.0))
-                                S += tensor(overstress[p * family.members + j, i])
-                                S += prony_stress(G, own) - prony_stress(old, own)
-                        U = stretch_of(G)
-                        biot += weight * (U * S)
-                        if wp.static(wanted.cauchy):
-                            J = wp.sqrt(real(1.0) + volume_change(G, constants))
-                            cauchy += (weight / J) * (U * S * U)
+            there, H1, H2, _inverse, weight, tilt = law.visit(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
+            )
+            if there and weight > real(0.0):
+                G = law.green(H1, H2, tilt)
+                total += weight
+                mean += weight * G
+                if wp.static(wanted.direction):
+                    A1, A2 = law.gradient(H1, H2, tilt)
+                    F1 += weight * A1
+                    F2 += weight * A2
+                if wp.static(with_stress):
+                    S = stress(G, constants)
+                    if wp.static(viscous):
+                        S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
+                    U = stretch_of(G)
+                    biot += weight * (U * S)
+                    if wp.static(wanted.cauchy):
+                        J = wp.sqrt(real(1.0) + volume_change(G, constants))
+                        cauchy += (weight / J) * (U * S * U)
         scale = real(0.0)
         if total > real(0.0):
             scale = real(1.0) / total

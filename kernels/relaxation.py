@@ -25,20 +25,22 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
     and own [points] with that to its own row; sum_rows adds both ends of the bonds to the density [N/m].
     """
     types, bits, module = layout.types, layout.bits, layout.module
-    real, vec3 = types.real, types.vec3
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     parameters = types.parameters
     f = family_functions(layout)
     Family = f.struct
     law = bond_associated(layout, material, form).mechanics
-    intact_members, is_undamaged, is_intact, intersection = (
-        law.intact_members,
-        law.is_undamaged,
-        law.is_intact,
-        law.intersection,
-    )
-    green, gradient, area_weight, family_scale = law.green, law.gradient, law.area_weight, law.family_scale
+    intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
+    green, gradient, family_scale = law.green, law.gradient, law.family_scale
     response_of = response(bits)
     word_size = WORD
+
+    @wp.func(module=module)
+    def arm(family: Family, i: int, k: int, inverse: vec3):
+        """g_k."""
+        c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+        xi = f.bond(family, i, k)
+        return vec2(c * (inverse[0] * xi[0] + inverse[1] * xi[1]), c * (inverse[1] * xi[0] + inverse[2] * xi[1]))
 
     @kernel(module, gathers=("displacement",))
     def family_rows(
@@ -59,50 +61,38 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
         total = real(0.0)
         centre_row = real(0.0)
         for j in range(family.members):
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    S, T = response_of(green(H1, H2, tilt), constants)
-                    weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
-                    F1, F2 = gradient(H1, H2, tilt)
-                    stretch = wp.dot(F1, F1) + wp.dot(F2, F2)
-                    bound = wp.abs(S[0, 0]) + real(2.0) * wp.abs(S[0, 1]) + wp.abs(S[1, 1])
-                    bound += stretch * (wp.abs(T[0]) + wp.abs(T[1]) + wp.abs(T[3]) + wp.abs(T[5]))
-                    sizes = real(0.0)
-                    c1 = real(0.0)
-                    c2 = real(0.0)
-                    for word in range(family.words):
-                        members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
-                        while members != wp.uint32(0):
-                            k = word * word_size + lowest_bit(members)
-                            members = without_lowest_bit(members)
-                            c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                            xi = f.bond(family, i, k)
-                            g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
-                            g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
-                            c1 -= g1
-                            c2 -= g2
-                            sizes += wp.sqrt(g1 * g1 + g2 * g2)
-                    centre = wp.sqrt(c1 * c1 + c2 * c2)
-                    sizes += centre
-                    contribution = weight * bound * sizes
-                    centre_row += contribution * centre
-                    for word in range(family.words):
-                        members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
-                        while members != wp.uint32(0):
-                            k = word * word_size + lowest_bit(members)
-                            members = without_lowest_bit(members)
-                            c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                            xi = f.bond(family, i, k)
-                            g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
-                            g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
-                            gained = contribution * wp.sqrt(g1 * g1 + g2 * g2)
-                            row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
+            there, H1, H2, inverse, weight, tilt = visit(family, intact, displacement, inverse_horizon, i, j, undamaged)
+            if there:
+                S, T = response_of(green(H1, H2, tilt), constants)
+                total += weight
+                F1, F2 = gradient(H1, H2, tilt)
+                stretch = wp.dot(F1, F1) + wp.dot(F2, F2)
+                bound = wp.abs(S[0, 0]) + real(2.0) * wp.abs(S[0, 1]) + wp.abs(S[1, 1])
+                bound += stretch * (wp.abs(T[0]) + wp.abs(T[1]) + wp.abs(T[3]) + wp.abs(T[5]))
+                sizes = real(0.0)
+                c1 = real(0.0)
+                c2 = real(0.0)
+                for word in range(family.words):
+                    members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                    while members != wp.uint32(0):
+                        k = word * word_size + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                        g = arm(family, i, k, inverse)
+                        c1 -= g[0]
+                        c2 -= g[1]
+                        sizes += wp.sqrt(g[0] * g[0] + g[1] * g[1])
+                centre = wp.sqrt(c1 * c1 + c2 * c2)
+                sizes += centre
+                contribution = weight * bound * sizes
+                centre_row += contribution * centre
+                for word in range(family.words):
+                    members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                    while members != wp.uint32(0):
+                        k = word * word_size + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                        g = arm(family, i, k, inverse)
+                        gained = contribution * wp.sqrt(g[0] * g[0] + g[1] * g[1])
+                        row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
         scale = unit_stiffness * family_scale(family, i, undamaged, total)
         own[i] = scale * centre_row
         for k in range(family.members):

@@ -202,7 +202,7 @@ class BondAssociatedForce(FamilyLaw):
         kernel = reference_force(*self.key)
         stage.launch(
             self.owner, kernel, self.points, **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
+            unit_force=self.unit_volume * self.inverse_horizon, **NO_PRONY, bond_force=self.pairs,
         )  # fmt: skip
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:

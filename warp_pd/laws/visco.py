@@ -15,7 +15,8 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.visco import ViscoKernels, visco, visco_energy
+from ..kernels.reference_force import reference_force
+from ..kernels.visco import visco_energy, viscous_update
 from ..materials import Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
@@ -154,13 +155,11 @@ class ViscoForce(ElasticVisco):
             self.rows.add_pairs(stage, displacement, "viscous_step", {"step": step, "prony": prony, **self.internal})
             self._updated = stage
             return
+        kernel = viscous_update(self.layout, self.law.material.functions)
         stage.launch(
-            "Visco", self._reference().update, self.points, **self.family_arguments(displacement), step=step,
+            "Visco", kernel, self.points, **self.family_arguments(displacement), step=step,
             prony=prony, unit_volume=self.unit_volume, **self.internal,
         )  # fmt: skip
-
-    def _reference(self) -> ViscoKernels:
-        return visco(self.layout, self.law.material.functions)
 
     def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
         """None: those of elastic laws know of no Prony terms."""
@@ -176,7 +175,7 @@ class ViscoForce(ElasticVisco):
         state = {name: self.internal[name] for name in ("strain", "overstress")}
         if self.rows is None:
             stage.launch(
-                "Visco", self._reference().visco_force, self.points,
+                "Visco", reference_force(*self.key, viscous=True), self.points,
                 **self.family_arguments(displacement), constants=self.constants,
                 unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony, **state, bond_force=self.pairs,
             )  # fmt: skip
