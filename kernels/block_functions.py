@@ -10,9 +10,8 @@ from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .entries import entry_of
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_compact, is_curved, is_grid, is_lattice
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 
 _ADD_PRODUCTS = """
     if (here) {
@@ -134,28 +133,25 @@ class BlockFunctions:
 
 @functools.cache
 def block_functions(
-    layout: str,
-    bits: int,
+    layout: Layout,
     material: PairFactory,
     near: FunctionFactory,
-    breakable: bool,
     members: int,
-    module: str,
     fast_module: str,
 ) -> BlockFunctions:
     """The functions, for the arguments of `block_force`."""
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    law = bond_associated(layout, material, "variational").mechanics
     intact_members, is_intact = law.intact_members, law.is_intact
     green, damaged_inverse = law.green, law.damaged_inverse
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     inverse_shape = kinematics(bits).inverse_shape
     area_weight, stress_near, stress_on_members = law.area_weight, near(bits), law.stress_on_members
-    by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
-    compact = is_compact(layout)
+    by_row, gradual, curved = layout.kind != "cloud", layout.softening, layout.curved
+    compact = layout.compact != ""
     by_missing = not (gradual or curved or compact)
     n, word_size, words = members, WORD, -(-members // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
@@ -292,7 +288,7 @@ def block_functions(
             if wp.static(compact):
                 inverse = inverse_shape(shape)
             share = real(1.0)
-            if wp.static(breakable):
+            if wp.static(layout.breakable):
                 if not undamaged:
                     if wp.static(by_missing):
                         inverse = without_missing(shape, undamaged_inverse)

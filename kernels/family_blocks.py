@@ -21,8 +21,7 @@ import warp as wp
 from .block_functions import block_functions, opaque, putting, synchronize
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, is_curved
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
@@ -44,14 +43,11 @@ def families_together(members: int) -> int:
 
 @functools.cache
 def block_force(
-    layout: str,
-    bits: int,
+    layout: Layout,
     material: PairFactory,
     near: FunctionFactory,
-    breakable: bool,
     members: int,
     listed: bool,
-    module: str,
     fast_module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and force [points] by the families' own half; variational form.
@@ -61,28 +57,25 @@ def block_force(
     (c_k X_k, 1 / c_k) of each row of the families, with lengths divided by the horizon.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
-        breakable: Whether bonds can break.
         members: Maximum number of members of a family.
         listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, of which `other_count` exist,
             instead of these points themselves.
-        module: Name of the Warp module of the law.
         fast_module: Name of the Warp module of this kernel alone, which is compiled for its own block size.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    curved = is_curved(layout)
+    breakable, curved = layout.breakable, layout.curved
     n, half, word_size, words = members, threads_of_family(members), WORD, -(-members // WORD)
     together = families_together(n)
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
-    functions = block_functions(layout, bits, material, near, breakable, members, module, fast_module)
+    functions = block_functions(layout, material, near, members, fast_module)
     by_missing, missing_shapes = functions.by_missing, functions.missing_shapes
     arrive, answer = functions.arrive, functions.answer
     vec6, Sums, add_products, add_parts = functions.vec6, functions.Sums, functions.add_products, functions.add_parts

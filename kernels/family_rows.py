@@ -22,9 +22,8 @@ from .bits import lowest_bit, number_of_bits, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 from .relaxing_stress import relaxing_stress
 
 # Numbers in a row: the two columns of a gradient, filled up to what a CPU adds at once.
@@ -32,45 +31,33 @@ ROW = 8
 
 
 @functools.cache
-def family_rows(
-    layout: str,
-    bits: int,
-    material: PairFactory,
-    near: FunctionFactory | None,
-    breakable: bool,
-    words: int,
-    what: str,
-    module: str,
-) -> Kernel:
+def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | None, words: int, what: str) -> Kernel:
     """Kernel that fills bond_force [members, points] with the forces of each family [N]; variational form.
 
     `unit` is the thickness times the reference area, for forces divided by the horizon. Arguments that do not apply
     are None.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`, or None.
-        breakable: Whether bonds can break.
         words: Number of words of a family's masks.
         what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
             "viscous_force", with Prony terms; or "viscous_step", which also brings them to the end of a step and adds
             what that dissipates or stores to viscous_work [points], J.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    law = bond_associated(layout, material, "variational").mechanics
     is_undamaged, intact_members = law.is_undamaged, law.intact_members
     green, damaged_inverse = law.green, law.damaged_inverse
     area_weight, stress_on_members = law.area_weight, law.stress_on_members
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
-    curved, word_size = is_curved(layout), WORD
+    damaged, curved, word_size = layout.breakable, layout.curved, WORD
     energetic, viscous, advances = what == "energy", what.startswith("viscous"), what == "viscous_step"
     relaxing = relaxing_stress(bits, advances, module) if viscous else None
     # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
@@ -131,7 +118,7 @@ def family_rows(
 
         rows = Rows()
         all_rows = Row()
-        if wp.static(breakable):
+        if wp.static(damaged):
             shapes = Shapes()
             all_shapes = Shape()
         for word in range(wp.static(words)):
@@ -149,7 +136,7 @@ def family_rows(
                     row[3 + c] = arm[1] * u[c]
                 rows[k] = row
                 all_rows += row
-                if wp.static(breakable):
+                if wp.static(damaged):
                     if not undamaged:
                         bond = f.bond(family, i, k)
                         shape = Shape()
@@ -187,7 +174,7 @@ def family_rows(
                 inverse = f.shape(family, i, j)
                 tilt = f.tilt(family, i, j)
                 size = real(0.0)
-                if wp.static(breakable):
+                if wp.static(damaged):
                     if not undamaged:
                         shape = Shape()
                         for other in range(wp.static(words)):

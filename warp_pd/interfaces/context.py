@@ -20,7 +20,7 @@ from ..families.share import BLOCK as SUM_BLOCK
 from ..families.share import Share
 from ..geometry.sheet import Sheet
 from ..kernels.effects import Kernel
-from ..kernels.families import COMPACT, CURVED, WITH_SHARES
+from ..kernels.families import Layout
 from ..kernels.numeric import Numeric
 from .communicator import Crew
 
@@ -44,11 +44,6 @@ def find_device(name: str | None) -> wp.Device:
     if name != "cuda" and name not in present:
         raise InputError(f"device = {name!r}: expected one of {known}")
     return wp.get_device(name)
-
-
-def layout_of(sheet: Sheet) -> str:
-    """Layout of the families of a sheet whose bonds keep their weight."""
-    return sheet.layout if sheet.frames is None else sheet.layout + CURVED
 
 
 @dataclass(frozen=True)
@@ -164,12 +159,13 @@ class Context:
         return self.types.bits
 
     @property
-    def layout(self) -> str:
-        """Layout of the families, see `family_functions`."""
-        if self.compact:
-            return COMPACT + self.compact
-        layout = layout_of(self.sheet)
-        return layout + WITH_SHARES if self.features.gradual else layout
+    def layout(self) -> Layout:
+        """Layout of the families."""
+        sheet, f = self.sheet, self.features
+        return Layout(
+            sheet.layout, self.bits, self.module, sheet.frames is not None, self.compact, f.breakable,
+            softening=f.gradual,
+        )  # fmt: skip
 
     def use_compact_families(self, influence: str) -> None:
         """Let the families of a cloud take few bytes; for the force law, which is built before any kernel is made.

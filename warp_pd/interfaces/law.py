@@ -217,7 +217,7 @@ class Law(Protocol):
         """Whether its bonds can lose their weight gradually."""
         return False
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
         ...
 

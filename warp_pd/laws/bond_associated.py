@@ -88,9 +88,9 @@ class BondAssociated:
         """Form of the kernels: "published" or "variational"."""
         return "published" if self.weights == "published" else "variational"
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
-        return (layout, self.material.functions, breakable, self.form, self.fast)
+        return (self.material.functions, self.form, self.fast)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
@@ -106,7 +106,8 @@ class BondAssociatedForce(FamilyLaw):
 
     Attributes:
         weights: The weights in use, "published", "plain" or "corrected".
-        key: Everything that decides its kernels: layout, precision, material functions, whether bonds can break, form.
+        layout: Layout of its families.
+        key: Everything that decides its kernels: layout, material functions, form.
         paths: Types of its force paths, in the order in which they are tried.
         path: The one that it takes.
     """
@@ -135,8 +136,9 @@ class BondAssociatedForce(FamilyLaw):
         families, inverse, weights, self.correction = law_tables(context, law, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
-        self.key: Key = (context.layout, context.bits, law.material.functions, breakable, law.form)
-        self.kernels = bond_associated(*self.key, context.module)
+        self.layout = context.layout
+        self.key: Key = (self.layout, law.material.functions, law.form)
+        self.kernels = bond_associated(*self.key)
         self.earlier_energy = self.kernels.earlier_energy
         self.path = force_path(self, inverse, weights)
 
@@ -200,8 +202,8 @@ class BondAssociatedForce(FamilyLaw):
         response = capabilities(material).response
         if response is None:
             return None
-        layout, bits, functions, breakable, form = self.key
-        rows, total = row_sums(layout, bits, functions, response, breakable, form, context.module)
+        layout, functions, form = self.key
+        rows, total = row_sums(layout, functions, response, form)
         density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
         own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
         stage.launch(

@@ -71,9 +71,9 @@ class BondBased:
         one_of("micromoduli", self.micromoduli, MICROMODULI)
         check_material(self.material, "pairwise")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
-        return (layout, self.material.pairwise, breakable)
+        return (self.material.pairwise,)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
@@ -108,17 +108,17 @@ class BondBasedForce(FamilyLaw):
         weights = families.stiffened(weights)
         super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
-        self.kernels = bond_based(context.layout, context.bits, law.material.pairwise, breakable, context.module)
+        self.kernels = bond_based(context.layout, law.material.pairwise)
         self.earlier_energy = self.kernels.earlier_energy
         # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
         self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
         self.once: BondsOnce | None = None
         self._screened: Stage | None = None
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
-        if law.fast and context.layout == "lattice" and not context.device.is_cuda:
+        if law.fast and context.layout.kind == "lattice" and not context.device.is_cuda:
             members = families.members
             module = f"{context.module}_once_{members}"
-            pull = pull_of_bond("lattice", context.bits, law.material.pairwise, module)
+            pull = pull_of_bond("lattice", law.material.pairwise)
             self.once = bonds_once(context.bits, members, breakable, pull, module)
         self._shown: dict[str, Array] = {}
 

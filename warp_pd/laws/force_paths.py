@@ -21,7 +21,7 @@ from ..device.fields import Array
 from ..device.launches import Span, Stage
 from ..interfaces.context import Context
 from ..kernels.factories import FunctionFactory
-from ..kernels.families import WORD, is_compact
+from ..kernels.families import WORD
 from ..kernels.family_blocks import block_force, families_together, threads_of_family
 from ..kernels.family_rows import family_rows
 from ..kernels.reference_force import reference_force
@@ -124,9 +124,9 @@ class Reference:
         """Add the launches that fill the pairs and sum them."""
         law = self.law
         stage.launch(
-            law.owner, reference_force(*law.key, law.context.module), law.points,
-            **law.family_arguments(displacement), constants=law.constants,
-            unit_force=law.unit_volume * law.inverse_horizon, bond_force=law.pairs,
+            law.owner, reference_force(*law.key), law.points, **law.family_arguments(displacement),
+            constants=law.constants, unit_force=law.unit_volume * law.inverse_horizon, prony=None, strain=None,
+            overstress=None, bond_force=law.pairs,
         )  # fmt: skip
         law.add_gather(stage, law.kernels.gather, law.pairs, force)
 
@@ -154,11 +154,9 @@ class RowSums:
 
     def __init__(self, law: BondAssociatedLaw, what: Sequence[str] = ("force", "energy")) -> None:
         self.law = law
-        layout, bits, material, breakable, _ = law.key
+        layout, material, _ = law.key
         near, words = capabilities(law.material).near, -(-law.families.members // WORD)
-        self.kernels = {
-            name: family_rows(layout, bits, material, near, breakable, words, name, law.context.module) for name in what
-        }
+        self.kernels = {name: family_rows(layout, material, near, words, name) for name in what}
 
     @staticmethod
     def applies(law: BondAssociatedLaw) -> bool:
@@ -247,11 +245,10 @@ class BondForces:
     def add_gather(self, stage: Stage, strip: Strip, force: Array, other_count: Array | None = None) -> None:
         """Add the stage that gathers the forces of a strip, and empties the list of other families if it is given."""
         law = self.law
-        layout, bits, _, _, _ = law.key
         steps = law.families.steps
         gather = gather_reverse_bonds(
-            layout, bits, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
-            len(self.strips) > 1, other_count is not None, law.context.module,
+            law.layout, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
+            len(self.strips) > 1, other_count is not None,
         )  # fmt: skip
         stage.pointwise(
             law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, family=law.struct,
@@ -300,7 +297,7 @@ class FamilyBlocks:
         # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
         context.use_fast_math(self.module)
         self.moments: Array | None = None
-        if not is_compact(context.layout):
+        if not law.layout.compact:
             self.moments = context.array(
                 "moments", law.owner, context.types.vec3, moments_of(law.families), per="table"
             )
@@ -336,8 +333,8 @@ class FamilyBlocks:
         near = cls.near_stress(law)
         if near is None:
             return None
-        compact = is_compact(law.context.layout) and law.context.share is None
-        return cls(law, near, BondForces(law, TUNING.cloud_ring if compact else None))
+        ring = TUNING.cloud_ring if law.layout.compact and law.context.share is None else None
+        return cls(law, near, BondForces(law, ring))
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
         """Add the launches of each strip."""
@@ -347,15 +344,15 @@ class FamilyBlocks:
 
     def add_families(self, stage: Stage, chosen: Selected, displacement: Array, force: Array) -> None:
         """Add the launch of some families."""
-        law, context = self.law, self.law.context
-        layout, bits, material, breakable, _ = law.key
+        law = self.law
+        layout, material, _ = law.key
         members, count = law.families.members, chosen.stop - chosen.start
         listed = chosen.points is not None
         if not count:
             return
         together, sharing = families_together(members), threads_of_family(members)
         blocks = min(-(-count // together), TUNING.listed_blocks if listed else TUNING.blocks)
-        kernel = block_force(layout, bits, material, self.near, breakable, members, listed, context.module, self.module)
+        kernel = block_force(layout, material, self.near, members, listed, self.module)
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
             intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
@@ -381,7 +378,7 @@ class UndamagedLattice:
 
     def __init__(self, law: BondAssociatedLaw, near: FunctionFactory, stencil: Stencil, inner: int) -> None:
         self.law, self.stencil, self.inner = law, stencil, inner
-        context, breakable = law.context, law.intact is not None
+        context, breakable = law.context, law.layout.breakable
         self.forces = BondForces(law, TUNING.ring)
         self.blocks = FamilyBlocks(law, near, self.forces)
         gridded = law.families.layout == "grid"

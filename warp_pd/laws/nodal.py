@@ -48,9 +48,9 @@ class Nodal:
         influence_function(self.influence)
         check_material(self.material, "functions")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
-        return (layout, self.material.functions, breakable)
+        return (self.material.functions,)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
@@ -93,8 +93,7 @@ class NodalForce(PointLaw):
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context)
         self.material = self.shown_stress = law.material
-        breakable = context.features.breakable
-        self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
+        self.kernels = nodal(context.layout, law.material.functions)
         self.earlier_energy = self.kernels.earlier_energy
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:

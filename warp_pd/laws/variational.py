@@ -11,11 +11,12 @@ from ..families import Families
 from ..interfaces.context import Context
 from ..kernels.bond_associated import BondAssociatedKernels
 from ..kernels.factories import PairFactory
+from ..kernels.families import Layout
 from ..kernels.pointwise import Pointwise
 from ..materials import Material
 
-# Layout, precision, functions of the material, whether bonds can break, form.
-Key = tuple[str, int, PairFactory, bool, str]
+# Layout, functions of the material, form.
+Key = tuple[Layout, PairFactory, str]
 
 
 class BondAssociatedLaw(Protocol):
@@ -23,6 +24,7 @@ class BondAssociatedLaw(Protocol):
 
     owner: str
     weights: str
+    layout: Layout
     key: Key
     kernels: BondAssociatedKernels
     context: Context

@@ -14,7 +14,8 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.visco import ViscoKernels, visco, visco_energy
+from ..kernels.reference_force import reference_force
+from ..kernels.visco import visco_energy, viscous_update
 from ..materials import Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
@@ -58,9 +59,9 @@ class Visco(BondAssociated):
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """What decides which kernels are compiled."""
-        return (*super().compile_key(layout, breakable), bool(self.prony))
+        return (*super().compile_key(), bool(self.prony))
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device; without Prony terms those of BondAssociated.
@@ -151,14 +152,11 @@ class ViscoForce(ElasticVisco):
             self.rows.add_pairs(stage, displacement, "viscous_step", {"step": step, "prony": prony, **self.internal})
             self._updated = stage
             return
+        kernel = viscous_update(self.layout, self.law.material.functions)
         stage.launch(
-            "Visco", self._reference().update, self.points, **self.family_arguments(displacement), step=step,
+            "Visco", kernel, self.points, **self.family_arguments(displacement), step=step,
             prony=prony, unit_volume=self.unit_volume, **self.internal,
         )  # fmt: skip
-
-    def _reference(self) -> ViscoKernels:
-        layout, bits, material, breakable, _form = self.key
-        return visco(layout, bits, material, breakable, self.context.module)
 
     @property
     def shown_internal(self) -> dict[str, Any]:
@@ -175,7 +173,7 @@ class ViscoForce(ElasticVisco):
         state = {name: self.internal[name] for name in ("strain", "overstress")}
         if self.rows is None:
             stage.launch(
-                "Visco", self._reference().visco_force, self.points,
+                "Visco", reference_force(*self.key, viscous=True), self.points,
                 **self.family_arguments(displacement), constants=self.constants,
                 unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony, **state, bond_force=self.pairs,
             )  # fmt: skip
@@ -185,9 +183,8 @@ class ViscoForce(ElasticVisco):
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
-        layout, bits, material, breakable, _form = self.key
         stage.launch(
-            "Visco", visco_energy(layout, bits, material, breakable, self.context.module), self.points,
+            "Visco", visco_energy(self.layout, self.law.material.functions), self.points,
             **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
             prony=self.prony, **self.internal, out=out, dissipated=self.viscous,
         )  # fmt: skip

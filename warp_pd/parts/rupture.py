@@ -88,7 +88,7 @@ class CriticalStretch(BondCriterion):
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The squared critical stretch."""
-        found = critical_stretch(context.layout, context.bits, context.module)
+        found = critical_stretch(context.layout)
         values = found.struct()
         values.squared = self.squared_stretch
         return found, values
@@ -123,7 +123,7 @@ class CriticalEnergy(BondCriterion):
         Raises:
             InputError: for a graded sheet.
         """
-        found = critical_energy(context.layout, context.bits, context.module)
+        found = critical_energy(context.layout)
         values = found.struct()
         shape = (law.families.members, context.sheet.size)
         values.energy_release = context.array(
@@ -211,10 +211,9 @@ class Damaged(BuiltRupture):
     def _add_damage(self, stage: Stage) -> None:
         context = self.context
         family = {"family": self.law.struct, "intact": self.law.intact}
-        key = (context.layout, context.bits, context.module)
-        stage.launch(self.owner, point_damage(*key), context.sheet.size, **family, out=self.damage)
+        stage.launch(self.owner, point_damage(context.layout), context.sheet.size, **family, out=self.damage)
         stage.launch(
-            self.owner, face_damage(*key), len(context.sheet.triangles), **family, triangles=self._triangles,
+            self.owner, face_damage(context.layout), len(context.sheet.triangles), **family, triangles=self._triangles,
             intact_faces=self.intact_faces,
         )  # fmt: skip
 
@@ -246,11 +245,11 @@ class BreakingBonds(Damaged):
         super().__init__(owner, rupture, context, law)
         found, self.criterion = rupture.criterion(context, law)
         self._limit = rupture.squared_stretch
-        screened = self.screens and context.layout == "lattice" and not context.device.is_cuda and context.share is None
-        self._screen = screening(context.bits, found, context.module) if screened else None
-        self._kernel = breaking(
-            context.layout, context.bits, found, self.spared is not None, screened, self.tracked_energy, context.module
+        screened = (
+            self.screens and context.layout.kind == "lattice" and not context.device.is_cuda and context.share is None
         )
+        self._screen = screening(context.layout, found) if screened else None
+        self._kernel = breaking(context.layout, found, self.spared is not None, screened, self.tracked_energy)
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that break bonds."""
@@ -275,7 +274,7 @@ class BreakingByEnergy(BreakingBonds):
         if phase is Phase.BOND_WORK:
             context, law, sheet = self.context, self.law, self.context.sheet
             stage.launch(
-                self.owner, energy_release(context.layout, context.bits, context.module), sheet.size,
+                self.owner, energy_release(context.layout), sheet.size,
                 family=law.struct, intact=law.intact, velocity=context.state.velocity, step=context.state.step,
                 bond_force=law.bond_force(), inverse_surface=1.0 / (sheet.thickness * sheet.spacing),
                 energy_release=self.criterion.energy_release,

@@ -137,9 +137,7 @@ class SofteningBonds(Damaged):
         begin, self.end = (1.0 + share * (self.critical - 1.0) for share in (BEGIN, END))
         _, self.beginning = _elongation(context, begin, rupture.spared)
         self._spacing = tearing_spacing(context.sheet, rupture.spared)
-        self._kernel = softening(
-            context.layout, context.bits, self.spared is not None, self.tracked_energy, context.module
-        )
+        self._kernel = softening(context.layout, self.spared is not None, self.tracked_energy)
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launch that takes weight from bonds."""
@@ -156,7 +154,7 @@ class SofteningBonds(Damaged):
 
 def _elongation(context: Context, stretch: float, spared: Any) -> tuple[Criterion, Any]:
     """The criterion of elongation, and its struct filled in."""
-    found = elongation(context.layout, context.bits, context.module)
+    found = elongation(context.layout)
     values = found.struct()
     values.stretch, values.spacing = stretch, tearing_spacing(context.sheet, spared)
     return found, values

@@ -199,20 +199,20 @@ def test_bytes_of_a_cloud(gpu_paths):
 
 
 def test_laws_that_need_tables_have_them(gpu_paths, tune):
-    cloud, named = jittered(13), "cloud compact linear"
+    cloud = jittered(13)
 
-    def layout(**parts):
-        return build(cloud, **parts).context.layout
+    def compact(**parts):
+        return build(cloud, **parts).context.layout.compact
 
-    assert layout() == layout(horizon=3.15) == named
-    assert layout(law={"influence": lambda r: 1.2 - r}) == "cloud compact table"
-    for parts in ({"law": {"fast": False}}, {"solver": Newton()}, {"damage": CriticalStretch(1e3)}):
-        assert layout(**parts) == "cloud"
-    assert layout(damage=TearingEnergy(10.0)) == "cloud with shares"
-    assert Simulation(cloud, Visco(NEO), Explicit(1.0)).build("cpu").context.layout == "cloud"
+    assert compact() == compact(horizon=3.15) == "linear"
+    assert compact(law={"influence": lambda r: 1.2 - r}) == "table"
+    for damage in (CriticalStretch(1e3), TearingEnergy(10.0)):
+        assert not compact(damage=damage)
+    assert not compact(law={"fast": False}) and not compact(solver=Newton())
+    assert not Simulation(cloud, Visco(NEO), Explicit(1.0)).build("cpu").context.layout.compact
     tune(compact_points=cloud.size + 1)
-    assert layout(horizon=3.15) == "cloud"
-    assert layout(horizon=2.015) == named
+    assert not compact(horizon=3.15)
+    assert compact(horizon=2.015) == "linear"
 
 
 def test_softened_families():

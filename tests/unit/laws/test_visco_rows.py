@@ -47,7 +47,7 @@ def compare(sheet, bits, **options):
         assert np.isfinite(values).all() and np.abs(values).max() > 0.0, name
         assert np.abs(found[name] - values).max() <= TOLERANCE[bits] * np.abs(values).max(), name
     assert np.abs(lost - wanted).max() <= LOSS_TOLERANCE[bits] * wanted.max()
-    assert {"update", "visco_force"} <= set(reference) and not {"update", "visco_force"} & set(quick)
+    assert {"update", "viscous_force"} <= set(reference) and not {"update", "viscous_force"} & set(quick)
     assert quick.count("family_rows_viscous_step") == 1 and "family_rows_viscous_force" not in quick
 
 
