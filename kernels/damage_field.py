@@ -29,7 +29,7 @@ import warp as wp
 
 from .bits import bit_of
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, Layout, family_functions
 from .numeric import numeric
 from .rupture import reference_and_deformed
 from .stiffness_left import stiffness_left
@@ -62,26 +62,24 @@ class DamageFieldKernels:
 
 @functools.cache
 def damage_field(
-    layout: str, bits: int, spared: bool, screened: bool, tracked: bool, earlier_energy: wp.Function, module: str
+    layout: Layout, spared: bool, screened: bool, tracked: bool, earlier_energy: wp.Function
 ) -> DamageFieldKernels:
     """Kernels of the field.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         spared: Whether some points stay undamaged.
         screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
             otherwise all points are listed.
         tracked: Whether to sum the energy that is released.
         earlier_energy: Warp function of the force law's energy of a family a moment ago.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family, word_size = f.struct, WORD
-    bond_vectors = reference_and_deformed(layout, bits, module)
-    left = stiffness_left(bits)
+    bond_vectors = reference_and_deformed(layout)
+    left = stiffness_left(layout.bits)
     severed = SEVERED
 
     @wp.func(module=module)
@@ -238,9 +236,7 @@ def damage_field(
         return kept
 
     @wp.func(module=module)
-    def near_severed(
-        family: Family, intact: wp.array2d(dtype=wp.uint32), damage: wp.array(dtype=real), i: int
-    ):
+    def near_severed(family: Family, intact: wp.array2d(dtype=wp.uint32), damage: wp.array(dtype=real), i: int):
         """Whether any member of the undamaged family, or the point, is severed. At most points the search ends here."""
         most = damage[i]
         for word in range(family.words):

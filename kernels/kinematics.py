@@ -22,8 +22,6 @@ from .numeric import numeric
 DEGENERATE = 0.2
 # Minimum det K of what is left of an intersection, divided by the undamaged one; see kernels/bond_associated.py.
 SAMPLE = 0.5
-# The same where bonds lose their weight gradually: the intersection loses its stress between these two.
-SAMPLE_BEGIN, SAMPLE_END = 0.7, 0.3
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,6 @@ class Kinematics:
         inverse_shape: K -> its inverse, or zero where degenerate.
         remaining_inverse: (K, undamaged K^-1) -> inverse of what is left of a shape tensor, or zero where that is no
             sample of the deformation any more.
-        fading_inverse: The same where bonds lose their weight gradually, and the share of its stress, 1 to 0, that the
-            intersection still carries.
         stress_on_members: (H1, H2, S, weight, inverse) -> columns of W P K^-1.
         tilt_of: Slope -> tilt.
         level: (H1, H2, tilt) -> columns of H R^-1.
@@ -50,7 +46,6 @@ class Kinematics:
     determines_gradient: wp.Function
     inverse_shape: wp.Function
     remaining_inverse: wp.Function
-    fading_inverse: wp.Function
     stress_on_members: wp.Function
     tilt_of: wp.Function
     level: wp.Function
@@ -65,7 +60,6 @@ def kinematics(bits: int) -> Kinematics:
     types = numeric(bits)
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     degenerate, sample = DEGENERATE, SAMPLE
-    sample_end, sample_range = SAMPLE_END, SAMPLE_BEGIN - SAMPLE_END
 
     @wp.func
     def green(H1: vec3, H2: vec3):
@@ -96,17 +90,6 @@ def kinematics(bits: int) -> Kinematics:
             return vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
         else:
             return vec3(real(0.0), real(0.0), real(0.0))
-
-    @wp.func
-    def fading_inverse(shape: vec3, undamaged: vec3):
-        """Inverse of the symmetric tensor (11, 12, 22), and the share of its stress that the intersection carries."""
-        determinant = shape[0] * shape[2] - shape[1] * shape[1]
-        left = determinant * (undamaged[0] * undamaged[2] - undamaged[1] * undamaged[1])
-        share = wp.clamp((left - real(sample_end)) / real(sample_range), real(0.0), real(1.0))
-        inverse = vec3(real(0.0), real(0.0), real(0.0))
-        if share > real(0.0):
-            inverse = vec3(shape[2] / determinant, -shape[1] / determinant, shape[0] / determinant)
-        return inverse, share
 
     @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3):
@@ -168,7 +151,6 @@ def kinematics(bits: int) -> Kinematics:
         determines_gradient,
         inverse_shape,
         remaining_inverse,
-        fading_inverse,
         stress_on_members,
         tilt_of,
         level,

@@ -4,48 +4,38 @@ import functools
 
 import warp as wp
 
-from .families import WORD, family_functions, is_grid, is_lattice
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
 from .stiffness_left import stiffness_left
 
 
 @functools.cache
 def gather_reverse_bonds(
-    layout: str,
-    bits: int,
-    members: int,
-    steps: tuple[tuple[int, int], ...] | None,
-    turns_over: bool,
-    listed: bool,
-    module: str,
-    softened: bool = False,
+    layout: Layout, members: int, steps: tuple[tuple[int, int], ...] | None, turns_over: bool, listed: bool
 ) -> Pointwise:
     """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
 
+    In a softened layout each family has lost stiffness by the damage of its point, see kernels/damage_field.py.
     Broken bonds carry zero, so it runs over all bonds of the undamaged sheet. The loop over members is unrolled and has
     no branches: a thread issues the loads of all members at once.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         members: Maximum number of members of a family.
         steps: Lattice steps to each member, compiled in as constants, or None on a cloud; on a grid those of the points
             deep inside it.
         turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
         listed: Whether a list of other points was used; the first point empties it.
-        module: Name of the Warp module.
-        softened: Whether families have lost stiffness by the damage of their points.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     n, word_size = members, WORD
     right, up = zip(*steps, strict=True) if steps else ((), ())
     reverses = [steps.index((-x, -y)) for x, y in steps] if steps else []
-    lattice, gridded = is_lattice(layout), is_grid(layout) and steps is not None
-    left = stiffness_left(bits)
+    lattice, gridded = layout.kind == "lattice", layout.kind == "grid" and steps is not None
+    left = stiffness_left(layout.bits)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(len(up))]
     reach = max(up, default=0)
 
@@ -63,10 +53,9 @@ def gather_reverse_bonds(
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):
-                # The lists have been used; the next launches start new ones.
+                # The list has been used; the next launches start a new one.
                 if i == a.first_point:
                     a.other_count[0] = 0
-                    a.other_count[1] = 0
             place = i
             if wp.static(turns_over):
                 place = i % a.bond_force.shape[1]
@@ -84,7 +73,7 @@ def gather_reverse_bonds(
                             ring = a.bond_force.shape[1]
                             column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
                         part = a.bond_force[wp.static(reverses[k]), column]
-                        if wp.static(softened):
+                        if wp.static(layout.softened):
                             line = a.family.centres[wp.static(up[k] + reach), i]
                             part = left(a.damage[line + wp.static(right[k])]) * part
                         push += part
@@ -96,8 +85,8 @@ def gather_reverse_bonds(
                         shift = wp.static(up[k]) * a.columns + wp.static(right[k])
                         there = i + shift >= 0 and i + shift < a.force.shape[0]
                         row = wp.static(reverses[k])
-                        column = place + wp.where(there, shift, 0)
                         m = i + wp.where(there, shift, 0)
+                        column = place + wp.where(there, shift, 0)
                     else:
                         members_here = f.initial(a.family, i, wp.static(k // word_size))
                         there = (members_here & wp.static(wp.uint32(1 << (k % word_size)))) != wp.uint32(0)
@@ -108,11 +97,11 @@ def gather_reverse_bonds(
                         ring = a.bond_force.shape[1]
                         column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
                     share = wp.where(there, real(1.0), real(0.0))
-                    if wp.static(softened):
+                    if wp.static(layout.softened):
                         share = share * left(a.damage[m])
                     push += share * a.bond_force[row, column]
             own = a.force[i]
-            if wp.static(softened):
+            if wp.static(layout.softened):
                 own = left(a.damage[i]) * own
             a.force[i] = own - push
 

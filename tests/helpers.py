@@ -66,18 +66,10 @@ def sever(built, segment):
 
 
 def soften(built, seed=0):
-    """Take weight from half of the sheet's bonds at random, from some of them all; returns the shares left, (N, n)."""
-    families, points = built.law.families, built.simulation.sheet.points
-    members = families.members_of(np.arange(len(points)))
-    exists = members >= 0
-    table = np.random.default_rng(seed).uniform(-0.1, 2.0, (len(points),) * 2).clip(0.0, 1.0)
-    left = points[:, 0] < points[:, 0].mean()
-    table = np.where(left[:, None] & left, np.minimum(table, table.T), 1.0)
-    shares = np.where(exists, table[np.arange(len(points))[:, None], members], 0.0)
-    bits = [pack(exists & (shares == 1.0)).T, pack(shares > 0.0).T]
-    built.law.intact.assign(np.ascontiguousarray(np.concatenate(bits)))
-    built.law.struct.shares.assign(np.ascontiguousarray(shares.T).astype(built.law.struct.shares.numpy().dtype))
-    return shares
+    """Give half of the points a random damage, (N,), by which their families lose stiffness; all bonds stay intact."""
+    damage = np.random.default_rng(seed).uniform(-0.4, 0.8, len(built.rupture.field)).clip(0.0)
+    built.rupture.field.assign(damage)
+    return damage
 
 
 def uniform(sheet, gradient):

@@ -190,7 +190,6 @@ def parts() -> dict[str, Callable[[], Any]]:
         "plain": BondAssociated(neo, 3.15, weights="plain"),
         "corrected": BondAssociated(neo, 2.015, weights="corrected"),
         "slow": BondAssociated(neo, 2.015, weights="plain", fast=False),
-        "redistribute": BondAssociated(neo, 2.015, weights="plain", broken="redistribute"),
         "wide": BondAssociated(neo, 5.1), "inverse": BondAssociated(neo, 2.015, influence="inverse"),
         "nodal": w.Nodal(neo), "bonds": w.BondBased(w.Bimodular(3e3, 1e3)), "slack": w.BondBased(w.Bimodular(3e3, 0.0)),
         "hyperelastic": w.HyperelasticBonds(w.BondNeoHookean(1e3)),

@@ -1,8 +1,8 @@
-"""A tearing energy: the critical stretch that it stands for, what it refuses, and a strip that tears at it."""
+"""Tears by a critical stretch and by a tearing energy: their energy, and a strip that tears at it."""
 
 import numpy as np
 import pytest
-from helpers import GENT, NEO, array, build, internal_force, jittered, square, uniform
+from helpers import GENT, NEO, build, internal_force, square, uniform
 
 from warp_pd import (
     ArrudaBoyce,
@@ -15,34 +15,15 @@ from warp_pd import (
     InputError,
     MooneyRivlin,
     Motion,
-    Nodal,
     Simulation,
     TearingEnergy,
     TensionField,
     Yeoh,
 )
-from warp_pd.families import unpack
 from warp_pd.materials import energy_density
-from warp_pd.parts import tip_width
 from warp_pd.scenes import pure_shear_tear
 
 MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Yeoh(500.0, 10.0), ArrudaBoyce(1e3, 5.0), TensionField(NEO)]
-
-
-@pytest.mark.parametrize("material", MATERIALS, ids=str)
-@pytest.mark.parametrize("stretch", [1.2, 2.0, 4.0])
-def test_the_critical_stretch_is_thomas_relation(material, stretch):
-    sheet = square(11)
-    energy = tip_width(3.15, gradual=True) * sheet.spacing * float(energy_density(material, stretch, 1.0))
-    law = BondAssociated(material, horizon=3.15)
-    built = Simulation(sheet, law, Explicit(1.0), damage=TearingEnergy(energy)).build("cpu")
-    assert built.rupture.critical == pytest.approx(stretch, rel=1e-5)
-
-
-def test_the_tip_is_as_wide_as_the_horizon_if_that_is_wide():
-    assert tip_width(12.45, gradual=True) == pytest.approx(3.0 * tip_width(4.15, gradual=True))
-    assert tip_width(1.5, gradual=True) == tip_width(2.015, gradual=True) > 0.0
-    assert tip_width(2.015, gradual=False) == tip_width(4.15, gradual=False)
 
 
 @pytest.mark.parametrize("material", MATERIALS[:5], ids=str)
@@ -58,84 +39,10 @@ def test_the_energy_density_is_the_work_of_the_stress(material):
     assert float(energy_density(material, 2.0, 1.0)) == pytest.approx(np.trapezoid(loads, stretches), rel=2e-3)
 
 
-@pytest.mark.parametrize("energy", [1e-6, 1e9])
-def test_a_spacing_that_cannot_resolve_it_is_one_line(energy):
-    line = r"^TearingEnergy\.energy = \S+: expected \S+ to \S+ J/m\^2 at a spacing of 0\.01 m, [^\n]*$"
-    with pytest.raises(InputError, match=line):
-        build(square(11), damage=TearingEnergy(energy))
-
-
-def test_a_lock_limits_it():
-    """No stretch beyond the lock of a Gent sheet is taken for a critical one."""
-    from warp_pd import Gent
-
-    with pytest.raises(InputError, match=r"stretches from 1\.05 to 2\.\d+$"):
-        build(square(11), material=Gent(1e3, 1e8, 5.0), damage=TearingEnergy(1e6))
-
-
 def test_laws_without_an_energy_density_refuse_it():
     sheet = square(9)
     with pytest.raises(InputError, match=r"^damage = TearingEnergy: expected .*BondAssociated.*, got BondBased$"):
         Simulation(sheet, BondBased(Bimodular(1e3)), Explicit(1.0), damage=TearingEnergy(1.0)).build("cpu")
-
-
-@pytest.mark.parametrize("energy", [0.0, -1.0, float("nan"), "1"])
-def test_wrong_energies_are_refused(energy):
-    with pytest.raises(InputError, match=r"^TearingEnergy\.energy = "):
-        TearingEnergy(energy)
-
-
-def intact_after_a_step(sheet, damage, gradient):
-    """Bits of the bonds that are whole; the law's bonds cannot lose their weight gradually."""
-    simulation = Simulation(
-        sheet,
-        BondAssociated(NEO, broken="redistribute"),
-        Explicit(1e-6, frames=1),
-        damage=damage,
-        initial_displacement=uniform(sheet, gradient),
-    )
-    built = simulation.run(device="cpu", precision=64).built
-    return unpack(array(built, "intact_bonds").numpy().T, built.law.families.members)
-
-
-def at_once(sheet, stretch):
-    """The tearing energy whose critical stretch this is, where bonds break at once."""
-    return tip_width(2.015, gradual=False) * sheet.spacing * float(energy_density(NEO, stretch, 1.0))
-
-
-@pytest.mark.parametrize("stretch", [1.35, 1.45])
-def test_bonds_that_break_at_once_have_a_critical_stretch(stretch):
-    sheet = square(9)
-    gradient = [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]]
-    one, other = (
-        intact_after_a_step(sheet, damage, gradient)
-        for damage in (TearingEnergy(at_once(sheet, 1.4)), CriticalStretch(1.4))
-    )
-    np.testing.assert_array_equal(one, other)
-    assert one.any() and (one.sum() < one.size * 0.6) == (stretch > 1.4)
-
-
-def test_short_bonds_of_a_cloud_are_not_broken_by_a_roughness():
-    """A bond of half a spacing may lengthen by as much as one of a whole spacing."""
-    sheet = jittered(11, share=0.3)
-    energy = at_once(sheet, 1.4)
-    gradient = [[1.45, 0.0], [0.0, 1.45], [0.0, 0.0]]
-    families = build(sheet, damage=TearingEnergy(energy)).law.families
-    length = np.linalg.norm(families.bonds, axis=-1) * families.horizon
-    intact = intact_after_a_step(sheet, TearingEnergy(energy), gradient)
-    expected = 0.45 * length <= 0.4 * np.maximum(length, sheet.spacing)
-    exists = families.rows_of_points(families.exists)
-    np.testing.assert_array_equal(intact[exists], expected[exists])
-    assert 0.02 < intact[exists].mean() < 0.5
-
-
-def test_the_summary_states_the_stretches():
-    sheet = square(9)
-    loads = [Fixed(sheet.edges("left"))]
-    for law, said in ((BondAssociated(NEO), "lose their weight between"), (Nodal(NEO), "for a critical stretch of")):
-        simulation = Simulation(sheet, law, Explicit(1e-6, frames=1), damage=TearingEnergy(5.0), loads=loads)
-        (note,) = [note for note in simulation.run(device="cpu").summary["notes"] if "tearing energy" in note]
-        assert said in note
 
 
 def test_breaking_takes_energy_and_torn_strips_keep_their_balance():
@@ -157,14 +64,13 @@ def test_breaking_takes_energy_and_torn_strips_keep_their_balance():
 
 
 def test_a_pure_shear_strip_tears_near_its_tearing_energy():
-    """Small and fast: within a third; tools/tear_strips.py measures it."""
-    scene = pure_shear_tear.build(points=12, duration=1.0, frames=60, tearing_energy=4.0, overload=2.0, advance=3.0)
+    """Small and fast, which takes it beyond 1; docs/tearing-energy.md measures it."""
+    scene = pure_shear_tear.build(points=16, duration=2.0, frames=80, overload=1.4, advance=4.0, damage_length=0.0075)
     result = scene.run(device="cpu")
     assert result.status == "finished"
     measures = result.summary["measures"]
-    assert sum("stands for a critical stretch of" in note for note in result.summary["notes"]) == 1
-    assert 0.7 < measures["onset_ratio"]["value"] < 1.35
-    assert measures["worst_energy_balance"]["value"] < 0.01
+    assert 0.9 < measures["onset_ratio"]["value"] < 1.3
+    assert measures["worst_energy_balance"]["value"] < 0.005
 
 
 @pytest.mark.parametrize(("argument", "said"), [

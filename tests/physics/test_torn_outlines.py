@@ -51,7 +51,7 @@ def torn(sheet, horizon, weights, criterion):
 @pytest.mark.parametrize("horizon", [2.015, 3.15])
 @pytest.mark.parametrize("weights", ["plain", "corrected"])
 @pytest.mark.parametrize(
-    "criterion", [lambda held: TearingEnergy(6.0, held), lambda held: CriticalStretch(2.0, held)],
+    "criterion", [lambda held: TearingEnergy(6.0, spared=held), lambda held: CriticalStretch(2.0, held)],
     ids=["tearing energy", "critical stretch"],
 )  # fmt: skip
 def test_a_tear_from_a_crack_runs_through_the_sheet_and_keeps_its_balance(horizon, weights, criterion):

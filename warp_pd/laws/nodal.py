@@ -13,7 +13,6 @@ from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
 from ..interfaces.context import Context
-from ..kernels.bond_state import gather_pairs
 from ..kernels.effects import Kernel
 from ..kernels.nodal import nodal
 from ..materials import Material, check_material, energy_density
@@ -42,16 +41,15 @@ class Nodal:
     weights: ClassVar[str] = "point"
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         influence_function(self.influence)
         check_material(self.material, "functions")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
-        return (layout, self.material.functions, breakable)
+        return (self.material.functions,)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
@@ -94,8 +92,7 @@ class NodalForce(PointLaw):
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context)
         self.material = self.shown_stress = law.material
-        breakable = context.features.breakable
-        self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
+        self.kernels = nodal(context.layout, law.material.functions)
         self.earlier_energy = self.kernels.earlier_energy
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
@@ -105,9 +102,7 @@ class NodalForce(PointLaw):
             **self.family_arguments(displacement), constants=self.constants,
             unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
         )  # fmt: skip
-        breakable, softened = self.intact is not None, self.damage is not None
-        gather = gather_pairs(self.context.layout, self.context.bits, breakable, self.context.module, softened)
-        self.add_gather(stage, gather, self.pairs, out)
+        self.add_gather(stage, self.kernels.gather, self.pairs, out)
 
     def soften(self, damage: Array) -> None:
         """Let the family of each point lose stiffness by its damage, (N,)."""

@@ -157,8 +157,7 @@ class DamageField(Damaged):
         self._area = float(sheet.areas.sum())
         self._profile_mean = float(profile.mean())
         self.kernels = damage_field(
-            context.layout, context.bits, self.spared is not None, rupture.screened, self.released is not None,
-            law.earlier_energy, context.module,
+            context.layout, self.spared is not None, rupture.screened, self.released is not None, law.earlier_energy,
         )  # fmt: skip
         law.soften(self.field)
 

@@ -7,16 +7,17 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..interfaces import Part
-from ..interfaces.context import Features, layout_of
+from ..interfaces.context import Features
 from .scene import Scene
 
 
 def module_name(scene: Scene, parts: Sequence[Part], features: Features, bits: int) -> str:
     """One Warp module per configuration, named by everything that decides its kernels."""
-    law = (*_name(type(scene.force)), *scene.force.compile_key(layout_of(scene.sheet), features.breakable))
+    law = (*_name(type(scene.force)), *scene.force.compile_key())
     named = sorted({repr(_named((*_name(type(part)), *part.compile_key()))) for part in parts})
     stretched = [] if scene.sheet.stretch is None else ["prestretched"]
-    key = (bits, features, *_name(type(scene.solver)), _named(law), named, *stretched)
+    layout = (scene.sheet.layout, scene.sheet.frames is not None)
+    key = (bits, layout, features, *_name(type(scene.solver)), _named(law), named, *stretched)
     return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
 

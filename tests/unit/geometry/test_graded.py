@@ -134,13 +134,12 @@ def built(sheet, **parts):
     return Simulation(sheet, force=BondAssociated(NEO), solver=Explicit(1.0), **parts).build("cpu", 64)
 
 
-def test_a_tearing_energy_needs_one_spacing_where_bonds_may_break():
-    sheet = strip()
-    with pytest.raises(InputError, match=r"spacings from 0.0025 to 0.005 m where bonds may break: expected one within"):
-        built(sheet, damage=TearingEnergy(10.0))
-    fine = built(sheet, damage=TearingEnergy(10.0, spared=spared(sheet)))
-    even = built(Sheet.outline(STRIP, spacing=0.0025, **SHEET), damage=TearingEnergy(10.0))
-    assert np.isclose(fine.rupture.critical, even.rupture.critical, rtol=1e-12)
+def test_the_length_of_a_tearing_energy_does_not_follow_the_spacing():
+    graded, even = (
+        built(sheet, damage=TearingEnergy(10.0, length=0.02)).rupture
+        for sheet in (strip(), Sheet.outline(STRIP, spacing=0.0025, **SHEET))
+    )
+    assert graded.limit == even.limit and graded.length == even.length
 
 
 def test_parts_that_know_one_spacing_are_refused():
