@@ -38,6 +38,7 @@ def build(
     safety: float | None = None,
     critical_stretch: float = 1.3,
     tearing_energy: float | None = None,
+    damage_length: float | None = None,
     wrinkles: str = "auto",
     ball_speed: float = 0.1,
     clamp_can_tear: bool = False,
@@ -49,6 +50,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         wrinkles: "relaxed": the energy of tension field theory; "resolved"; "auto": relaxed for laws that take it.
         ball_speed: Speed of the ball [m/s].
         clamp_can_tear: Whether bonds of the clamped points break, too.
@@ -69,7 +71,9 @@ def build(
         force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights, wrinkles),
         loads=[Fixed(clamp)],
         contact=[ball, SelfContact()] if self_contact else ball,
-        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=None if clamp_can_tear else clamp),
+        damage=stretch_or_energy(
+            critical_stretch, tearing_energy, damage_length, spared=None if clamp_can_tear else clamp
+        ),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("lowest_point", "m", lambda built, frame: lowest(sheet, frame)),

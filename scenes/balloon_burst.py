@@ -1,16 +1,16 @@
 """A needle pricks an inflated balloon: it bursts.
 
 A latex sphere of radius 0.1 m and 0.3 mm thickness without stress, mu 0.4 MPa (Mooney-Rivlin, a tenth of it c01),
-inflated to twice its radius by air. A rigid needle, as fine as the points resolve, is pushed into its pole. Bonds lose
-their weight by a tearing energy; the air acts on what is whole and leaves through what is torn, as through an orifice.
+inflated to twice its radius by air. A rigid needle, as fine as the points resolve, is pushed into its pole. Bonds break
+at a critical stretch; the air acts on what is whole and leaves through what is torn, as through an orifice.
 Rubber slackens as it snaps back, and wrinkles finer than the spacing: the tension field. There is no closed form. What
 counts is the balance of energies, and that the rubber snaps back no faster than its waves: at sqrt(4 mu / rho) = 40 m/s
 times the stretch.
 
 Weights are corrected: with plain ones the stress of an irregular grid is out of balance by some percent, and an
-inflated neo-Hookean sphere bulges wherever it is weakest. The tearing energy must keep the inflated balloon whole. At a
-coarse spacing that takes more than the 3 to 10 kJ/m^2 of latex, since what a bond represents grows with the spacing: 25
-kJ/m^2 at the default of 24 points on a quarter of the circumference, 5 kJ/m^2 at 120.
+inflated neo-Hookean sphere bulges wherever it is weakest. `tearing_energy` takes the place of the critical stretch. The
+inflated balloon stores 1 MJ/m^3, which it must bear: by `damage_length`, 3 Gc / (16 length) is more, and a spacing of a
+third of that length resolves it. For latex of 10 kJ/m^2 these are 1.8 mm and 0.6 mm.
 """
 
 import numpy as np
@@ -25,11 +25,11 @@ from warp_pd import (
     RigidBall,
     Sheet,
     Simulation,
-    TearingEnergy,
     TensionField,
 )
 from warp_pd.device.checks import count, positive
 from warp_pd.measures import largest, worst_balance
+from warp_pd.parts import stretch_or_energy
 
 RADIUS, THICKNESS, DENSITY, MU, SHARE = 0.1, 0.3e-3, 1000.0, 0.4e6, 0.1
 # Diameter of the needle in spacings of the inflated balloon: a finer one would slip between points.
@@ -40,7 +40,9 @@ def build(
     points: int = 24,
     horizon: float = 3.015,
     stretch: float = 2.0,
-    tearing_energy: float = 25e3,
+    critical_stretch: float = 4.2,
+    tearing_energy: float | None = None,
+    damage_length: float | None = None,
     speed: float = 30.0,
     duration: float = 0.012,
     damping: float = 5.0,
@@ -70,7 +72,7 @@ def build(
         ),
         loads=[EnclosedGas(gauge=gauge, leak=0.8)],
         contact=needle,
-        damage=TearingEnergy(tearing_energy),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, damage_length),
         solver=Explicit(duration, frames=frames, damping=damping, safety=safety),
         track_energy=True,
         measures=[

@@ -33,6 +33,7 @@ def build(
     weights: str = "auto",
     critical_stretch: float = 2.0,
     tearing_energy: float | None = None,
+    damage_length: float | None = None,
     wrinkles: str = "relaxed",
     notch: float = 2.5e-3,
     speed: float = 1.2e-3,
@@ -50,6 +51,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         notch: Length of each notch [m].
         speed: Speed of each grip [m/s].
         slow_from: Frames are 1 ms apart from this time on [s].
@@ -88,7 +90,7 @@ def build(
             Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
             Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
         ],
-        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=grips),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, damage_length, spared=grips),
         initial_displacement=rough_surface(sheet, roughness, seed, grips),
         solver=Explicit(duration=duration, frames=times, damping=damping, safety=safety),
         measures=[

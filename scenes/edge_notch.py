@@ -24,10 +24,11 @@ WIDTH, HEIGHT, THICKNESS, DENSITY, MU = 0.04, 0.06, 1e-3, 1000.0, 1e3
 
 
 def build(
-    points: int = 60,
-    horizon: float = 3.15,
+    points: int = 80,
+    horizon: float = 2.015,
     tearing_energy: float = 4.0,
-    notch: float = 4e-3,
+    damage_length: float | None = None,
+    notch: float = 8e-3,
     overload: float = 1.5,
     advance: float = 3.0,
     duration: float = 3.0,
@@ -41,6 +42,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         points: Points along the width. The sheet wrinkles below the spacing, as its notch does not close.
         notch: Length of the notch [m].
         advance: Growth of the crack at which its onset is read, in spacings.
@@ -86,7 +88,7 @@ def build(
             Motion(bottom, times=[0.0, duration], y=[0.0, -travel], z=0.0),
             Motion([sheet.nearest(0.5 * WIDTH, y) for y in (0.0, HEIGHT)], times=[0.0], x=[0.0]),
         ],
-        damage=TearingEnergy(energy, spared=ends),
+        damage=TearingEnergy(energy, damage_length, spared=ends),
         initial_displacement=rough_surface(sheet, roughness, seed, np.concatenate([top, bottom])),
         solver=Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping),
         measures=[

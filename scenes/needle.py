@@ -1,6 +1,6 @@
 """A blunt needle is pushed through a sheet.
 
-A neo-Hookean sheet of rubber (mu 0.4 MPa, 1 mm), clamped at its edges; bonds lose their weight by a tearing energy.
+A neo-Hookean sheet of rubber (mu 0.4 MPa, 1 mm), clamped at its edges, tears at a tearing energy.
 The needle is a capsule, as thick as the points resolve, with friction. The sheet is drawn into a cone, tears at the
 tip, and slips up the shaft. There is no closed form: the force grows, and falls as the sheet tears.
 """
@@ -28,8 +28,9 @@ MU = 0.4e6
 
 def build(
     points: int = 61,
-    horizon: float = 3.015,
+    horizon: float = 2.015,
     tearing_energy: float = 5e3,
+    damage_length: float | None = None,
     thickness: float = 4.0,
     speed: float = 2.0,
     depth: float = 0.12,
@@ -41,6 +42,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         thickness: Diameter of the needle, in spacings.
         speed: Speed of the needle [m/s].
         depth: How far the tip is pushed [m].
@@ -56,7 +58,7 @@ def build(
         force=BondAssociated(TensionField(NeoHookean(mu=MU, bulk=100.0 * MU)), horizon=horizon),
         loads=[Fixed(clamp)],
         contact=RigidBody(Capsule(diameter, length), way, friction=friction, name="needle"),
-        damage=TearingEnergy(tearing_energy, spared=clamp),
+        damage=TearingEnergy(tearing_energy, damage_length, spared=clamp),
         solver=Explicit(duration, frames=frames, damping=damping, safety=safety),
         measures=[Measure("torn_area_share", "1", lambda built, frame: 1.0 - frame.intact_faces.mean())],
         outcomes=[

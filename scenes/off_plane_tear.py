@@ -35,6 +35,7 @@ def build(
     weights: str = "corrected",
     critical_stretch: float = 2.0,
     tearing_energy: float | None = None,
+    damage_length: float | None = None,
     wrinkles: str = "relaxed",
     boundary_force: float = 0.0,
     cut: float = 0.03,
@@ -50,6 +51,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         boundary_force: A of the empirical force along free edges [N/m^7].
         cut: Length of the cut [m].
         speed: Speed of each leg [m/s].
@@ -85,7 +87,7 @@ def build(
         sheet,
         force=BondAssociated(material, horizon=horizon, weights=weights),
         loads=loads,
-        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=np.concatenate([left, right])),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, damage_length, spared=np.concatenate([left, right])),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("separation", "m", lambda built, frame: 2.0 * speed * frame.time),

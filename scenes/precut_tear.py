@@ -34,6 +34,7 @@ def build(
     force: str = "bond_associated",
     critical_stretch: float = 1.3,
     tearing_energy: float | None = None,
+    damage_length: float | None = None,
     wrinkles: str = "auto",
     slit: float = 0.3,
     slit_at: float = 0.5,
@@ -52,6 +53,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         slit: Length of the slit [m].
         slit_at: Distance of the slit from the fixed edge [m].
         seed_height: Height of the waves at the start [m].
@@ -80,7 +82,9 @@ def build(
             Fixed(left),
             Motion(pulled, times=[0.0, duration], x=[0.0, pull * duration], y=0.0, z=[0.0, lift * duration]),
         ],
-        damage=stretch_or_energy(critical_stretch, tearing_energy, spared=np.concatenate([left, pulled])),
+        damage=stretch_or_energy(
+            critical_stretch, tearing_energy, damage_length, spared=np.concatenate([left, pulled])
+        ),
         initial_displacement=ripples,
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[

@@ -25,8 +25,8 @@ WAVE_SPEED = (MU / DENSITY) ** 0.5
 
 
 def build(
-    points: int = 40,
-    horizon: float = 3.15,
+    points: int = 80,
+    horizon: float = 2.015,
     wrinkles: str = "relaxed",
     tearing_energy: float = 4.0,
     damage_length: float | None = None,
@@ -42,6 +42,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         points: Points along the height: rows.
         overload: Energy release rate of the stretched strip over the tearing energy, above 1 [-].
     """

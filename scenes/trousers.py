@@ -9,8 +9,7 @@ both legs is stretched. Hence
 
 with the stretch and the energy density W of a leg in uniaxial tension under F, and the thickness h. (Rivlin and Thomas
 write the width 2 w of both legs together.) The tear must run at G = Gc, and go on so: `tear_ratio` is the mean of
-G / Gc while the tip moves from 0.2 to 0.6 of the way. As in the tests, which cut a groove, the tear is guided: bonds
-further than two horizons from the middle line do not break, or it would soon run into a leg.
+G / Gc while the tip moves from 0.2 to 0.6 of the way. Nothing guides the tear; only what is near the ends is spared.
 """
 
 import numpy as np
@@ -37,9 +36,10 @@ LEG = 0.5 * WIDTH
 
 
 def build(
-    points: int = 20,
-    horizon: float = 3.15,
+    points: int = 40,
+    horizon: float = 2.015,
     tearing_energy: float = 4.0,
+    damage_length: float | None = None,
     speed: float = 0.02,
     duration: float = 2.2,
     damping: float = 20.0,
@@ -51,6 +51,7 @@ def build(
     """Build the scene.
 
     Args:
+        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
         points: Points along the width of both legs.
         speed: Speed of each end [m/s].
     """
@@ -65,7 +66,7 @@ def build(
     ends = [sheet.where(lambda x, y, s=s: (x < 1e-9) & (s * (y - LEG) > 0.0)) for s in (1.0, -1.0)]
     far = sheet.where(lambda x, y: x > LENGTH - reach)
     # Families at the ends are cut off and would tear first.
-    spared = sheet.where(lambda x, y: (x < 2.0 * reach) | (x > LENGTH - reach) | (abs(y - LEG) > 2.0 * reach))
+    spared = sheet.where(lambda x, y: (x < 2.0 * reach) | (x > LENGTH - reach))
     # Legs folded by a right angle at the tip.
     folded = np.zeros((sheet.size, 3))
     leg = x < CUT
@@ -103,7 +104,7 @@ def build(
             ),
             Fixed(far, "yz"),
         ],
-        damage=TearingEnergy(energy, spared=spared),
+        damage=TearingEnergy(energy, damage_length, spared=spared),
         initial_displacement=folded,
         solver=Explicit(duration=duration, frames=count("frames", frames, 1), damping=damping),
         measures=[

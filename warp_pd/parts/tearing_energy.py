@@ -184,7 +184,8 @@ class DamageField(Damaged):
         if self.rupture.stretch_at_break is not None:
             # Uniaxial tension is the least energy of all widths.
             widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
-            strength = float(np.nanmin(self.law.energy_density(self.rupture.stretch_at_break, widths)))
+            stretches = np.full_like(widths, self.rupture.stretch_at_break)
+            strength = float(np.nanmin(self.law.energy_density(stretches, widths)))
         return None if strength is None else 3.0 * self.rupture.energy / (16.0 * strength)
 
     def _profile(self, sheet: Sheet) -> np.ndarray:
@@ -325,8 +326,10 @@ class DamageField(Damaged):
         return said
 
 
-def stretch_or_energy(critical_stretch: float, tearing_energy: float | None, spared: Any = None) -> Rupture:
+def stretch_or_energy(
+    critical_stretch: float, tearing_energy: float | None, length: float | None = None, spared: Any = None
+) -> Rupture:
     """The criterion of a scene: a tearing energy [J/m^2] if one is given, a critical stretch [-] otherwise."""
     if tearing_energy is not None:
-        return TearingEnergy(tearing_energy, spared=spared)
+        return TearingEnergy(tearing_energy, length, spared=spared)
     return CriticalStretch(critical_stretch, spared)
