@@ -88,21 +88,21 @@ def damage_field(
         displacement: wp.array(dtype=vec3),
         intact: wp.array2d(dtype=wp.uint32),
         horizon: real,
+        looked_at: wp.array(dtype=wp.int32),
         shortest: real,
         longest: real,
         i: int,
     ):
-        """Whether the squared stretch of an intact bond is outside the range in which no energy reaches the limit."""
+        """Whether the squared stretch of a bond that is looked at is outside the range where no energy is too high."""
         found = bool(False)
-        for word in range(family.words):
-            members = intact[word, i]
-            begin = word * word_size
-            for k in range(begin, wp.min(begin + word_size, family.members)):
-                m = wp.where(bit_of(members, k - begin), f.neighbour(family, i, k), i)
-                X, Y = bond_vectors(family, displacement, horizon, i, k, m)
-                there = wp.dot(X, X)
-                now = wp.dot(Y, Y)
-                found = found or (m != i and (now > longest * there or now < shortest * there))
+        for n in range(looked_at.shape[0]):
+            k = looked_at[n]
+            word = k // word_size
+            m = wp.where(bit_of(intact[word, i], k - word * word_size), f.neighbour(family, i, k), i)
+            X, Y = bond_vectors(family, displacement, horizon, i, k, m)
+            there = wp.dot(X, X)
+            now = wp.dot(Y, Y)
+            found = found or (m != i and (now > longest * there or now < shortest * there))
         return found
 
     @wp.func(module=module)
@@ -123,6 +123,7 @@ def damage_field(
         displacement: wp.array(dtype=vec3),
         intact: wp.array2d(dtype=wp.uint32),
         horizon: real,
+        looked_at: wp.array(dtype=wp.int32),
         shortest: real,
         longest: real,
         neighbours: wp.array2d(dtype=wp.int32),
@@ -138,7 +139,7 @@ def damage_field(
                 return
         if wp.static(screened):
             if not touches_damage(damage, neighbours, i):
-                if not stretched(family, displacement, intact, horizon, shortest, longest, i):
+                if not stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i):
                     return
         listed[wp.atomic_add(count, 0, 1)] = i
 

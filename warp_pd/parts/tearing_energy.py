@@ -148,7 +148,8 @@ class DamageField(Damaged):
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
         self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS)))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
-        self._range = self._safe_stretches(law)
+        looked_at, self._shortest, self._longest = self._looked_at(law)
+        self._looked = put("looked_at", looked_at, wp.int32, "table")
         self.fracture = context.array("fracture", self.owner, wp.float64, shape=n)
         apart = profile - profile[neighbours]
         self._fracture_at_start = float(
@@ -199,18 +200,28 @@ class DamageField(Damaged):
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
         return damage
 
-    def _safe_stretches(self, law: BuiltLaw) -> tuple[float, float]:
-        """Squared stretches of bonds between which no energy reaches the limit, for any material of the sheet."""
+    def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
+        """Members whose bonds tell where energy is high, and the squared stretches between which it is low.
+
+        On a lattice the shortest bonds in four directions are enough: one of them is within 22.5 degrees of any other.
+        """
         stiffest = 1.0 if self.context.sheet.stiffness is None else float(self.context.sheet.stiffness.max())
         allowed = SCREEN * self.limit / stiffest
-        longer, shorter = np.geomspace(1.0, 30.0, 2000), np.geomspace(1.0, 1e-3, 2000)
-
-        def last(stretches: np.ndarray) -> float:
-            over = ~(law.energy_density(stretches, stretches) <= allowed)
-            return float(stretches[max(int(np.argmax(over)) - 1, 0)] if over.any() else stretches[-1])
-
-        high, low = last(longer), last(shorter)
-        return (low**2 if low > shorter[-1] else 0.0), high**2
+        steps, shorter = law.families.steps, np.geomspace(1.0, 1e-3, 400)
+        over = ~(law.energy_density(shorter, shorter) <= allowed)
+        low = float(shorter[max(int(np.argmax(over)) - 1, 0)]) if over.any() else 0.0
+        first, second = np.meshgrid(np.geomspace(1.0, 30.0, 400), np.append(np.linspace(low, 1.0, 60), np.inf))
+        second = np.where(np.isinf(second), first, np.minimum(second, first))
+        high = ~(law.energy_density(first.ravel(), second.ravel()).reshape(first.shape) <= allowed)
+        along = np.cos(np.pi / 8.0) ** 2
+        if steps is not None and self.context.layout.kind == "lattice":
+            members = [k for k, step in enumerate(steps.tolist()) if step in ([1, 0], [0, 1], [1, 1], [-1, 1])]
+            seen = along * first**2 + (1.0 - along) * second**2
+            longest = float(seen[high].min()) if high.any() else np.inf
+            if len(members) == 4 and longest > 1.05:
+                return np.array(members), along * low**2 if low > 0.0 else 0.0, longest
+        longest = float((first**2)[high].min()) if high.any() else np.inf
+        return np.arange(law.families.members), low**2, longest
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of a phase."""
@@ -250,10 +261,10 @@ class DamageField(Damaged):
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
         k, n, given = self.kernels, self.context.sheet.size, self.arguments()
-        shortest, longest = self._range
         stage.launch(self.owner, k.empty, 1, count=self._count)
         stage.launch(
-            self.owner, k.wake, n, shortest=shortest, longest=longest, neighbours=self._neighbours, damage=self.field,
+            self.owner, k.wake, n, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
+            neighbours=self._neighbours, damage=self.field,
             listed=self._listed, count=self._count,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
