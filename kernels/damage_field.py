@@ -19,7 +19,8 @@ Points may change that are damaged, that have a damaged neighbour, or whose ener
 in every step; a GPU lists them in any order, on which no result depends.
 
 Bonds break for good where d has reached SEVERED at an end, or at a common member nearer to the line between the ends
-than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear.
+than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. Around a cut that is there from the
+start nothing breaks before d has grown: its own bonds are severed.
 """
 
 import functools
@@ -80,7 +81,6 @@ def damage_field(
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
     left = stiffness_left(layout.bits)
-    severed = SEVERED
 
     @wp.func(module=module)
     def stretched(
@@ -213,6 +213,7 @@ def damage_field(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         damage: wp.array(dtype=real),
+        severed_at: wp.array(dtype=real),
         spared_mask: wp.array(dtype=wp.uint8),
         squared_reach: wp.array(dtype=real),
         i: int,
@@ -224,11 +225,11 @@ def damage_field(
         for k in range(begin, wp.min(begin + word_size, family.members)):
             if bit_of(intact[word, i], k - begin):
                 m = f.neighbour(family, i, k)
-                breaks = damage[i] >= real(severed) or damage[m] >= real(severed)
+                breaks = damage[i] >= severed_at[i] or damage[m] >= severed_at[m]
                 for other in range(family.members):
                     if bit_of(f.initial(family, i, other // word_size), other % word_size):
                         p = f.neighbour(family, i, other)
-                        if damage[p] >= real(severed):
+                        if damage[p] >= severed_at[p]:
                             breaks = breaks or off_line(family, i, k, other) < squared_reach[p]
                 if wp.static(spared):
                     breaks = breaks and spared_mask[m] == wp.uint8(0)
@@ -237,15 +238,16 @@ def damage_field(
         return kept
 
     @wp.func(module=module)
-    def near_severed(family: Family, intact: wp.array2d(dtype=wp.uint32), damage: wp.array(dtype=real), i: int):
+    def near_severed(family: Family, damage: wp.array(dtype=real), severed_at: wp.array(dtype=real), i: int):
         """Whether any member of the undamaged family, or the point, is severed. At most points the search ends here."""
-        most = damage[i]
+        found = damage[i] >= severed_at[i]
         for word in range(family.words):
             members = f.initial(family, i, word)
             begin = word * word_size
             for k in range(begin, wp.min(begin + word_size, family.members)):
-                most = wp.max(most, damage[wp.where(bit_of(members, k - begin), f.neighbour(family, i, k), i)])
-        return most >= real(severed)
+                m = wp.where(bit_of(members, k - begin), f.neighbour(family, i, k), i)
+                found = found or damage[m] >= severed_at[m]
+        return found
 
     @wp.func(module=module)
     def energy_of_step(
@@ -277,6 +279,7 @@ def damage_field(
         unit_volume: real,
         spared_mask: wp.array(dtype=wp.uint8),
         squared_reach: wp.array(dtype=real),
+        severed_at: wp.array(dtype=real),
         damage: wp.array(dtype=real),
         before: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
@@ -289,9 +292,12 @@ def damage_field(
         for n in range(wp.tid() + first, count[0], stride):
             i = listed[n]
             breaks = bool(False)
-            if near_severed(family, intact, damage, i):
+            if near_severed(family, damage, severed_at, i):
                 for word in range(family.words):
-                    if bonds_left(family, intact, damage, spared_mask, squared_reach, i, word) != intact[word, i]:
+                    if (
+                        bonds_left(family, intact, damage, severed_at, spared_mask, squared_reach, i, word)
+                        != intact[word, i]
+                    ):
                         breaks = True
             lost = real(0.0)
             if wp.static(tracked):
@@ -304,7 +310,9 @@ def damage_field(
                         lost = left(before[i]) * stored
             if breaks:
                 for word in range(family.words):
-                    intact[word, i] = bonds_left(family, intact, damage, spared_mask, squared_reach, i, word)
+                    intact[word, i] = bonds_left(
+                        family, intact, damage, severed_at, spared_mask, squared_reach, i, word
+                    )
                 if wp.static(tracked):
                     lost -= left(damage[i]) * energy_of_step(
                         family, intact, displacement, velocity, step[0], constants, inverse_horizon, i

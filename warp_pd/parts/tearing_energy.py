@@ -18,13 +18,18 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, damage_field
+from ..kernels.damage_field import NEAR, SEVERED, damage_field
 from .rupture import CriticalStretch, Damaged
 
 # Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
 DEFAULT_LENGTH = 2.0
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
+# A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given: families average over the horizon.
+# Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
+BIAS = 0.16
+# Largest damage of a cut at the start, and by how much it must grow until bonds break there.
+MOST_AT_START, GROWN = 0.98, 1e-3
 # Share of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
 # Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
@@ -42,7 +47,7 @@ class TearingEnergy(Rupture):
     A damage field d of the points, 0 to 1 and never healing, takes stiffness from the sheet; its own energy over the
     area of a tear is Gc (kernels/damage_field.py). Its length says over what width: half a tear is twice the length
     wide. It is a property of the material, or of the model, not of the grid: with the tearing energy it sets the
-    energy density at which intact material is damaged, its strength: 3 Gc / (16 length). Bonds break where the field
+    energy density at which intact material is damaged, its strength, about 3 Gc / (16 length). Bonds break where the field
     has passed.
 
     Attributes:
@@ -123,7 +128,7 @@ class DamageField(Damaged):
         horizon = law.families.horizon
         self._resolved = DEFAULT_LENGTH * horizon
         self.length = self._length(rupture, law)
-        self.limit = 3.0 * rupture.energy / (16.0 * self.length)
+        self.limit = 3.0 * rupture.energy / (16.0 * self.length * self._bias(self.length))
         sheet, real = context.sheet, context.types.real
         n = sheet.size
         spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
@@ -145,6 +150,7 @@ class DamageField(Damaged):
         self._couplings = put("field_couplings", couplings, per="bond")
         self._scale = put("driving_scale", law.families.reference_area / (areas * 2.0 * self.limit))
         self._limits = put("limit_energy", 2.0 * self.limit * sheet.thickness * areas)
+        self._severed_at = put("severed_at", np.maximum(SEVERED, profile + GROWN))
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
         self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS)))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
@@ -187,7 +193,15 @@ class DamageField(Damaged):
             widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
             stretches = np.full_like(widths, self.rupture.stretch_at_break)
             strength = float(np.nanmin(self.law.energy_density(stretches, widths)))
-        return None if strength is None else 3.0 * self.rupture.energy / (16.0 * strength)
+        if strength is None:
+            return None
+        # length * bias(length) = whole
+        whole, part = 3.0 * self.rupture.energy / (16.0 * strength), BIAS * self.law.families.horizon**2
+        return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * part, 0.0))))
+
+    def _bias(self, length: float) -> float:
+        """Energy that a tear takes over the one that the field is given."""
+        return 1.0 + BIAS * (self.law.families.horizon / length) ** 2
 
     def _profile(self, sheet: Sheet) -> np.ndarray:
         """Damage at the start, (N,): that of cracks where the sheet has cuts."""
@@ -195,7 +209,7 @@ class DamageField(Damaged):
         segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
         if len(segments):
             apart = distance_from_segments(sheet.points, segments, 2.0 * self.length)
-            damage = np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2
+            damage = np.minimum(np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2, MOST_AT_START)
         if self.rupture.spared is not None:
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
         return damage
@@ -247,7 +261,7 @@ class DamageField(Damaged):
             source, target = target, source
         given.pop("horizon")
         stage.launch(
-            self.owner, k.finish, self._threads, squared_reach=self._reach, damage=self.field, before=self._before,
+            self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at, damage=self.field, before=self._before,
             **given, **shared,
         )  # fmt: skip
 
