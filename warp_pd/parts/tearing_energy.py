@@ -25,7 +25,8 @@ from .rupture import CriticalStretch, Damaged
 DEFAULT_LENGTH = 2.0
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
-# A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given: families average over the horizon.
+# A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
+# horizon.
 # Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
 BIAS = 0.16
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
@@ -47,8 +48,8 @@ class TearingEnergy(Rupture):
     A damage field d of the points, 0 to 1 and never healing, takes stiffness from the sheet; its own energy over the
     area of a tear is Gc (kernels/damage_field.py). Its length says over what width: half a tear is twice the length
     wide. It is a property of the material, or of the model, not of the grid: with the tearing energy it sets the
-    energy density at which intact material is damaged, its strength, about 3 Gc / (16 length). Bonds break where the field
-    has passed.
+    energy density at which intact material is damaged, its strength, about 3 Gc / (16 length). Bonds break where the
+    field has passed.
 
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
