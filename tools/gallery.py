@@ -35,7 +35,7 @@ GALLERY = DOCS / "gallery"
 SCRIPTS = "../../warp_pd/output/page"
 # A picture in pixels and colours; and what a page holds: points of a long run and of a short one, frames, bits a number.
 WIDTH, HEIGHT, COLOURS = 720, 450, 96
-POINTS, MOST_POINTS, FRAMES, BITS = 1200, 1700, 16, 11
+POINTS, MOST_POINTS, FRAMES, BITS = 1000, 1700, 16, 10
 
 
 @dataclass(frozen=True)

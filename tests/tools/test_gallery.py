@@ -23,7 +23,7 @@ def test_the_gallery_page_is_what_the_tool_makes_of_the_scenes():
 @pytest.mark.parametrize("scene", scene_names())
 def test_every_scene_has_a_picture_a_page_and_a_command(scene):
     page = gallery.GALLERY / f"{scene}.html"
-    assert page.stat().st_size < 120_000
+    assert page.stat().st_size < 90_000
     assert f'id="content">{{"title": "{scene}"' in page.read_text(encoding="utf-8")
     assert f"[![{scene.replace('_', ' ')}](gallery/{scene}.png)](gallery/{scene}.html)" in TEXT
     settings = dict(re.findall(r"--set (\w+)=(\S+)", gallery.command(scene)))

@@ -37,7 +37,7 @@ class Limits:
         points: Points of the sheet, about; None for all.
         frames: Frames; None for as many as fit.
         fields: Names of the fields besides the displacement; None for all.
-        bits: Precision of a number of a point. 16 bits bear zooming in; 11 are what a screen shows of a whole sheet.
+        bits: Precision of a number of a point. 16 bits bear zooming in; 10 are what a screen shows of a whole sheet.
     """
 
     points: int | None = POINTS
