@@ -20,18 +20,8 @@ import math
 
 import numpy as np
 
-from warp_pd import (
-    Explicit,
-    Fixed,
-    Measure,
-    NeoHookean,
-    Outcome,
-    RigidBall,
-    SelfContact,
-    Sheet,
-    Simulation,
-)
-from warp_pd.checks import count, positive
+from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, RigidBall, SelfContact, Sheet, Simulation
+from warp_pd.device.checks import count, positive
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
 from warp_pd.parts import stretch_or_energy
@@ -106,7 +96,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     duration = history[-1]["time"]
-    shown = plots.frames_at(folder, [share * duration for share in (0.25, 0.5, 0.75, 1.0)])
+    shown = plots.frames_at(folder, [fraction * duration for fraction in (0.25, 0.5, 0.75, 1.0)])
     plots.surfaces(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.surfaces(folder / "deflection.png", shown, field="u3")
     plots.from_above(folder / "torn_from_above.png", shown[-1:], field="damage", limits=(0.0, 1.0))

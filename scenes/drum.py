@@ -16,9 +16,9 @@ import numpy as np
 from scipy.special import j0, jn_zeros
 
 from warp_pd import BondAssociated, Explicit, Fixed, Measure, MooneyRivlin, Newton, Outcome, Sheet, Simulation
-from warp_pd.checks import not_negative, positive
-from warp_pd.modes import natural_modes
-from warp_pd.shapes.curves import Circle
+from warp_pd.device.checks import not_negative, positive
+from warp_pd.geometry.curves import Circle
+from warp_pd.run.modes import natural_modes
 
 RADIUS, MU, DENSITY = 0.1, 1e6, 1000.0
 # Orders m and numbers n of the slowest modes; those with m > 0 come in pairs.
@@ -83,8 +83,8 @@ def first_zero(history):
     """Time at which the centre first comes down to zero [s], linear between frames; None before that."""
     for before, after in itertools.pairwise(history):
         if after["height"] < 0.0:
-            share = before["height"] / (before["height"] - after["height"])
-            return before["time"] + share * (after["time"] - before["time"])
+            fraction = before["height"] / (before["height"] - after["height"])
+            return before["time"] + fraction * (after["time"] - before["time"])
     return None
 
 

@@ -15,10 +15,10 @@ spacings.
 import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation, TearingEnergy
-from warp_pd.checks import InputError, count, positive, resolved
+from warp_pd.device.checks import InputError, count, positive, resolved
+from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import tension_energy_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
-from warp_pd.roughness import rough_surface
 
 WIDTH, HEIGHT, THICKNESS, DENSITY, MU = 0.04, 0.06, 1e-3, 1000.0, 1e3
 
@@ -110,9 +110,9 @@ def release_rate(material, stretch, notch):
     return 6.0 / np.sqrt(stretch) * notch * tension_energy_density(material, stretch)
 
 
-def width_factor(share):
-    """G of a notch in a strip of finite width over that of a short one, in linear elasticity; `share` is a / w."""
-    form = 1.12 - 0.231 * share + 10.55 * share**2 - 21.72 * share**3 + 30.39 * share**4
+def width_factor(ratio):
+    """G of a notch in a strip of finite width over that of a short one, in linear elasticity; `ratio` is a / w."""
+    form = 1.12 - 0.231 * ratio + 10.55 * ratio**2 - 21.72 * ratio**3 + 30.39 * ratio**4
     return (form / 1.12) ** 2
 
 

@@ -25,7 +25,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.checks import positive
+from warp_pd.device.checks import positive
 from warp_pd.measures import worst_balance
 
 YOUNG, THICKNESS, DENSITY, GRAVITY = 3e5, 5e-4, 1000.0, 9.81
@@ -98,7 +98,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     duration = history[-1]["time"]
-    shown = plots.frames_at(folder, [share * duration for share in (0.0, 0.4, 0.7, 1.0)])
+    shown = plots.frames_at(folder, [fraction * duration for fraction in (0.0, 0.4, 0.7, 1.0)])
     plots.surfaces(folder / "folded.png", shown, field="u3")
     plots.curves(folder / "height.png", history, ["height"], ylabel="height (m)")
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

@@ -18,9 +18,8 @@ much at an eighth of it. Ten times as fast the end is the same, and corners leav
 import numpy as np
 
 from warp_pd import BondAssociated, BoundaryForce, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
-from warp_pd.checks import positive
-from warp_pd.measures import largest, support_force, worst_balance
-from warp_pd.out_of_plane import distance_from_local_plane
+from warp_pd.device.checks import positive
+from warp_pd.measures import distance_from_local_plane, largest, support_force, worst_balance
 
 
 def build(
@@ -84,7 +83,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     end = history[-1]["time"]
-    shown = plots.frames_at(folder, [share * end for share in (0.2, 0.4, 0.6, 1.0)])
+    shown = plots.frames_at(folder, [fraction * end for fraction in (0.2, 0.4, 0.6, 1.0)])
     plots.surfaces(folder / "sheet.png", shown, field="u3", view=(25.0, -115.0))
     names = ["edge_distance", "corner_distance"]
     plots.curves(folder / "distance.png", history, names, ylabel="distance from the local plane (spacings)")

@@ -22,19 +22,8 @@ import math
 
 import numpy as np
 
-from warp_pd import (
-    BondAssociated,
-    BoundaryForce,
-    Explicit,
-    Fixed,
-    Gent,
-    Measure,
-    Motion,
-    Outcome,
-    Sheet,
-    Simulation,
-)
-from warp_pd.checks import InputError, positive, resolved
+from warp_pd import BondAssociated, BoundaryForce, Explicit, Fixed, Gent, Measure, Motion, Outcome, Sheet, Simulation
+from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
 from warp_pd.parts import stretch_or_energy
@@ -124,7 +113,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     begin, end = time_above("crack_length", 0.0)(history) or 0.0, history[-1]["time"]
-    shown = plots.frames_at(folder, [begin + share * (end - begin) for share in (0.0, 0.33, 0.67, 1.0)])
+    shown = plots.frames_at(folder, [begin + fraction * (end - begin) for fraction in (0.0, 0.33, 0.67, 1.0)])
     plots.surfaces(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.surfaces(folder / "deflection.png", shown, field="u3")
     plots.reference(folder / "crack_path.png", shown[-1:], field="damage", limits=(0.0, 1.0))

@@ -8,7 +8,7 @@ two CPU cores with 101 points.
 
 from study import page_header, paragraph, run_tool, study_parser, table, table_row, write_page
 
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 
 # Weights, horizon over the spacing, damping [1/s].
 CASES = [("plain", m, c) for m in (2.015, 3.15, 4.15) for c in (0.0, 2.0)] + [

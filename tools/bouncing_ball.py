@@ -15,7 +15,7 @@ from typing import Any
 
 from study import in_processes, provenance, run_tool, study_parser, table
 
-from warp_pd.device.context import find_device
+from warp_pd.interfaces.context import find_device
 from warp_pd.scenes import dropped_ball
 
 HEAD = ["precision", "step over the stable step", "bounces", "largest error", "error at the end", "lost in contact"]

@@ -17,8 +17,8 @@ import numpy as np
 from study import DOCS, provenance, run_tool, study_parser, table, table_row
 
 from warp_pd import BondAssociated, Explicit, Fixed, Frame, NeoHookean, Neural, Nodal, Sheet, Simulation
-from warp_pd.device.context import find_device
 from warp_pd.interfaces import Law, Writer
+from warp_pd.interfaces.context import find_device
 
 MATERIAL = NeoHookean(mu=1e3, bulk=100e3)
 LAWS: dict[str, Law] = {

@@ -9,7 +9,7 @@ import time
 import numpy as np
 from passing import passing
 
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 
 
 def main():

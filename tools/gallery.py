@@ -25,7 +25,7 @@ from small_pictures import encoded
 from study import DOCS, ROOT, RUNS, run_tool, study_parser, write_page
 
 from warp_pd import InputError
-from warp_pd.cli import load_scene, scene_names
+from warp_pd.__main__ import load_scene, scene_names
 from warp_pd.output.view import Limits
 from warp_pd.output.vtkhdf import read_series
 from warp_pd.run.view import page
@@ -33,7 +33,7 @@ from warp_pd.run.view import page
 GALLERY = DOCS / "gallery"
 # Where its pages find scripts and styles; the site has a copy, see tools/site_hooks.py.
 SCRIPTS = "../../warp_pd/output/page"
-# A picture in pixels and colours; and what a page holds: points of a long run and of a short one, frames, bits a number.
+# A picture in pixels and colours; and what a page holds: points of a long and of a short run, frames, bits a number.
 WIDTH, HEIGHT, COLOURS = 720, 450, 96
 POINTS, MOST_POINTS, FRAMES, BITS = 1000, 1700, 16, 10
 
@@ -115,7 +115,7 @@ def run_scene(scene: str) -> None:
     arguments = [*command(scene).split()[1:], "--out", str(folder), "--overwrite"]
     arguments += ["--no-usd", "--no-pictures", "--no-view", "--quiet", "--device", "cpu"]
     done = subprocess.run(
-        [sys.executable, "-m", "warp_pd.cli", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "warp_pd.__main__", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
     )
     # A run that did not converge has frames and a summary too; the page says how it ended.
     if done.returncode and not (folder / "summary.json").is_file():

@@ -36,8 +36,8 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.device.context import find_device
 from warp_pd.interfaces import Law
+from warp_pd.interfaces.context import find_device
 from warp_pd.run.folder import write_atomically
 
 PAGE = DOCS / "neural-law.md"

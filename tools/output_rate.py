@@ -15,7 +15,7 @@ from pathlib import Path
 from study import provenance, run_tool, study_parser
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, Sheet, Simulation
-from warp_pd.device.context import find_device
+from warp_pd.interfaces.context import find_device
 from warp_pd.run.divergence import DivergedError
 
 SAFETY = 0.5

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from study import DOCS, page_header, paragraph, run_tool, study_parser, table, table_row, write_page
 
 from warp_pd import Built, CriticalStretch, Explicit, InputError, Pressure, RigidBall, Simulation
-from warp_pd.bench import time_step
-from warp_pd.checks import positive
-from warp_pd.cli import build_scene, scene_names
-from warp_pd.device.context import find_device
+from warp_pd.__main__ import build_scene, scene_names
+from warp_pd.device.checks import positive
+from warp_pd.interfaces.context import find_device
+from warp_pd.run.bench import time_step
 
 # Alternating measurements of each scene with and without the features; the best counts.
 ROUNDS = 4

@@ -33,8 +33,8 @@ from study import (
     write_page,
 )
 
-from warp_pd.bond_neo_hookean import MODES, BondNeoHookean, exact_traction, traction
-from warp_pd.cli import load_scene
+from warp_pd.__main__ import load_scene
+from warp_pd.materials.bond_neo_hookean import MODES, BondNeoHookean, exact_traction, traction
 from warp_pd.run.folder import read_history
 
 DEFECTS = ("none", "hole", "crack", "inclusion")

@@ -8,7 +8,7 @@ from typing import Any
 
 from study import Case
 
-from warp_pd.bond_neo_hookean import MODES
+from warp_pd.materials.bond_neo_hookean import MODES
 
 LAWS = {
     "bond_based": "published",

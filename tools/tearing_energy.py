@@ -64,7 +64,7 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
 
 def run(scene: str, settings: dict[str, Any], device: str) -> dict[str, Any]:
     """One run: its status and the values of its measures."""
-    from warp_pd.cli import build_scene
+    from warp_pd.__main__ import build_scene
 
     summary = build_scene(scene, dict(settings)).run(device=device, usd=False, pictures=False).summary
     measures = {name: found["value"] for name, found in summary["measures"].items()}

@@ -21,8 +21,8 @@ import numpy as np
 from study import DOCS, RUNS, paragraph, provenance, run_tool, study_parser, table, write_page
 
 from warp_pd import Bimodular, BondBased, Fixed, Motion, Newton, Result, Sheet, Simulation
-from warp_pd.cli import build_scene
-from warp_pd.device.context import find_device
+from warp_pd.__main__ import build_scene
+from warp_pd.interfaces.context import find_device
 from warp_pd.measures import row_at
 from warp_pd.output import plots
 from warp_pd.run.folder import write_atomically

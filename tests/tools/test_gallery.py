@@ -8,7 +8,7 @@ import pytest
 import small_pictures
 from site_hooks import on_post_build
 
-from warp_pd.cli import build_scene, scene_names
+from warp_pd.__main__ import build_scene, scene_names
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "gallery.md").read_text()

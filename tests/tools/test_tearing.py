@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import tearing
 
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 
 CUT = {"double_notch": (1, 0.005), "off_plane_tear": (1, 0.05), "precut_tear": (0, 0.5), "ball_penetration": (0, 0.5)}
 

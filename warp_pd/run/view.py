@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..checks import InputError
+from ..device.checks import InputError
 from .folder import PAGE, read_history, run_summary, write_atomically
 
 if TYPE_CHECKING:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.integrate import integration
-from ..phases import Phase
 
 OWNER = "solver"
 
@@ -17,7 +17,7 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
     Args:
         phase: Of these two; nothing in another one.
         stage: Where to add them.
-        context: With the shared state.
+        context: With the state that parts have in common.
         inertia: What resists acceleration [kg], or what a static solver puts in its place, (N,).
     """
     if phase not in (Phase.DRIFT, Phase.KICK):

@@ -1,0 +1,46 @@
+"""Shapes without some of their points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .shape import Shape
+from .triangulation import Lattice, cell_areas, cell_triangles, point_areas, whole_cells
+
+
+def square_grid(lattice: Lattice) -> np.ndarray | None:
+    """Column and row of each point, int32, shape (N, 2); None on a lattice that is not square."""
+    if abs(lattice.dx - lattice.dy) > 1e-9 * lattice.dx or lattice.rows == 1:
+        return None
+    row, column = np.divmod(np.arange(lattice.columns * lattice.rows, dtype=np.int32), np.int32(lattice.columns))
+    return np.column_stack([column, row])
+
+
+def triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles that keep all corners when the points of a mask, shape (N,), go, and the areas of all points.
+
+    A cell of a lattice goes as a whole, and so does one of a grid whose points stand for parts of its cells.
+    """
+    if shape.lattice is not None:
+        intact_cells = whole_cells(shape.lattice, removed)
+        return cell_triangles(shape.lattice.columns, intact_cells), cell_areas(shape.lattice, intact_cells)
+    if shape.grid is not None and (shape.grid >= 0).all():
+        _, areas = _cells_without(np.zeros(shape.size, bool), shape.grid, shape.spacing)
+        if np.allclose(areas, shape.areas, rtol=1e-9, atol=0.0):
+            return _cells_without(removed, shape.grid, shape.spacing)
+    kept = shape.triangles[~removed[shape.triangles].any(axis=1)]
+    return kept, point_areas(shape.points, kept)
+
+
+def _cells_without(removed: np.ndarray, grid: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of the cells of a grid with all corners left, and a quarter of each such cell around its points."""
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    columns, rows = (high - low + 1).tolist()
+    box = Lattice(columns, rows, spacing, spacing)
+    place = (grid[:, 1] - low[1]) * columns + grid[:, 0] - low[0]
+    absent = np.ones(columns * rows, bool)
+    absent[place] = removed
+    index = np.full(columns * rows, -1, np.int32)
+    index[place] = np.arange(len(grid), dtype=np.int32)
+    whole = whole_cells(box, absent)
+    return index[cell_triangles(columns, whole)], cell_areas(box, whole)[place]
