@@ -8,12 +8,12 @@
 scikit-fem is needed: `pip install -e .[references]`. Other solvers than ours, so that a test can tell an error of the
 law from an error of the reference:
 
-- membrane_fe.py: `stretch.json`, the sheet of scene `stretch` with a hole, a crack or a rigid inclusion. Each quantity
+- stretched_sheet.py: `stretch.json`, the sheet of scene `stretch` with a hole, a crack or a rigid inclusion. Each quantity
   has its values on the meshes, Richardson's limit, the error estimate and the observed order. Forces in N, `opening_x`
   and `opening_y` in m: how far the rim of the hole, or the middle and the tip of the crack, move from the centre.
   `visco.json`, the clamped sheets of Yeoh's material in scenes `visco_hole` and `visco_crack`, likewise.
 - shooting.py: `disc.json`, the inflated circular membrane. Tests may also call its functions.
-- membrane_dynamics.py: `out_of_plane.npz`, fields of the lifted sheet of NN 6.2, only where it is asked for.
+- lifted_sheet.py: `out_of_plane.npz`, fields of the lifted sheet of NN 6.2, only where it is asked for.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from study import ROOT, at_least_one, current_commit, study_parser
 
-from . import membrane_dynamics, membrane_fe, shooting
+from . import lifted_sheet, shooting, stretched_sheet
 
 FOLDER = ROOT / "tests" / "references"
 STRETCHES = (1.5, 2.0, 2.5, 3.0)
@@ -58,7 +58,7 @@ def made(commit: str | None) -> dict[str, str]:
 
 def quantity(values: Sequence[float]) -> dict[str, Any]:
     """A quantity with its values on all meshes."""
-    limit, error, order = membrane_fe.richardson(values)
+    limit, error, order = stretched_sheet.richardson(values)
     return {
         "value": limit,
         "error": error,
@@ -70,11 +70,11 @@ def quantity(values: Sequence[float]) -> dict[str, Any]:
 def sheets(meshes: Sequence[int]) -> dict[str, Any]:
     """The stretched sheets, by defect, mode, stretch and name of the quantity."""
     found: dict[str, Any] = {}
-    for defect in membrane_fe.DEFECTS[1:]:
-        for mode in membrane_fe.MODES:
+    for defect in stretched_sheet.DEFECTS[1:]:
+        for mode in stretched_sheet.MODES:
             compressed = mode == "uniaxial"
             chosen, step = (COARSE, 0.05) if compressed else (meshes, 0.1)
-            solved = membrane_fe.converged(defect, mode, chosen, STRETCHES, step)
+            solved = stretched_sheet.converged(defect, mode, chosen, STRETCHES, step)
             cases = {f"{s:g}": {name: quantity(v) for name, v in names.items()} for s, names in solved.items()}
             found.setdefault(defect, {})[mode] = cases
             for stretch, names in cases.items():
@@ -85,16 +85,13 @@ def sheets(meshes: Sequence[int]) -> dict[str, Any]:
 
 def visco(meshes: Sequence[int]) -> dict[str, Any]:
     """The clamped sheets of Yeoh's material, stretched equally along x and y, by defect, stretch and quantity."""
-    scale = 2.0 * C10 / membrane_fe.MU
     found: dict[str, Any] = {}
     for defect, stretches in VISCO.items():
-        solved = membrane_fe.converged(
-            defect, "equibiaxial", meshes, stretches, step=0.25, grip="clamp", stiffening=C20 / C10, crack=CRACK
+        solved = stretched_sheet.converged(
+            defect, "equibiaxial", meshes, stretches, step=0.25, crack=CRACK, grip="clamp", mu=2.0 * C10,
+            stiffening=C20 / C10,
         )
-        found[defect] = {
-            f"{s:g}": {n: quantity([scale * x if n.startswith("force") else x for x in v]) for n, v in names.items()}
-            for s, names in solved.items()
-        }
+        found[defect] = {f"{s:g}": {n: quantity(v) for n, v in names.items()} for s, names in solved.items()}
     return found
 
 
@@ -119,9 +116,9 @@ def numbers(disc: shooting.Disc) -> dict[str, float]:
 
 def lifted(cells: int) -> dict[str, Any]:
     """Displacements of the lifted sheet [m], (3, along x, along y), by time; those of the relaxed energy too."""
-    found: dict[str, Any] = {"x": np.linspace(0.0, membrane_dynamics.SIDE, KEPT + 1)}
+    found: dict[str, Any] = {"x": np.linspace(0.0, lifted_sheet.SIDE, KEPT + 1)}
     for name, relaxed in (("", False), ("relaxed_", True)):
-        fields = membrane_dynamics.snapshots(membrane_dynamics.lifted(cells, relaxed), SHOWN)
+        fields = lifted_sheet.snapshots(lifted_sheet.lifted(cells, relaxed), SHOWN)
         every, found[f"{name}cells"] = cells // KEPT, cells
         found |= {f"{name}u_t{t:g}": u[:, ::every, ::every].astype("f4") for t, u in zip(SHOWN, fields, strict=True)}
     return found
@@ -151,8 +148,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         np.savez_compressed(options.out / "out_of_plane.npz", **lifted(options.cells))
         return
     sheet = {
-        "side": 2.0 * membrane_fe.HALF, "thickness": membrane_fe.THICKNESS, "mu": membrane_fe.MU,
-        "radius": membrane_fe.RADIUS, "crack": membrane_fe.CRACK, "meshes": [*options.meshes],
+        "side": 2.0 * stretched_sheet.HALF, "thickness": stretched_sheet.THICKNESS, "mu": stretched_sheet.MU,
+        "radius": stretched_sheet.RADIUS, "crack": stretched_sheet.CRACK, "meshes": [*options.meshes],
         "uniaxial_meshes": COARSE,
     }  # fmt: skip
     if options.only in (None, "stretch"):
