@@ -4,7 +4,8 @@ With s = |Y|/|X|, n = Y/|Y| and L = (X . Y) / (|X| |Y|), the force density of a 
 
     f = (4 c0 delta / |X|^2) L^2 t(s) n,     c0 = mu / (2 pi h delta^2),     t(s) = a s - b/s^2 - c/s^3 - d/s^5,
 
-where the mode sets a, b, c, d (warp_pd/bond_neo_hookean.py). With areas divided by a_ref and lengths by the horizon,
+where the mode sets a, b, c, d (warp_pd/materials/bond_neo_hookean.py). With areas divided by a_ref and lengths by
+the horizon,
 
     F_ik = (h a_ref / delta) (W_ik + W_ki)/2 G_ik L^2 mu t(s) / |xi|^2 n,     W_ik = (2/pi) (a_ref / delta^2) a_i a_k,
 

@@ -219,7 +219,7 @@ def neural_functions(
 
     @wp.func(module=module)
     def logarithms(row: vec4):
-        """Inputs of the layers, see `warp_pd.networks.Network`."""
+        """Inputs of the layers, see `warp_pd.laws.neural.networks.Network`."""
         area = wp.log(row[3])
         return vec4(wp.log(row[0]), row[1] * row[1], area, wp.log(row[2]) + real(2.0) * area)
 

@@ -22,7 +22,7 @@ def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
         bits: 32 or 64.
         layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
             every other one takes 1 / (1 + exp y) of the output y of the layer before, in place of tanh
-            (`warp_pd.networks.Network.sigmoids`).
+            (`warp_pd.laws.neural.networks.Network.sigmoids`).
         module: Name of the Warp module.
     """
     types = numeric(bits)

@@ -20,18 +20,8 @@ import math
 
 import numpy as np
 
-from warp_pd import (
-    Explicit,
-    Fixed,
-    Measure,
-    NeoHookean,
-    Outcome,
-    RigidBall,
-    SelfContact,
-    Sheet,
-    Simulation,
-)
-from warp_pd.checks import count, positive
+from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, RigidBall, SelfContact, Sheet, Simulation
+from warp_pd.device.checks import count, positive
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
 from warp_pd.parts import stretch_or_energy

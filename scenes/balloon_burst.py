@@ -28,7 +28,7 @@ from warp_pd import (
     TearingEnergy,
     TensionField,
 )
-from warp_pd.checks import count, positive
+from warp_pd.device.checks import count, positive
 from warp_pd.measures import largest, worst_balance
 
 RADIUS, THICKNESS, DENSITY, MU, SHARE = 0.1, 0.3e-3, 1000.0, 0.4e6, 0.1

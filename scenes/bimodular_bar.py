@@ -14,7 +14,7 @@ half a spacing too short between the support and the end; it halves with the spa
 import numpy as np
 
 from warp_pd import Bimodular, BodyForce, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
-from warp_pd.checks import one_of, positive
+from warp_pd.device.checks import one_of, positive
 from warp_pd.solvers import Solver
 
 LENGTH, LOAD, WEIGHT, COMPRESSIVE = 10.0, 6.0, 2.0, 5000.0

@@ -11,9 +11,9 @@ discrete one is slightly compressible.
 """
 
 from warp_pd import BondAssociated, Fixed, Gent, InputError, Measure, Newton, Pressure, Sheet, Simulation
-from warp_pd.checks import count, one_of, positive
+from warp_pd.device.checks import count, one_of, positive
 from warp_pd.fitting import Deflection
-from warp_pd.shapes.curves import Circle
+from warp_pd.geometry.curves import Circle
 
 RADIUS, DENSITY = 0.05, 1000.0
 # Height of the top [m] by pressure [Pa], with the defaults, but incompressible.

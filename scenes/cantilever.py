@@ -15,7 +15,7 @@ micromoduli=corrected` takes that away. `--set stiffness=constant` uses the pape
 """
 
 from warp_pd import Bimodular, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
-from warp_pd.checks import InputError, finite, one_of, positive
+from warp_pd.device.checks import InputError, finite, one_of, positive
 from warp_pd.measures import row_at
 from warp_pd.solvers import Solver
 

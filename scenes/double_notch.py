@@ -20,11 +20,11 @@ import math
 import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
-from warp_pd.checks import InputError, count, finite, positive, resolved
+from warp_pd.device.checks import InputError, count, finite, positive, resolved
+from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
 from warp_pd.parts import stretch_or_energy
-from warp_pd.roughness import rough_surface
 
 
 def build(

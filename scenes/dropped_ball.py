@@ -21,7 +21,7 @@ from warp_pd import (
     Simulation,
     Sphere,
 )
-from warp_pd.checks import count, positive
+from warp_pd.device.checks import count, positive
 from warp_pd.measures import worst_balance
 
 MU = 0.4e6

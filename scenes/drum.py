@@ -16,9 +16,9 @@ import numpy as np
 from scipy.special import j0, jn_zeros
 
 from warp_pd import BondAssociated, Explicit, Fixed, Measure, MooneyRivlin, Newton, Outcome, Sheet, Simulation
-from warp_pd.checks import not_negative, positive
-from warp_pd.modes import natural_modes
-from warp_pd.shapes.curves import Circle
+from warp_pd.device.checks import not_negative, positive
+from warp_pd.geometry.curves import Circle
+from warp_pd.run.modes import natural_modes
 
 RADIUS, MU, DENSITY = 0.1, 1e6, 1000.0
 # Orders m and numbers n of the slowest modes; those with m > 0 come in pairs.

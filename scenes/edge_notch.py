@@ -15,10 +15,10 @@ spacings.
 import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation, TearingEnergy
-from warp_pd.checks import InputError, count, positive, resolved
+from warp_pd.device.checks import InputError, count, positive, resolved
+from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import tension_energy_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
-from warp_pd.roughness import rough_surface
 
 WIDTH, HEIGHT, THICKNESS, DENSITY, MU = 0.04, 0.06, 1e-3, 1000.0, 1e3
 

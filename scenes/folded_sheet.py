@@ -25,7 +25,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.checks import positive
+from warp_pd.device.checks import positive
 from warp_pd.measures import worst_balance
 
 YOUNG, THICKNESS, DENSITY, GRAVITY = 3e5, 5e-4, 1000.0, 9.81

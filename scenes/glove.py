@@ -21,7 +21,7 @@ from warp_pd import (
     Simulation,
     read_outline,
 )
-from warp_pd.checks import positive
+from warp_pd.device.checks import positive
 from warp_pd.measures import support_force
 
 THICKNESS, DENSITY, MU = 0.25e-3, 950.0, 0.4e6

@@ -26,7 +26,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.checks import finite, positive
+from warp_pd.device.checks import finite, positive
 from warp_pd.fitting import SupportForce
 
 LENGTH, WIDTH, RADIUS, THICKNESS, DENSITY = 0.1, 0.05, 0.01, 1e-3, 1000.0

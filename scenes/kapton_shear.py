@@ -35,7 +35,7 @@ from warp_pd import (
     Simulation,
     TensionField,
 )
-from warp_pd.checks import InputError, count, finite, one_of
+from warp_pd.device.checks import InputError, count, finite, one_of
 from warp_pd.measures import at_time, row_at, support_force
 from warp_pd.solvers import Solver
 

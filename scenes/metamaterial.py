@@ -29,7 +29,7 @@ from warp_pd import (
     ViscoBondBased,
     Yeoh,
 )
-from warp_pd.checks import InputError, one_of, positive
+from warp_pd.device.checks import InputError, one_of, positive
 from warp_pd.materials import WRINKLES, with_wrinkles
 from warp_pd.measures import time_above
 from warp_pd.parts import stretching_edges

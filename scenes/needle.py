@@ -20,7 +20,7 @@ from warp_pd import (
     TearingEnergy,
     TensionField,
 )
-from warp_pd.checks import count, positive
+from warp_pd.device.checks import count, positive
 from warp_pd.measures import largest, time_above, worst_balance
 
 MU = 0.4e6

@@ -37,7 +37,7 @@ from warp_pd import (
     Simulation,
     TensionField,
 )
-from warp_pd.checks import InputError, count, finite, not_negative, one_of, positive
+from warp_pd.device.checks import InputError, count, finite, not_negative, one_of, positive
 from warp_pd.measures import TearLine, largest, support_force, when_above
 from warp_pd.solvers import Solver
 

@@ -18,9 +18,8 @@ much at an eighth of it. Ten times as fast the end is the same, and corners leav
 import numpy as np
 
 from warp_pd import BondAssociated, BoundaryForce, Explicit, Gent, Measure, Motion, Outcome, Sheet, Simulation
-from warp_pd.checks import positive
-from warp_pd.measures import largest, support_force, worst_balance
-from warp_pd.out_of_plane import distance_from_local_plane
+from warp_pd.device.checks import positive
+from warp_pd.measures import distance_from_local_plane, largest, support_force, worst_balance
 
 
 def build(

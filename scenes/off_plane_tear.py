@@ -22,19 +22,8 @@ import math
 
 import numpy as np
 
-from warp_pd import (
-    BondAssociated,
-    BoundaryForce,
-    Explicit,
-    Fixed,
-    Gent,
-    Measure,
-    Motion,
-    Outcome,
-    Sheet,
-    Simulation,
-)
-from warp_pd.checks import InputError, positive, resolved
+from warp_pd import BondAssociated, BoundaryForce, Explicit, Fixed, Gent, Measure, Motion, Outcome, Sheet, Simulation
+from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
 from warp_pd.parts import stretch_or_energy

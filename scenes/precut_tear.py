@@ -16,17 +16,8 @@ Cracks within 0.2 m of the middle of the pulled edge do not count as part of the
 
 import numpy as np
 
-from warp_pd import (
-    Explicit,
-    Fixed,
-    Measure,
-    Motion,
-    NeoHookean,
-    Outcome,
-    Sheet,
-    Simulation,
-)
-from warp_pd.checks import InputError, positive, resolved
+from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Outcome, Sheet, Simulation
+from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, growth_rate, largest, support_force, time_above, time_below, worst_balance
 from warp_pd.parts import stretch_or_energy

@@ -7,18 +7,8 @@ paper's other case). Finite elements (nine-node membranes, converged to 1e-6): 0
 
 import numpy as np
 
-from warp_pd import (
-    Explicit,
-    Fixed,
-    Measure,
-    NeoHookean,
-    Newton,
-    Pressure,
-    Relaxation,
-    Sheet,
-    Simulation,
-)
-from warp_pd.checks import one_of
+from warp_pd import Explicit, Fixed, Measure, NeoHookean, Newton, Pressure, Relaxation, Sheet, Simulation
+from warp_pd.device.checks import one_of
 from warp_pd.laws import force_law
 from warp_pd.solvers import Solver
 

@@ -23,7 +23,7 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.checks import count, not_negative, positive, resolved
+from warp_pd.device.checks import count, not_negative, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, time_above, when_above, worst_balance
 

@@ -32,11 +32,11 @@ from warp_pd import (
     TearingEnergy,
     Yeoh,
 )
-from warp_pd.checks import InputError, count, one_of, positive
+from warp_pd.device.checks import InputError, count, one_of, positive
+from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import energy_density, stretch_of_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
 from warp_pd.parts import tip_width
-from warp_pd.roughness import rough_surface
 
 HEIGHT, THICKNESS, DENSITY, MU = 0.04, 1e-3, 1000.0, 1e3
 LENGTH, CUT = 3.5 * HEIGHT, 1.25 * HEIGHT

@@ -13,10 +13,10 @@ undeformed sheet.
 import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outcome, Simulation, TearingEnergy
-from warp_pd.checks import InputError, count, positive
+from warp_pd.device.checks import InputError, count, positive
+from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, worst_balance
-from warp_pd.roughness import rough_surface
 from warp_pd.scenes.pure_shear_tear import DENSITY, HEIGHT, MU, THICKNESS, stretch_at, strip
 
 LENGTH, CUT = 6.0 * HEIGHT, 1.5 * HEIGHT

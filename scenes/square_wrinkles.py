@@ -13,7 +13,7 @@ stretch to several times their length. With `--set pull=0.05` strains stay small
 import numpy as np
 
 from warp_pd import Bimodular, BondBased, Fixed, Measure, Newton, PointForce, Relaxation, Sheet, Simulation
-from warp_pd.checks import one_of, positive
+from warp_pd.device.checks import one_of, positive
 from warp_pd.solvers import Solver
 
 SIDE = 0.5

@@ -39,9 +39,9 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.bond_neo_hookean import MODES, exact_traction
-from warp_pd.checks import count, finite, one_of, positive
+from warp_pd.device.checks import count, finite, one_of, positive
 from warp_pd.laws import ForceLaw
+from warp_pd.materials.bond_neo_hookean import MODES, exact_traction
 from warp_pd.measures import support_force
 from warp_pd.solvers import Solver
 

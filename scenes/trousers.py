@@ -27,7 +27,7 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.checks import count, positive
+from warp_pd.device.checks import count, positive
 from warp_pd.materials import tension_energy_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
 from warp_pd.scenes.pure_shear_tear import even_rows

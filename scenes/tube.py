@@ -23,7 +23,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.checks import one_of, positive
+from warp_pd.device.checks import one_of, positive
 from warp_pd.measures import support_force
 from warp_pd.solvers import Solver
 

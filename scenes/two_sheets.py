@@ -26,7 +26,7 @@ from warp_pd import (
     placed,
     together,
 )
-from warp_pd.checks import not_negative, positive
+from warp_pd.device.checks import not_negative, positive
 from warp_pd.measures import worst_balance
 
 MU, THICKNESS, DENSITY, SIDE = 1e6, 1e-3, 1000.0, 0.04

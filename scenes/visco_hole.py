@@ -33,7 +33,7 @@ from warp_pd import (
     ViscoBondBased,
     Yeoh,
 )
-from warp_pd.checks import InputError, count, one_of, positive
+from warp_pd.device.checks import InputError, count, one_of, positive
 from warp_pd.measures import worst_balance
 from warp_pd.parts import stretching_edges
 from warp_pd.solvers import Solver

@@ -20,8 +20,8 @@ import math
 import numpy as np
 
 from warp_pd import Explicit, Measure, Outcome, Prony, Sheet, Simulation, Visco, ViscoBondBased, Yeoh
-from warp_pd.analytic_response import nominal_stress, published_stress
-from warp_pd.checks import InputError, one_of, positive
+from warp_pd.device.checks import InputError, one_of, positive
+from warp_pd.materials.analytic_response import nominal_stress, published_stress
 from warp_pd.measures import virial_stress, worst_balance
 from warp_pd.parts import stretching_edges
 

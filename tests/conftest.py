@@ -3,7 +3,7 @@
 import pytest
 import warp as wp
 
-from warp_pd.device.context import find_device
+from warp_pd.interfaces.context import find_device
 
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 
 from warp_pd.device.clock import Clock
-from warp_pd.device.context import Context, Features, find_device
 from warp_pd.device.fields import FieldRegister
+from warp_pd.geometry.shape import Shape
+from warp_pd.geometry.sheet import Sheet
+from warp_pd.interfaces.context import Context, Features, find_device
 from warp_pd.kernels.numeric import numeric
-from warp_pd.shapes.shape import Shape
-from warp_pd.sheet import Sheet
 
 TETRAHEDRON = (
     np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),

@@ -4,7 +4,7 @@ import numpy as np
 
 from warp_pd import BondAssociated, Explicit, Gent, NeoHookean, Sheet, Simulation
 from warp_pd.families import pack
-from warp_pd.shapes.triangulation import crosses
+from warp_pd.geometry.triangulation import crosses
 
 MU, BULK = 1e3, 100e3
 NEO = NeoHookean(mu=MU, bulk=BULK)

@@ -6,7 +6,7 @@ import numpy as np
 from helpers import GENT, NEO, sever
 
 from warp_pd import CriticalStretch, Explicit, Neural, Nodal, Simulation
-from warp_pd.networks import Network
+from warp_pd.laws.neural.networks import Network
 
 RANGE = (0.8, 4.0)
 
@@ -19,7 +19,7 @@ def build(sheet, law, precision=64, device="cpu", solver=None, **parts):
 
 def tiny(seed=0, hidden=(5, 7), **changes):
     """A network with random weights, without force on an undeformed bond."""
-    from warp_pd.torch_backend.training import at_rest
+    from warp_pd.laws.neural.training import at_rest
 
     rng = np.random.default_rng(seed)
     sizes = [4, *hidden, 2]

@@ -34,10 +34,10 @@ from warp_pd import (
     TearingEnergy,
     Visco,
 )
-from warp_pd.built import compose
-from warp_pd.device.crew import Crew
 from warp_pd.device.launches import Call, Touched
-from warp_pd.scene_context import share_of
+from warp_pd.interfaces.communicator import Crew
+from warp_pd.run.built import compose
+from warp_pd.run.scene_context import share_of
 
 MATERIAL = MooneyRivlin(5e4, 0.0)
 SIZE = {"thickness": 1e-3, "density": 1000.0}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warp_pd.frame import Frame, Surface
+from warp_pd.interfaces.frame import Frame, Surface
 
 COLUMNS, ROWS, FRAMES = 6, 5, 7
 

@@ -2,15 +2,7 @@
 
 from helpers import GENT, NEO, square
 
-from warp_pd import (
-    Bimodular,
-    BondAssociated,
-    BondBased,
-    BondNeoHookean,
-    Explicit,
-    HyperelasticBonds,
-    Simulation,
-)
+from warp_pd import Bimodular, BondAssociated, BondBased, BondNeoHookean, Explicit, HyperelasticBonds, Simulation
 
 FACTOR = 4.0
 

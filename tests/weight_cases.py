@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from warp_pd.weights import edge_vectors
+from warp_pd.families.weights import edge_vectors
 
 
 def stencil(horizon, step=(1.0, 1.0)):

@@ -111,7 +111,7 @@ def of_scene(scene: str, settings: dict[str, Any]) -> Any:
     stiffness of the pressure must not decide whether two checkouts agree.
     """
     from warp_pd import Explicit
-    from warp_pd.cli import build_scene
+    from warp_pd.__main__ import build_scene
 
     simulation = build_scene(scene, dict(settings))
     simulation.measures, simulation.outcomes = (), ()

@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "layers.svg"
-LEFT_OUT = {"scenes", "_lazy", "_renamed"}
+LEFT_OUT = {"scenes"}
 ROW, COLUMN, HEIGHT, SIZE = 62, 170, 34, 14
 
 
@@ -45,29 +45,28 @@ def imports(names: list[str]) -> dict[str, set[str]]:
 def _files(name: str) -> list[Path]:
     for folder in (ROOT / "warp_pd" / name, ROOT / name):
         if folder.is_dir():
-            return sorted(folder.glob("*.py"))
+            return sorted(folder.rglob("*.py"))
     return [ROOT / "warp_pd" / f"{name}.py"]
 
 
 def _imported(path: Path, name: str) -> list[str]:
-    """Modules that a file imports, without the leading "warp_pd."."""
-    inside = path.parent.name == name
+    """Modules of the package that a file imports, without the leading "warp_pd."."""
+    inside = path.relative_to(ROOT).parts[:-1]
+    inside = inside[1:] if inside[0] == "warp_pd" else inside
     found = []
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            up = node.level - 1 if inside else node.level
-            if node.level == 0 and (node.module or "").startswith("warp_pd"):
-                base = (node.module or "").removeprefix("warp_pd").lstrip(".")
-            elif node.level and up == 0:
-                continue
-            elif node.level:
-                base = node.module or ""
-            else:
-                continue
-            # `from warp_pd import Simulation` takes what the package offers, which `simulation` stands for.
-            found += (
-                [base] if base else ["simulation" if alias.name[0].isupper() else alias.name for alias in node.names]
-            )
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        named = (node.module or "").split(".")
+        if node.level:
+            base = [*inside[: len(inside) - node.level + 1], *named]
+        elif named[0] == "warp_pd":
+            base = named[1:]
+        else:
+            continue
+        module = ".".join(part for part in base if part)
+        # `from warp_pd import Simulation` takes what the package offers, which `run` stands for.
+        found += [module] if module else ["run" if alias.name[0].isupper() else alias.name for alias in node.names]
     return found
 
 

@@ -59,7 +59,7 @@ class Trial:
 def command(scene: str, out: Path, *more: str) -> list[str]:
     """The command that runs a scene into a folder."""
     return [
-        sys.executable, "-m", "warp_pd.cli", "run", *SCENES[scene], "--device", "cpu", "--no-pictures", "--quiet",
+        sys.executable, "-m", "warp_pd.__main__", "run", *SCENES[scene], "--device", "cpu", "--no-pictures", "--quiet",
         "--out", str(out), *more,
     ]  # fmt: skip
 
@@ -120,7 +120,7 @@ def truncations(scene: str, whole: Path, places: int, work: Path) -> Iterator[Tr
             shutil.copytree(whole, out)
             (out / name).write_bytes((whole / name).read_bytes()[: size * place // places])
             for more in (["info", str(out / name)], ["info", str(out)]):
-                done = run([sys.executable, "-m", "warp_pd.cli", *more])
+                done = run([sys.executable, "-m", "warp_pd.__main__", *more])
                 yield Trial("file cut short, info", scene, _named(name, said_badly(done)))
             done = run(command(scene, out, "--resume"))
             yield Trial("file cut short, resumed", scene, _named(name, said_badly(done)))

@@ -24,7 +24,7 @@ from typing import Any
 from study import DOCS, ROOT, RUNS, run_tool, study_parser, write_page
 
 from warp_pd import InputError
-from warp_pd.cli import load_scene, scene_names
+from warp_pd.__main__ import load_scene, scene_names
 from warp_pd.output.view import shared_files
 from warp_pd.output.vtkhdf import read_series
 from warp_pd.run.view import page
@@ -112,7 +112,7 @@ def run_scene(scene: str) -> None:
     arguments = [*command(scene).split()[1:], "--out", str(folder), "--overwrite"]
     arguments += ["--no-usd", "--no-pictures", "--no-view", "--quiet", "--device", "cpu"]
     done = subprocess.run(
-        [sys.executable, "-m", "warp_pd.cli", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "warp_pd.__main__", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
     )
     # A run that did not converge has frames and a summary too; the page says how it ended.
     if done.returncode and not (folder / "summary.json").is_file():

@@ -24,7 +24,7 @@ from scipy.optimize import least_squares
 from study import run_tool, study_parser
 
 from warp_pd import InputError, Prony, Yeoh
-from warp_pd.analytic_response import LOADINGS, nominal_stress, second_stress, width_stretch
+from warp_pd.materials.analytic_response import LOADINGS, nominal_stress, second_stress, width_stretch
 
 TABLES = {
     "table 1, high-damping rubber": (0.1438e6, 0.1438e6, 0.0587e6, 0.0562e6, 0.8673, 0.1),

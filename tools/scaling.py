@@ -28,14 +28,14 @@ from typing import Any
 import warp as wp
 
 from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, MooneyRivlin, Pressure, Sheet, Simulation
-from warp_pd.built import compose
-from warp_pd.cores import start_warp
-from warp_pd.device import exchange
+from warp_pd.device.cores import start_warp
 from warp_pd.device.launches import Call
+from warp_pd.interfaces import exchange
 from warp_pd.run import files
+from warp_pd.run.built import compose
 from warp_pd.run.processes import crew_here, is_first, processes_here
 from warp_pd.run.recorder import Recorder
-from warp_pd.scene_context import share_of
+from warp_pd.run.scene_context import share_of
 from warp_pd.solvers.explicit import BuiltExplicit
 from warp_pd.solvers.stable_step import StableStep
 

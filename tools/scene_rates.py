@@ -20,9 +20,9 @@ from time import process_time
 from study import run_tool, study_parser, table, table_row
 
 from warp_pd import Built, Explicit
-from warp_pd.bench import STEP, Case
-from warp_pd.cli import build_scene, scene_names
-from warp_pd.cores import available_cores
+from warp_pd.__main__ import build_scene, scene_names
+from warp_pd.device.cores import available_cores
+from warp_pd.run.bench import STEP, Case
 
 # Points along a side of the sheet with the best rate, times that each step is measured, and how long about [s].
 SIDE, ROUNDS, SECONDS = 101, 5, 0.2

@@ -13,8 +13,8 @@ import time
 
 from study import provenance, run_tool, study_parser, table, table_row
 
-from warp_pd.cli import build_scene
-from warp_pd.device.context import find_device
+from warp_pd.__main__ import build_scene
+from warp_pd.interfaces.context import find_device
 
 HEAD = [
     "scene", "points a side", "solver", "status", "iterations", "products", "residual", "solve s", "other s",

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from warp_pd import InputError
-from warp_pd.device.context import find_device
+from warp_pd.interfaces.context import find_device
 from warp_pd.run.divergence import DivergedError
 from warp_pd.run.folder import write_atomically
 
@@ -178,7 +178,7 @@ def execute(case: Case, work: Path, device: str) -> None:
     """Run a case with `warp-pd run`, unless its folder in `work` holds a summary already."""
     if case.summary(work) is not None:
         return
-    command = [sys.executable, "-m", "warp_pd.cli", "run", case.scene, "--device", device]
+    command = [sys.executable, "-m", "warp_pd.__main__", "run", case.scene, "--device", device]
     command += ["--out", str(work / case.name), "--no-usd", "--quiet", "--overwrite"]
     command += [] if case.draws_pictures else ["--no-pictures"]
     for key, value in case.settings.items():

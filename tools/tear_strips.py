@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def _run(settings: dict[str, Any], device: str | None) -> dict[str, Any]:
-    from warp_pd.cli import build_scene
+    from warp_pd.__main__ import build_scene
 
     scene = build_scene("pure_shear_tear", {"overload": 1.8, "duration": 6.0, "frames": 100, **settings})
     result = scene.run(device=device)

@@ -12,8 +12,8 @@ import json
 
 from study import page_header, paragraph, run_tool, study_parser, write_page
 
-from warp_pd import bench
-from warp_pd.device.context import find_device
+from warp_pd.interfaces.context import find_device
+from warp_pd.run import bench
 from warp_pd.run.folder import write_atomically
 
 

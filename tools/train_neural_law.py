@@ -21,9 +21,8 @@ from study import provenance, run_tool, study_parser, table
 from tqdm import tqdm
 
 from warp_pd import Gent, NeoHookean
-from warp_pd.networks import Network
-from warp_pd.run.folder import write_atomically
-from warp_pd.torch_backend.training import (
+from warp_pd.laws.neural.networks import Network
+from warp_pd.laws.neural.training import (
     FLOOR,
     Training,
     TrainingData,
@@ -33,6 +32,7 @@ from warp_pd.torch_backend.training import (
     train,
     training_data,
 )
+from warp_pd.run.folder import write_atomically
 
 # States of the dense sample.
 DENSE = 100_000

@@ -7,14 +7,17 @@ See README.md and the files in `scenes/`, which are meant to be read and changed
 
 from typing import TYPE_CHECKING
 
-from . import _moved
-from ._lazy import lazy
+from .device.lazy import lazy
 
 if TYPE_CHECKING:
-    from .bond_neo_hookean import BondNeoHookean
-    from .built import Built
-    from .checks import InputError
-    from .frame import Frame, Surface
+    from .device.checks import InputError
+    from .geometry.curves import Circle, Polygon, Spline
+    from .geometry.files import read_mesh
+    from .geometry.pieces import Place
+    from .geometry.sheet import Sheet
+    from .geometry.svg import read_outline
+    from .geometry.together import placed, together
+    from .interfaces.frame import Frame, Surface
     from .laws import BondAssociated, BondBased, HyperelasticBonds, Neural, Nodal, Visco, ViscoBondBased
     from .materials import (
         ArrudaBoyce,
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
         TensionField,
         Yeoh,
     )
+    from .materials.bond_neo_hookean import BondNeoHookean
     from .output.frames import Frames, SavedFrame
     from .output.sheet_plot import draw_sheet
     from .output.vtkhdf import read_frame, read_series
@@ -58,28 +62,23 @@ if TYPE_CHECKING:
         TearingEnergy,
         TriangleMesh,
     )
-    from .pieces import placed, together
+    from .run.built import Built
     from .run.result import Result
-    from .scene import Measure, Outcome
-    from .shapes.curves import Circle, Polygon, Spline
-    from .shapes.files import read_mesh
-    from .shapes.pieces import Place
-    from .shapes.svg import read_outline
-    from .sheet import Sheet
-    from .simulation import Simulation
+    from .run.scene import Measure, Outcome
+    from .run.simulation import Simulation
     from .solvers import Explicit, Newton, Relaxation
 else:
     __getattr__ = lazy(
         __name__,
         {
-            "bond_neo_hookean": "BondNeoHookean",
-            "built": "Built",
-            "checks": "InputError",
-            "frame": "Frame Surface",
+            "materials.bond_neo_hookean": "BondNeoHookean",
+            "run.built": "Built",
+            "device.checks": "InputError",
+            "interfaces.frame": "Frame Surface",
             "laws.bond_associated": "BondAssociated",
             "laws.bond_based": "BondBased",
             "laws.hyperelastic_bonds": "HyperelasticBonds",
-            "laws.neural": "Neural",
+            "laws.neural.law": "Neural",
             "laws.nodal": "Nodal",
             "laws.visco": "Visco",
             "laws.visco_bonds": "ViscoBondBased",
@@ -88,18 +87,18 @@ else:
             "output.frames": "Frames SavedFrame",
             "output.sheet_plot": "draw_sheet",
             "output.vtkhdf": "read_frame read_series",
-            "pieces": "placed together",
+            "geometry.together": "placed together",
             "parts": "BodyForce BodyPath BoundaryForce Box Capsule CriticalEnergy CriticalStretch Cylinder EnclosedGas "
             "EnclosedVolume Fixed Free Motion Plane PointForce Pressure Reaction RigidBall RigidBody SelfContact "
             "Sphere TearingEnergy TriangleMesh",
             "run.result": "Result",
-            "scene": "Measure Outcome",
-            "shapes.curves": "Circle Polygon Spline",
-            "shapes.files": "read_mesh",
-            "shapes.pieces": "Place",
-            "shapes.svg": "read_outline",
-            "sheet": "Sheet",
-            "simulation": "Simulation",
+            "run.scene": "Measure Outcome",
+            "geometry.curves": "Circle Polygon Spline",
+            "geometry.files": "read_mesh",
+            "geometry.pieces": "Place",
+            "geometry.svg": "read_outline",
+            "geometry.sheet": "Sheet",
+            "run.simulation": "Simulation",
             "solvers.explicit": "Explicit",
             "solvers.newton": "Newton",
             "solvers.relaxation": "Relaxation",
@@ -107,8 +106,6 @@ else:
     )
 
 __version__ = "0.1.0"
-
-_moved.install()
 
 __all__ = [
     "ArrudaBoyce",

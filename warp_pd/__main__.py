@@ -1,5 +1,368 @@
-"""`python -m warp_pd` is `warp-pd`."""
+"""Command line: warp-pd list, run, sweep, plan, draw, view, fit, info, bench."""
 
-from .cli import main
+from __future__ import annotations
 
-main()
+import inspect
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .device.checks import InputError, OutputError, count, one_of
+from .fitting.command import fit_command
+from .interfaces.communicator import SPEAKS, LostError
+from .run.exit_codes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT
+from .run.processes import crew_here, is_first, launch, processes_here
+from .run.scene_files import build_scene, load_scene, scene_names
+from .run.scene_help import SceneCommand
+
+
+class OneLineGroup(click.Group):
+    """A group that reports wrong input in one line and exits with code 2."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except click.UsageError as error:
+            where = error.ctx.command_path if error.ctx is not None else "warp-pd"
+            _say(f"{error.format_message()} (see {where} --help)")
+            ctx.exit(WRONG_INPUT)
+        except LostError as error:
+            if SPEAKS not in os.environ:
+                click.echo(f"warp-pd: {error}", err=True)
+            sys.stderr.flush()
+            # What still waits for the other process would hang.
+            os._exit(LOST)
+        except (InputError, MemoryError) as error:
+            _say(str(error))
+            if isinstance(error, OutputError):
+                # HDF5 crashes at the exit of a process in which a file could not be written.
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os._exit(WRONG_INPUT)
+            ctx.exit(WRONG_INPUT)
+
+
+def _say(text: str) -> None:
+    """One line on stderr; of several processes the first says it."""
+    if is_first():
+        click.echo(f"warp-pd: {text}", err=True)
+
+
+@click.group(cls=OneLineGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="warp-pd")
+def main() -> None:
+    """Peridynamics of thin rubber sheets that stretch, wrinkle, tear and get pierced."""
+
+
+def _settings(
+    points: int | None, horizon: float | None, force: str | None, weights: str | None, solver: str | None,
+    duration: float | None, frames: int | None, assignments: tuple[str, ...],
+) -> dict[str, Any]:  # fmt: skip
+    named = {
+        "points": points, "horizon": horizon, "force": force, "weights": weights, "solver": solver,
+        "duration": duration, "frames": frames,
+    }  # fmt: skip
+    settings = {key: value for key, value in named.items() if value is not None}
+    return settings | _assigned(assignments, settings)
+
+
+def _assigned(assignments: tuple[str, ...], given: dict[str, Any]) -> dict[str, str]:
+    """The arguments of --set NAME=VALUE, none of which may be given already."""
+    found: dict[str, str] = {}
+    for text in assignments:
+        key, separator, value = text.partition("=")
+        if not separator or not key.strip():
+            raise InputError(f"--set {text!r}: expected name=value")
+        name = key.strip().replace("-", "_")
+        earlier = given.get(name, found.get(name))
+        if earlier is not None:
+            raise InputError(f"--set {text}: {name} = {earlier} is given already; expected one value")
+        found[name] = value.strip()
+    return found
+
+
+def _of_a_sweep(command: Any) -> Any:
+    """Options of `sweep` that take values separated by commas."""
+    values = "VALUE,VALUE,..."
+    assigned = "Values of a parameter of the scene, separated by commas; tuples in brackets. May be repeated."
+    command = click.option("--set", "assignments", multiple=True, metavar=f"NAME={values}", help=assigned)(command)
+    for name in ("frames", "duration", "solver", "weights", "force", "horizon", "points"):
+        command = click.option(f"--{name}", metavar=values, help=f"As for `run`: {name}.")(command)
+    return command
+
+
+def _scene_options(command: Any) -> Any:
+    """Options common to `run` and `plan`."""
+    options = [
+        click.argument("scene"),
+        click.option("--points", type=int, help="Points along x."),
+        click.option("--horizon", type=float, help="Horizon in spacings, such as 1.5, 2.015 or 3.15."),
+        click.option(
+            "--force",
+            help="bond_associated, nodal, closed_form, neural, neural_fused or a network's file (.npz), in the scenes "
+            "of the NN paper; bond_associated, bond_based, bond_based_refitted in `stretch`.",
+        ),
+        click.option("--weights", help="published, plain, corrected or auto."),
+        click.option("--solver", help="explicit, relaxation or newton, in static scenes."),
+        click.option("--duration", type=float, help="Simulated time [s], in scenes that take one."),
+        click.option("--frames", type=int, help="Number of frames after the first, in dynamic scenes."),
+        click.option(
+            "--set",
+            "assignments",
+            multiple=True,
+            metavar="NAME=VALUE",
+            help="A parameter of the scene; may be repeated.",
+        ),
+        click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available."),
+        click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@main.command("list")
+def list_scenes() -> None:
+    """List the scenes."""
+    for name in scene_names():
+        text = inspect.getdoc(load_scene(name)) or ""
+        click.echo(f"{name:20s} {text.splitlines()[0]}")
+
+
+@main.command(cls=SceneCommand)
+@_scene_options
+@click.option("--out", help="Folder for the results; by default runs/SCENE, or runs/SCENE-2, ... if it holds some.")
+@click.option("--resume", is_flag=True, help="Continue from the last frame in the folder, by default the newest.")
+@click.option("--overwrite", is_flag=True, help="Replace the results of another run in the folder.")
+@click.option("--no-usd", is_flag=True, help="Do not write animation.usd.")
+@click.option("--no-vtkhdf", is_flag=True, help="Do not write frames.vtkhdf; no pictures are drawn then.")
+@click.option(
+    "--fields",
+    help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
+)
+@click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
+@click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
+@click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
+@click.option("--stride", type=int, default=1, help="Frames hold every so many-th column and row of a lattice.")
+@click.option("--no-restart", is_flag=True, help="Do not write restart.npz: the run cannot go on.")
+@click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
+@click.option("--quiet", is_flag=True, help="Do not show progress.")
+@click.option("--gpus", type=int, default=1, help="Divide the sheet among so many GPUs of this machine.")
+@click.option("--processes", type=int, default=1, help="The same; with --device cpu processes share the cores.")
+def run(
+    scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
+    solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
+    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
+    fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
+    gpus: int, processes: int, stride: int, no_restart: bool,
+) -> None:  # fmt: skip
+    """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
+    if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
+        sys.exit(launch(gpus, processes, device, sys.argv[1:]))
+    quiet = quiet or not is_first()
+    from .output.progress import Progress
+    from .run.folder import free_folder, newest_folder
+    from .run.report import report
+    from .run.runner import DIVERGED as RUN_DIVERGED
+    from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
+
+    settings = _settings(points, horizon, force, weights, solver, duration, frames, assignments)
+    crew, _ = crew_here(device)
+    simulation = crew.together(lambda: build_scene(scene, settings))
+    folder: str | Path = Path("runs") / simulation.scene if out is None else out
+    if out is None and not overwrite:
+        folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))
+    try:
+        result = simulation.run(
+            out=folder,
+            device=device,
+            precision=precision,
+            resume=resume,
+            overwrite=overwrite,
+            usd=not no_usd,
+            vtkhdf=not no_vtkhdf,
+            fields=None if fields is None else [name.strip() for name in fields.split(",") if name.strip()],
+            pictures=False if no_pictures else pictures,
+            view=not no_view,
+            history_every=history_every,
+            stride=stride,
+            restarts=not no_restart,
+            reporter=Progress(quiet),
+        )
+    except DivergedError as error:
+        _say(str(error))
+        sys.exit(DIVERGED)
+    except KeyboardInterrupt:
+        _say("interrupted before the first frame")
+        sys.exit(INTERRUPTED)
+    if not quiet:
+        for line in report(result):
+            click.echo(line)
+    if result.summary["message"]:
+        _say(result.summary["message"])
+    if result.status in (RUN_DIVERGED, NOT_CONVERGED):
+        sys.exit(DIVERGED)
+    if result.status == STOPPED:
+        sys.exit(INTERRUPTED)
+
+
+@main.command("sweep", cls=SceneCommand)
+@click.argument("scene")
+@_of_a_sweep
+@click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
+@click.option("--precision", type=int, help="32 or 64; by default 32 for dynamics, 64 for static solvers.")
+@click.option("--out", help="Folder for the runs, the table and the plot; by default runs/SCENE-sweep.")
+@click.option("--overwrite", is_flag=True, help="Run everything again.")
+@click.option("--usd", is_flag=True, help="Write animation.usd in every folder.")
+@click.option("--pictures", help="Draw the pictures of every run: png, pdf or svg.")
+@click.option("--quiet", is_flag=True, help="Print the table alone.")
+@click.option("--gpus", type=int, default=1, help="Divide the sheet of each run among so many GPUs of this machine.")
+@click.option("--processes", type=int, default=1, help="The same; with --device cpu processes share the cores.")
+def sweep_values(
+    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
+    overwrite: bool, usd: bool, pictures: str | None, quiet: bool, gpus: int, processes: int, **named: str | None,
+) -> None:  # fmt: skip
+    """Run SCENE for all combinations of values: --set horizon=2.015,3.15 --points 51,101.
+
+    Runs follow each other, each in a folder of its own. The same command continues a sweep that was interrupted, and
+    skips what is done. A run that fails does not stop the others: the table says so, and the exit code is that of the
+    worst.
+    """
+    from .run.arguments import split_values
+    from .run.sweep_command import apart, here, run_sweep
+
+    choices = {key: split_values(text) for key, text in named.items() if text is not None}
+    for name, text in _assigned(assignments, choices).items():
+        choices[name] = split_values(text)
+    if not choices:
+        raise InputError("sweep: expected values, such as --points 51,101 or --set horizon=2.015,3.15")
+    folder = Path("runs") / f"{Path(scene).stem}-sweep" if out is None else Path(out)
+    options = {"device": device, "precision": precision, "usd": usd, "pictures": pictures or False, "view": False}
+    start = here(options)
+    if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1:
+        start = apart(scene, options, gpus, processes)
+    sys.exit(run_sweep(scene, choices, folder, start, precision, overwrite, quiet))
+
+
+@main.command(cls=SceneCommand)
+@_scene_options
+def plan(
+    scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
+    solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
+    precision: int | None,
+) -> None:  # fmt: skip
+    """Show the arrays and launches of SCENE, and the part that each belongs to."""
+    simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
+    click.echo(simulation.plan(device, precision))
+
+
+@main.command("draw")
+@click.argument("folder", metavar="FOLDER|SCENE", type=click.Path(path_type=Path))
+@click.option("--scene", help="The scene's file, if it has moved.")
+@click.option("--shape", is_flag=True, help="Draw the sheet of SCENE before it runs.")
+@click.option("--points", type=int, help="With --shape: points along x.")
+@click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="With --shape: as for `run`.")
+@click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
+@click.option("--out", help="With --shape: the picture, .png, .pdf or .svg; by default SCENE-shape.png.")
+def draw(
+    folder: Path, scene: str | None, shape: bool, points: int | None, assignments: tuple[str, ...], pictures: str,
+    out: str | None,
+) -> None:  # fmt: skip
+    """Draw the pictures of a run from its FOLDER again, for runs made with --no-pictures or changed pictures.
+
+    With --shape: draw the sheet of SCENE, a name from `warp-pd list` or a Python file. Nothing is compiled or run.
+    """
+    if shape:
+        if scene is not None:
+            raise InputError(f"--scene {scene}: expected it without --shape; name the scene itself")
+        settings = _settings(points, None, None, None, None, None, None, assignments)
+        simulation = build_scene(str(folder), settings)
+        picture = out or f"{simulation.scene}-shape.png"
+        simulation.draw(picture)
+        click.echo(f"  {picture}")
+        return
+    given = {"--points": points, "--set": assignments or None, "--out": out}
+    for option in (name for name, value in given.items() if value is not None):
+        raise InputError(f"{option}: expected it with --shape")
+    _draw_again(folder, scene, pictures)
+
+
+def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
+    from .geometry.picture_files import pictures_in
+    from .run.folder import read_history, run_summary
+    from .run.runner import draw as draw_pictures
+    from .run.runner import picture_formats
+
+    summary = run_summary(folder)
+    if summary is None:
+        raise InputError(f"folder = {str(folder)!r}: expected one with the summary.json of a run")
+    if scene is not None and Path(scene).stem != summary["scene"]:
+        raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
+    simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
+    draw_pictures(simulation, read_history(folder / "history.csv"), folder, picture_formats(pictures))
+    for path in pictures_in(folder):
+        click.echo(f"  {path.name}")
+
+
+@main.command("view")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--out", help="The file; by default view.html in FOLDER.")
+@click.option("--points", type=int, help="Largest number of points to draw; by default 40000.")
+@click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
+def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
+    """Write the page of a run from its FOLDER: one HTML file that any browser opens, without server or network."""
+    from .run.view import write_page
+
+    path = write_page(folder, out, points, frames)
+    click.echo(f"  {path} ({path.stat().st_size / 1e6:.3g} MB)")
+
+
+@main.command()
+@click.argument("file", metavar="FILE|FOLDER", type=click.Path(path_type=Path))
+def info(file: Path) -> None:
+    """Show the contents of a frames.vtkhdf, an animation.usd, a summary.json, or a folder of them."""
+    from .output.info import describe
+
+    click.echo(describe(file))
+
+
+@main.command()
+@click.option("--points", type=int, multiple=True, default=(101,), help="Points along a side; may be repeated.")
+@click.option("--horizon", type=float, multiple=True, default=(2.015, 3.15), help="In spacings; may be repeated.")
+@click.option("--law", default="bond_associated", help="bond_associated or bond_based.")
+@click.option("--precision", type=int, default=32, help="32 or 64.")
+@click.option("--features", default="", help="supports, pressure, contact, rupture, energy, damping; or all.")
+@click.option("--layout", default="lattice", help="lattice, hole, cloud, or tube: a curved cloud.")
+@click.option("--damaged", type=float, default=0.0, help="Fraction of the points that have lost a bond, with rupture.")
+@click.option("--plain", is_flag=True, help="Use the reference kernels.")
+@click.option("--seconds", type=float, default=1.0, help="Measured time of each case.")
+@click.option("--device", help="Such as cpu or cuda:0.")
+def bench(
+    points: tuple[int, ...], horizon: tuple[float, ...], law: str, precision: int, features: str, layout: str,
+    damaged: float, plain: bool, seconds: float, device: str | None,
+) -> None:  # fmt: skip
+    """Time the steps of a sheet, and print a table."""
+    from .device.checks import count, positive
+    from .run.bench import Case, chosen_features, report
+
+    one_of("precision", precision, (32, 64))
+    positive("seconds", seconds)
+    cases = [
+        Case(
+            count("points", n, 3), positive("horizon", m), precision, chosen_features(features), layout,
+            damaged=damaged, fast=not plain, law=law,
+        )
+        for m in horizon
+        for n in points
+    ]  # fmt: skip
+    click.echo(report(cases, device, seconds))
+
+
+main.add_command(fit_command(lambda points, texts: _settings(points, None, None, None, None, None, None, texts)))
+
+if __name__ == "__main__":
+    main()

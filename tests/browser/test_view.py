@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from torn_frames import FRAMES, make_frame_with_fields, make_surface
 
-from warp_pd.frame import Body
+from warp_pd.interfaces.frame import Body
 from warp_pd.output.vtkhdf import VtkHdfSeries, read_frame
 from warp_pd.run.view import write_page
 

@@ -21,7 +21,7 @@ from warp_pd import (
     Simulation,
     Sphere,
 )
-from warp_pd.shapes.curves import Circle
+from warp_pd.geometry.curves import Circle
 
 MU, RADIUS, THICKNESS = 1e3, 0.1, 1e-3
 # Radius of the ball, in radii of the disc.

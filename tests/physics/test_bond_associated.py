@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from warp_pd import CriticalStretch
 from warp_pd.families import pack
-from warp_pd.weights import edge_vectors
+from warp_pd.families.weights import edge_vectors
 
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15)
 

@@ -7,8 +7,8 @@ from helpers import build, jittered, square
 from scipy.special import j0, jn_zeros
 
 from warp_pd import BodyForce, Fixed, InputError, MooneyRivlin, Newton, Pressure
-from warp_pd.cli import build_scene
-from warp_pd.modes import natural_modes
+from warp_pd.__main__ import build_scene
+from warp_pd.run.modes import natural_modes
 
 RUBBER = MooneyRivlin(500.0)
 

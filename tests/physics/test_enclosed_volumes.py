@@ -22,7 +22,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.shapes.curves import Circle
+from warp_pd.geometry.curves import Circle
 
 RUBBER = MooneyRivlin(500.0)
 RADIUS, THICKNESS = 0.1, 1e-3

@@ -4,17 +4,7 @@ import numpy as np
 import pytest
 from helpers import MU, NEO, build, exact_stress, square
 
-from warp_pd import (
-    BondAssociated,
-    CriticalStretch,
-    Explicit,
-    Fixed,
-    Gent,
-    Motion,
-    RigidBall,
-    Sheet,
-    Simulation,
-)
+from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Gent, Motion, RigidBall, Sheet, Simulation
 from warp_pd.solvers.explicit import STEPS_BETWEEN
 
 

@@ -22,7 +22,7 @@ from warp_pd import (
     Simulation,
     TearingEnergy,
 )
-from warp_pd.weights import balance
+from warp_pd.families.weights import balance
 
 TOLERANCE = {32: 3e-6, 64: 1e-12}
 # From the edge of the hole, across deep families.

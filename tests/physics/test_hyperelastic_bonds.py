@@ -18,7 +18,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd import bond_neo_hookean as law_of
+from warp_pd.materials import bond_neo_hookean as law_of
 
 BOTH = [(mode, fit) for mode in MODES for fit in FITS]
 

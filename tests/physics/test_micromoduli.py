@@ -7,10 +7,10 @@ import pytest
 from helpers import internal_force, square, strain_energy, uniform
 
 from warp_pd import Bimodular, BondBased, CriticalStretch, Explicit, InputError, Sheet, Simulation
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 from warp_pd.families import build_families
+from warp_pd.families.weights import edge_vectors
 from warp_pd.laws.bond_based import STIFFNESS, _bond_weights, _corrected
-from warp_pd.weights import edge_vectors
 
 E, NU = 2.0e4, 1.0 / 3.0
 

@@ -9,8 +9,8 @@ from helpers import NEO, internal_force, jittered, rough, square, uniform
 from point_laws import build, tiny
 
 from warp_pd import InputError, Neural, Sheet
-from warp_pd.cli import build_scene
-from warp_pd.weights import edge_vectors
+from warp_pd.__main__ import build_scene
+from warp_pd.families.weights import edge_vectors
 
 STRETCH = np.array([[1.3, 0.1], [0.1, 1.1], [0.0, 0.0]])
 SHEETS = {

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_pd.cli import build_scene, load_scene
+from warp_pd.__main__ import build_scene, load_scene
 
 STORED = json.loads((Path(__file__).parents[1] / "references" / "stretch.json").read_text())
 

@@ -6,7 +6,7 @@ from helpers import GENT, jittered, square
 from small_runs import run, simulate
 
 from warp_pd import Fixed, InputError, Motion, Newton, Pressure, Relaxation
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 
 SAME = {
     "pressure on a lattice": (square(21), {"loads": [Pressure(5.0)]}),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from warp_pd import Prony, Yeoh
-from warp_pd.analytic_response import published_stress
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
+from warp_pd.materials.analytic_response import published_stress
 
 POLYUREA = Yeoh(c10=0.1996e6, c20=0.0170e6)
 TERM = Prony(c10=0.01733e6, c20=0.0015e6, time=0.9466, exponent=1.6665)

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from warp_pd import InputError
-from warp_pd.cli import build_scene, main
+from warp_pd.__main__ import build_scene, main
 from warp_pd.scenes import notched_strip
 
 

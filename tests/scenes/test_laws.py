@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from warp_pd.cli import build_scene, main
+from warp_pd.__main__ import build_scene, main
 
 SCENES = {
     # The nodal law finds no static equilibrium under a follower pressure: its corners crumple without resistance.

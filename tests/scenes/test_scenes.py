@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from warp_pd import Explicit, InputError
-from warp_pd.cli import build_scene, load_scene, scene_names
-from warp_pd.shapes.enclosure import volume_of
+from warp_pd.__main__ import build_scene, load_scene, scene_names
+from warp_pd.geometry.enclosure import volume_of
 
 SMALL = {
     "bimodular_bar": {"points": 60},

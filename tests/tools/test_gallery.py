@@ -6,8 +6,8 @@ from pathlib import Path
 import gallery
 import pytest
 
-from warp_pd.cli import build_scene, scene_names
-from warp_pd.output.packed import Arrays
+from warp_pd.__main__ import build_scene, scene_names
+from warp_pd.output.packing import Arrays
 from warp_pd.output.view import _html as page_of
 from warp_pd.output.view import shared_files
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from warp_pd import InputError, Sheet
+from warp_pd.geometry.triangulation import crosses
 from warp_pd.measures import (
     TearLine,
     at_time,
@@ -15,7 +16,6 @@ from warp_pd.measures import (
     when_above,
     worst_balance,
 )
-from warp_pd.shapes.triangulation import crosses
 
 
 def sheet_of(turn, jitter, points=61):

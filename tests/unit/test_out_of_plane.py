@@ -8,7 +8,7 @@ from boundary_forces import HORIZON, built_on, lifted, rotated, rotation_of
 from helpers import NEO, random_gradient, sever, square, uniform
 
 from warp_pd import BondAssociated, Explicit, InputError, Simulation
-from warp_pd.out_of_plane import distance_from_local_plane
+from warp_pd.measures import distance_from_local_plane
 
 
 def distance(built, displacement, points):

@@ -16,7 +16,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.checks import said
+from warp_pd.device.checks import said
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
 

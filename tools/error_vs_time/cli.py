@@ -20,8 +20,8 @@ from pathlib import Path
 
 from study import DOCS, provenance, study_parser, write_page
 
-from warp_pd.cores import available_cores
-from warp_pd.device.context import find_device
+from warp_pd.device.cores import available_cores
+from warp_pd.interfaces.context import find_device
 
 from .page import FOLDER, page
 from .results import Row, load

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from stretch import elements as known_hole
 from study import REFERENCES
 
-from warp_pd.cli import load_scene
+from warp_pd.__main__ import load_scene
 
 from .membrane import Membrane, around_hole, gent, neo_hookean, rectangle
 from .references import Errors, interpolated, quarter_field

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from warp_pd import Bimodular, BondAssociated, BondBased, Explicit, Newton, Relaxation, Result, Simulation
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 from warp_pd.interfaces import History, Law
 from warp_pd.laws import force_law
 

@@ -10,8 +10,8 @@ from dataclasses import replace
 from time import process_time
 
 from warp_pd import Frame, InputError
-from warp_pd.device.context import find_device
 from warp_pd.interfaces import History, Writer
+from warp_pd.interfaces.context import find_device
 from warp_pd.run.divergence import DivergedError
 from warp_pd.run.runner import FINISHED, STOPPED
 

@@ -73,7 +73,7 @@ def pypd(peers: Peers, points: int, steps: int) -> float:
 def ours(peers: Peers, law: str, points: int, precision: int) -> float:
     """Seconds a step of this code."""
     code = (
-        "from warp_pd.bench import Case, measure; "
+        "from warp_pd.run.bench import Case, measure; "
         f"print(measure(Case({points}, 3.015, {precision}, ('rupture',), law={law!r}), 'cpu', 2.0).step)"
     )
     return float(peers.run([sys.executable, "-c", code]).split()[-1])

@@ -25,7 +25,7 @@ from pathlib import Path
 
 from study import provenance, study_parser
 
-from warp_pd.device.context import find_device
+from warp_pd.interfaces.context import find_device
 from warp_pd.run.folder import write_atomically
 
 from . import execution

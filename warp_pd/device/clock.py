@@ -9,10 +9,10 @@ import warp as wp
 
 from ..kernels.clock import clock
 from ..kernels.numeric import Numeric
-from ..schedules import Schedule
 from .fields import Array, Field, FieldRegister
 from .graph import LaunchSequence
 from .launches import Stage
+from .schedules import Schedule
 
 OWNER = "schedules"
 

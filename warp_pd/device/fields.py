@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import warp as wp
 
-from ..checks import InputError
+from .checks import InputError
 
 Array: TypeAlias = "wp.array[Any]"
 

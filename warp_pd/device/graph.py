@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 import warp as wp
 
-from ..cores import available_cores, cores
+from .cores import available_cores, cores
 from .launches import Call, Item, Launch, Stage
 from .streams import MAIN, SIDE, stream_of, stream_waits
 

@@ -13,9 +13,9 @@ from typing import Any, TypeAlias
 
 import warp as wp
 
-from ..cores import cores
 from ..kernels.effects import Effects, Kernel
 from ..kernels.pointwise import Pointwise, every_point, in_turn, spread_points
+from .cores import cores
 from .fields import Array
 
 # Consecutive points that a CPU thread works through in a pointwise stage.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..checks import InputError, finite
-from ..sheet import Sheet
+from ..device.checks import InputError, finite
+from ..geometry.sheet import Sheet
 from .cloud import cloud_families
 from .grid import grid_families
 from .lattice import lattice_families

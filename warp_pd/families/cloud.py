@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..checks import InputError
-from ..sheet import Sheet
+from ..device.checks import InputError
+from ..geometry.sheet import Sheet
 from .intersections import common_by_row
 from .neighbours import near_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..sheet import Sheet
+from ..geometry.sheet import Sheet
 from .build import checked_horizon
 from .cloud import find_neighbours, point_rows, refuse_lone_points
 from .share import Share

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import InputError
-from ..sheet import Sheet
+from ..device.checks import InputError
+from ..geometry.sheet import Sheet
 from .cloud import find_neighbours, point_rows, refuse_lone_points
 from .lattice import near_cuts
 from .masks import pack

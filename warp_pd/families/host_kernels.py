@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..cores import available_cores, cores, start_warp
+from ..device.cores import available_cores, cores, start_warp
 from ..kernels.effects import Kernel
 
 # Fewest rows that are worth a thread.

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..shapes.on_demand import CHUNK, for_each_chunk, mean_of
-from ..shapes.triangulation import Segment, crosses, lattice_box
-from ..sheet import Sheet
+from ..geometry.on_demand import CHUNK, for_each_chunk, mean_of
+from ..geometry.sheet import Sheet
+from ..geometry.triangulation import Segment, crosses, lattice_box
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError
-from ..shapes.on_demand import CHUNK, OnDemand, Stored
-from ..sheet import Sheet
+from ..device.checks import InputError
+from ..geometry.on_demand import CHUNK, OnDemand, Stored
+from ..geometry.sheet import Sheet
 
 # Sums over points go by whole blocks, and then are the same on any number of processes.
 BLOCK = 256

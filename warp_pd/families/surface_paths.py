@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..sheet import Sheet
+from ..geometry.sheet import Sheet
 
 # Longest path along the edges of the triangles between points that share a bond, over their distance: a square lattice
 # without one of its diagonals has 1.42.

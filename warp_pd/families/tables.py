@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import InputError, kind_and_text, numbers, one_of, user_code
-from ..cores import cores
+from ..device.checks import InputError, kind_and_text, numbers, one_of, user_code
+from ..device.cores import cores
+from ..geometry.on_demand import CHUNK
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE, SAMPLE
-from ..shapes.on_demand import CHUNK
 from .intersections import shapes_by_row
 from .masks import unpack
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..shapes.triangulation import crosses
-from ..sheet import Sheet
+from ..geometry.sheet import Sheet
+from ..geometry.triangulation import crosses
 from .surface_paths import apart_along
 
 # A bond that leaves the sheet exists all the same if a way inside, by one other point, is longer by no more than this.

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError
-from ..simulation import Simulation
+from ..device.checks import InputError
+from ..run.simulation import Simulation
 from .data import DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, read_table
 from .units import DIMENSIONS, dimension_of
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ..checks import InputError
+from ..device.checks import InputError
 from ..run.arguments import converted
 from ..run.folder import free_folder
 from ..run.scene_files import load_scene

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..checks import InputError
+from ..device.checks import InputError
 from .units import factor_and_dimension
 
 HEADER = re.compile(r"^\s*([^\[\]()]+?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..built import Built
-from ..checks import InputError
+from ..device.checks import InputError
 from ..device.fields import assign
-from ..frame import Frame
-from ..run.pictured import AllPoints, snapshot
-from ..simulation import Simulation
+from ..interfaces.frame import Frame
+from ..run.built import Built
+from ..run.frame_points import AllPoints, snapshot
+from ..run.simulation import Simulation
 from ..solvers.search import Search
 
 # Linear solves end at this share of their right side; those of a fit need no more than its states have.

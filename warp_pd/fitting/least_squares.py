@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError, finite, one_of
+from ..device.checks import InputError, finite, one_of
 from .data import Curve, FieldData, Test
 from .equilibrium import NoEquilibriumError
 from .model import Experiment, Model

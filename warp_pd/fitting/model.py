@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..checks import InputError
-from ..simulation import Simulation
+from ..device.checks import InputError
+from ..run.simulation import Simulation
 from .data import Curve, FieldData, Test
 from .equilibrium import FIT_ACCURACY, Equilibrium, NoEquilibriumError, for_differences, has_equilibrium
 from .probes import PointField

@@ -10,10 +10,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..built import Built
-from ..checks import InputError, one_of, point_indices
-from ..frame import Frame
-from ..sheet import Sheet
+from ..device.checks import InputError, one_of, point_indices
+from ..geometry.sheet import Sheet
+from ..interfaces.frame import Frame
+from ..run.built import Built
 from .equilibrium import Equilibrium
 
 AXES = "xyz"

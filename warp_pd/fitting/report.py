@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError
-from ..simulation import Simulation
+from ..device.checks import InputError
+from ..run.simulation import Simulation
 from .data import Curve, Test
 from .model import Experiment, SceneTests
 

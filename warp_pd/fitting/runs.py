@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError
+from ..device.checks import InputError
 from .data import Curve, Test
 from .sensitivity import Build
 

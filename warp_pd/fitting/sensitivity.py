@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError, one_of
-from ..frame import Frame
-from ..simulation import Simulation
+from ..device.checks import InputError, one_of
+from ..interfaces.frame import Frame
+from ..run.simulation import Simulation
 from .equilibrium import Equilibrium, for_differences
 from .probes import Probe
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError, positive
+from ..device.checks import InputError, positive
 from ..interfaces import History
 from .sensitivity import Build
 

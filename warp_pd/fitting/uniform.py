@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..checks import InputError, one_of
+from ..device.checks import InputError, one_of
 from ..materials import Material, energy_density
 from .data import Curve, Test
 from .model import Model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..checks import InputError
+from ..device.checks import InputError
 
 # Factor to SI and dimension of each unit.
 UNITS: dict[str, tuple[float, str]] = {

@@ -1,4 +1,6 @@
-"""Protocols that supports, loads, contact, rupture, force laws, solvers and writers implement.
+"""What the parts of a simulation know of each other: protocols, the context of a scene, phases, frames.
+
+Supports, loads, contact, rupture, force laws, solvers and writers implement the protocols.
 
 A scene names parts: small frozen dataclasses. Each is built on a device and then adds its own launches, phase by phase
 (phases.py). To write your own part, inherit from its protocol: optional methods have defaults. See

@@ -9,12 +9,12 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import warp as wp
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
 from ..kernels.rupture import Breaking
 from .built_part import BuiltPart
+from .context import Context
 
 
 class Solve(Protocol):

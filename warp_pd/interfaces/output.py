@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from ..frame import Frame
+from .frame import Frame
 
 
 @runtime_checkable

@@ -8,15 +8,15 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..checks import InputError
-from ..device.context import Context
+from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..device.schedules import Schedule
 from ..families.share import Share
-from ..frame import Body
-from ..schedules import Schedule
-from ..sheet import Sheet
+from ..geometry.sheet import Sheet
 from .built_part import BuiltPart
+from .context import Context
+from .frame import Body
 from .law import BuiltLaw
 
 

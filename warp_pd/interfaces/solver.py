@@ -8,15 +8,15 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..checks import InputError
-from ..device.context import Context
+from ..device.checks import InputError
 from ..device.graph import LaunchSequence
 from ..device.launches import Stage
-from ..phases import Phase
-from ..schedules import Schedule
+from ..device.schedules import Schedule
 from .built_part import BuiltPart
+from .context import Context
 from .law import BuiltLaw
 from .part import Constraint, External
+from .phases import Phase
 
 
 class FrameSink(Protocol):

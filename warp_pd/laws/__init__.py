@@ -2,14 +2,14 @@
 
 from typing import TYPE_CHECKING
 
-from .._lazy import lazy
+from ..device.lazy import lazy
 
 if TYPE_CHECKING:
     from .bond_associated import BondAssociated
     from .bond_based import BondBased
     from .by_name import NAMES, ForceLaw, force_law
     from .hyperelastic_bonds import HyperelasticBonds
-    from .neural import Neural
+    from .neural.law import Neural
     from .nodal import Nodal
     from .visco import Visco
     from .visco_bonds import ViscoBondBased
@@ -21,7 +21,7 @@ else:
             "bond_based": "BondBased",
             "by_name": "NAMES ForceLaw force_law",
             "hyperelastic_bonds": "HyperelasticBonds",
-            "neural": "Neural",
+            "neural.law": "Neural",
             "nodal": "Nodal",
             "visco": "Visco",
             "visco_bonds": "ViscoBondBased",

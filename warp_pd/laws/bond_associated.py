@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, one_of, positive
-from ..device.context import Context
+from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BondBreaking, BuiltLaw, Tangent
+from ..interfaces.context import Context
 from ..kernels.bond_associated import bond_associated
 from ..kernels.effects import Kernel
 from ..kernels.reference_force import reference_force
@@ -22,8 +22,8 @@ from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
 from .fast_path import fast_path, has_blocks
+from .point_fields import ShownFields, factors
 from .shared_tables import law_tables
-from .shown_fields import ShownFields, factors
 from .variational import FastForce, Key
 from .weight_tables import MAX_CORRECTED
 

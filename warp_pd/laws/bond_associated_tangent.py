@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from ..checks import InputError
-from ..device.context import Context
+from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, remaining_inverse, tilts_of, unpack
 from ..interfaces import Solve
+from ..interfaces.context import Context
 from ..kernels.bond_associated_tangent import bond_associated_tangent
 from ..kernels.lattice_matrix import lattice_matrix
 from ..materials import capabilities

@@ -10,19 +10,19 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, one_of, positive
-from ..device.context import Context
+from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Tangent
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.bond_based import bond_based, pull_of_bond
 from ..kernels.bonds_once import BondsOnce, bonds_once
 from ..kernels.effects import Kernel
 from ..kernels.rupture import NEARLY
 from ..materials import PairwiseMaterial, capabilities, check_material
-from ..phases import Phase
-from ..sheet import Sheet
 from .bond_based_tangent import BondBasedTangent
 from .family_law import FamilyLaw, whole_sheet
 
@@ -237,7 +237,7 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
     Raises:
         InputError: for a sheet that is no uncut rectangle of one material, or has fewer than four rows or columns.
     """
-    from ..weights import balanced_micromoduli
+    from ..families.weights import balanced_micromoduli
 
     lattice = sheet.lattice
     if lattice is None or sheet.cuts or sheet.stiffness is not None or min(lattice.rows, lattice.columns) < 4:

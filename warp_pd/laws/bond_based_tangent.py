@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import unpack
 from ..interfaces import Solve
+from ..interfaces.context import Context
 from ..kernels.bond_based import bond_based_tangent
 from ..materials import PairwiseMaterial, capabilities
 from .family_law import FamilyLaw

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..checks import InputError, one_of
+from ..device.checks import InputError, one_of
 from ..materials import WRINKLES, Material, with_wrinkles
 from .bond_associated import BondAssociated
 from .bond_based import BondBased
 from .hyperelastic_bonds import HyperelasticBonds
-from .neural import WEIGHTS as NEURAL_WEIGHTS
-from .neural import Neural
+from .neural.law import WEIGHTS as NEURAL_WEIGHTS
+from .neural.law import Neural
 from .nodal import Nodal
 from .visco import Visco
 from .visco_bonds import ViscoBondBased

@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..checks import InputError
-from ..device.context import Context
+from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, pack
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Law, Tangent
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.effects import Kernel
 from ..kernels.pointwise import Pointwise
 from ..materials import Material, capabilities, padded_constants
-from ..phases import Phase
-from ..sheet import Sheet
 from .family_struct import family_struct
-from .shown_fields import ShownFields, grouped, offered, refuse_other
+from .point_fields import ShownFields, grouped, offered, refuse_other
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:

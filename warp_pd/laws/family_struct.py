@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.context import Context
 from ..families import Families, pack
 from ..families.tables import in_blocks
+from ..interfaces.context import Context
 from ..kernels.compact_clouds import EVALUATED
 from ..kernels.families import COMPACT, family_functions, is_compact
 

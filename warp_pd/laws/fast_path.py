@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import OfStrip, Span, Stage, with_values
 from ..device.streams import MAIN, SECOND, SIDE
+from ..geometry.sheet import Sheet
 from ..interfaces import BondBreaking, Law
+from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD, is_compact
@@ -33,7 +34,6 @@ from ..kernels.reverse_bonds import gather_reverse_bonds
 from ..kernels.stencil import Stencil
 from ..kernels.undamaged_lattice import undamaged_lattice_force
 from ..materials import capabilities
-from ..sheet import Sheet
 from .family_struct import moments_of
 from .point_lists import Lists, Run
 from .strips import Strip, long_strips, short_strips

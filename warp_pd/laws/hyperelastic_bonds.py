@@ -7,14 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..bond_neo_hookean import BondNeoHookean, bond_energy, bond_traction, deformed, round_family
-from ..checks import InputError, one_of, positive
-from ..device.context import Context
+from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
+from ..interfaces.context import Context
 from ..kernels.hyperelastic_bonds import hyperelastic_bonds
+from ..materials.bond_neo_hookean import BondNeoHookean, bond_energy, bond_traction, deformed, round_family
 from .family_law import FamilyLaw, whole_sheet
 
 # Stretch at which the surface correction compares energies (HE, chapter 5).

@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..checks import positive
-from ..device.context import Context
+from ..device.checks import positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
 from ..interfaces import BuiltLaw, Law
+from ..interfaces.context import Context
 from ..kernels.effects import Kernel
 from ..kernels.nodal import nodal
 from ..materials import Material, check_material, energy_density

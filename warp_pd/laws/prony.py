@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError
-from ..device.context import Context
+from ..device.checks import InputError
 from ..device.fields import Array
+from ..interfaces.context import Context
 from ..materials import Prony
 
 # Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.

@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ..device.context import Context
 from ..families import Families, InfluenceFunction
 from ..families.cloud_share import made_by_share, share_families
 from ..families.rows_here import rows_here
+from ..interfaces.context import Context
 from .weight_tables import plain_weights, weight_tables
 
 Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
 from ..interfaces import BondBreaking
+from ..interfaces.context import Context
 from ..kernels.bond_associated import BondAssociatedKernels
 from ..kernels.factories import PairFactory
 from ..kernels.pointwise import Pointwise

@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import InputError
-from ..device.context import Context
+from ..device.checks import InputError
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.visco import ViscoKernels, visco, visco_energy
 from ..materials import Prony, capabilities
-from ..phases import Phase
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
 from .fast_path import NO_PRONY, RowSums, sums_rows

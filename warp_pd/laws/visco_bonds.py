@@ -7,16 +7,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, one_of, positive
-from ..device.context import Context
+from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
 from ..interfaces import BuiltLaw
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.effects import Kernel
 from ..kernels.visco_bonds import visco_bonds
 from ..materials import Prony, Yeoh
-from ..phases import Phase
 from .family_law import FamilyLaw, require_one_material, whole_sheet
 from .prony import at_once, check_prony, prony_array
 

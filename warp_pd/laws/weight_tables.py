@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import InputError
+from ..device.checks import InputError
 from ..families import Families, InfluenceFunction, build_families, inverse_shape, require_diagonals, unpack
-from ..sheet import Sheet
+from ..geometry.sheet import Sheet
 
 if TYPE_CHECKING:
-    from ..weights import CorrectedWeights, RectangleWeights
+    from ..families.weights import CorrectedWeights, RectangleWeights
 
 # Largest horizon at which weights are corrected, and most points whose families are not deep inside a grid: beyond, the
 # solve takes minutes.
@@ -132,7 +132,7 @@ def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights,
 
 
 def _rectangle(families: Families, sheet: Sheet, intersections: bool = True) -> RectangleWeights:
-    from ..weights import rectangle_corrected
+    from ..families.weights import rectangle_corrected
 
     assert sheet.lattice is not None and families.steps is not None
     lattice = sheet.lattice
@@ -154,7 +154,7 @@ def _correction(
     Points that share a row keep their plain weights: they and all around them are in balance. So the solve needs the
     points with rows of their own, those in whose balance these take part, and the families of the latter's members.
     """
-    from ..weights import corrected_weights, reached_points
+    from ..families.weights import corrected_weights, reached_points
 
     assert families.severed is not None
     own = np.ones(sheet.size, bool) if families.family_class is None else families.family_class > 0
@@ -195,7 +195,7 @@ def _correction(
 
 
 def _edges(sheet: Sheet) -> np.ndarray:
-    from ..weights import edge_vectors, edge_vectors_of, rim_vectors
+    from ..families.weights import edge_vectors, edge_vectors_of, rim_vectors
 
     if sheet.frames is not None:
         return rim_vectors(sheet.points, sheet.triangles, sheet.frames)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from ..checks import positive
+from ..device.checks import positive
 
 if TYPE_CHECKING:
     from ..kernels.factories import FunctionFactory, PairFactory

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cores import start_warp
+from ..device.cores import start_warp
 from .protocols import Material, check_material, padded_constants
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from ..checks import InputError, finite, not_negative, positive
+from ..device.checks import InputError, finite, not_negative, positive
 
 if TYPE_CHECKING:
     from ..kernels import incompressible as kernels

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..checks import not_negative, positive
+from ..device.checks import not_negative, positive
 
 if TYPE_CHECKING:
     from ..kernels.factories import PairwiseFactory

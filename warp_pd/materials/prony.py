@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..checks import not_negative, positive
+from ..device.checks import not_negative, positive
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..checks import InputError, finite
+from ..device.checks import InputError, finite
 
 if TYPE_CHECKING:
     from ..kernels.factories import FunctionFactory, PairFactory, PairwiseFactory

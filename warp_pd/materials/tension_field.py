@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from ..checks import InputError, one_of
+from ..device.checks import InputError, one_of
 from .protocols import Material, capabilities, check_material
 
 if TYPE_CHECKING:

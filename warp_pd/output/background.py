@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-from ..checks import OutputError
-from ..frame import Frame
+from ..device.checks import OutputError
+from ..interfaces.frame import Frame
 
 
 class Background:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .shown import Shown
+from .picture_frames import Shown
 
 # Perceptually uniform maps: of fields with one sign, of damage, and of fields with both signs (Moreland 2009).
 ONE_SIGN, DAMAGE, BOTH_SIGNS = "viridis", "inferno_r", "coolwarm"

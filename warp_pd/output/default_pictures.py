@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..drawing.picture_files import new_figure, save
+from ..geometry.picture_files import new_figure, save
 from . import plots
 from .labels import ENERGIES, column_label, column_unit
-from .shown import Shown, frames_at
+from .picture_frames import Shown, frames_at
 from .vtkhdf import read_series
 
 # Panels of the sheet, and of the numbers; of a sheet with more points than that only the last frame is drawn.

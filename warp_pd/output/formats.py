@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from ..checks import InputError
-from ..frame import Surface
+from ..device.checks import InputError
 from ..interfaces import Writer
+from ..interfaces.frame import Surface
 
 
 def file_writers(

@@ -12,8 +12,8 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import InputError, one_of, said
-from ..frame import format_time
+from ..device.checks import InputError, one_of, said
+from ..interfaces.frame import format_time
 from .point_fields import HeldFields
 from .vtkhdf import read_frame, read_series
 

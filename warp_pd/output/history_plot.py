@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..checks import one_of
-from ..drawing.picture_files import new_figure, save
-from ..drawing.shape_plot import target
+from ..device.checks import one_of
+from ..geometry.picture_files import new_figure, save
+from ..geometry.shape_plot import target
 
 # Rows below which every one has a marker.
 FEW = 40

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from ..checks import InputError
-from ..frame import format_time
+from ..device.checks import InputError
+from ..interfaces.frame import format_time
 
 
 def describe(path: Path) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any
 
-from ..checks import InputError
+from ..device.checks import InputError
 
 Rows = Sequence[tuple[str, str]]
 

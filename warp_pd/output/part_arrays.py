@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ..checks import InputError
+from ..device.checks import InputError
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

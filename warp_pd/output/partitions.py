@@ -23,9 +23,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import InputError
-from ..frame import Frame
+from ..device.checks import InputError
 from ..interfaces import Writer
+from ..interfaces.frame import Frame
 from .point_fields import plain_value
 from .series import KINDS, POLYGONS, VERSION, NotASeriesError, Segment, SeriesInfo
 

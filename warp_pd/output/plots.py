@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..drawing.picture_files import MOST_VECTORS, current, new_figure, save
-from ..shapes.topology import boundary_edges
+from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
+from ..geometry.topology import boundary_edges
 from .colour_scale import ColourScale, scale_of
 from .labels import ENERGIES, column_label, field_label
+from .picture_frames import Shown, frames_at
 from .projection import View, material_lines, places_of, sphere
 from .raster import raster
-from .shown import Shown, frames_at
 
 SEQUENTIAL = "viridis"
 # Triangles above which a sheet is drawn as pixels.

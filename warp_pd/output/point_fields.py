@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import InputError
-from ..frame import Frame
+from ..device.checks import InputError
+from ..interfaces.frame import Frame
 
 TAKEN = ("displacement", "velocity", "damage")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .shown import Shown
+from .picture_frames import Shown
 
 # A side of the box that is shorter than this share of the longest is drawn as long as that; one that is shorter than
 # the second share is flat, and is left as it is.

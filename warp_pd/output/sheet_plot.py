@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from ..checks import InputError, said
-from ..drawing.shape_plot import VIEW, draw_shape
-from ..sheet import Sheet
+from ..device.checks import InputError, said
+from ..geometry.shape_plot import VIEW, draw_shape
+from ..geometry.sheet import Sheet
 
 
 def draw_sheet(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..drawing.picture_files import new_figure, save
+from ..geometry.picture_files import new_figure, save
 from .labels import column_label
 from .plots import STYLES
 

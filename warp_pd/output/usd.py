@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, Vt
 
-from ..checks import InputError
-from ..frame import Frame, Surface
+from ..device.checks import InputError
+from ..interfaces.frame import Frame, Surface
 from .shapes import bounding_box, camera_place, damage_colours, plain_metadata, point_normals, require_writable
 from .usd_bodies import BALL, bind_material, define_ball, define_body, extent, poses, vectors, write_bodies
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from ..frame import Body, Frame, Surface
+from ..interfaces.frame import Body, Frame, Surface
 from .shapes import bounding_box
 
 _COLOUR = (0.32, 0.37, 0.42)

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import InputError, one_of
-from ..frame import format_time
+from ..device.checks import InputError, one_of
+from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
-from .packed import Arrays
+from .packing import Arrays
 from .quantities import choices, column_unit, curves
 from .series import SeriesInfo
 from .vtkhdf import read_frame, read_outlines, read_series

@@ -22,8 +22,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import InputError
-from ..frame import Body, Frame, Surface
+from ..device.checks import InputError
+from ..interfaces.frame import Body, Frame, Surface
 from .hdf_columns import add_rows, columns, create_column, shorten
 from .partitions import is_joined, joined_info, read_joined_frame
 from .point_fields import plain_value, point_fields, same_arrays

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frame import Body, Frame, Surface
+from ..interfaces.frame import Body, Frame, Surface
 from .hdf_columns import add_rows, create_column
 
 # What the names of columns with the position and quaternion of a body begin with.

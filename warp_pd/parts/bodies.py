@@ -9,16 +9,16 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, not_negative, resolved, said
-from ..device.context import Context
+from ..device.checks import InputError, not_negative, resolved, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families.share import Share
-from ..frame import Body
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part, StepLimit
+from ..interfaces.context import Context
+from ..interfaces.frame import Body
+from ..interfaces.phases import Phase
 from ..kernels.body_contact import body_contact
-from ..phases import Phase
-from ..sheet import Sheet
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, on_device, signed_distances
 from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING

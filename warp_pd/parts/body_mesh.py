@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, numbers
+from ..device.checks import InputError, numbers
+from ..geometry.enclosure import volume_of
+from ..geometry.files import read_mesh
+from ..geometry.mesh_checks import require_closed, require_faces, require_surface
 from ..kernels import distances
-from ..shapes.enclosure import volume_of
-from ..shapes.files import read_mesh
-from ..shapes.mesh_checks import require_closed, require_faces, require_surface
 from .body_shapes import BodyShape, Outline
 
 

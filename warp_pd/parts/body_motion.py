@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..checks import InputError, numbers, positive, said, vector
-from ..device.context import Context
+from ..device.checks import InputError, numbers, positive, said, vector
+from ..interfaces.context import Context
 from .body_shapes import BodyShape
 from .built_motion import BuiltMotion, InFlight, OnPath
 

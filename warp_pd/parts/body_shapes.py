@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, positive, vector
+from ..device.checks import InputError, positive, vector
 from ..kernels import distances
 
 Outline = tuple[np.ndarray, np.ndarray]

@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, not_negative, one_of, point_indices
-from ..device.context import Context
+from ..device.checks import InputError, not_negative, one_of, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, Load, Part
+from ..interfaces.context import Context
 from ..kernels.boundary_force import boundary_force
-from ..sheet import Sheet
 
 FORMS = ("normal", "printed")
 OWNER = "BoundaryForce"

@@ -7,12 +7,12 @@ from typing import Any, Protocol
 import numpy as np
 import warp as wp
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..device.schedules import Schedule
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.body_motion import ROWS, free_motion, path_motion, vec6d
-from ..phases import Phase
-from ..schedules import Schedule
 
 # Points from which those that may touch are marked first: below, launches cost more than registers.
 MARKED_FROM = 2**17

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ..device.context import Context
 from ..device.launches import Stage
 from ..interfaces import BuiltPart
-from ..phases import Phase
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 
 
 class Ticking(BuiltPart):

@@ -9,16 +9,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..checks import InputError, positive, resolved, said, vector
-from ..device.context import Context
+from ..device.checks import InputError, positive, resolved, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..device.schedules import Schedule
 from ..families.share import Share
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact, StepLimit
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.contact import ShapeFactory, ball, rigid_contact
-from ..phases import Phase
-from ..schedules import Schedule
-from ..sheet import Sheet
 
 # The most that a body moves in a step, over the spacing or its radius: at more it can pass points unnoticed. If bonds
 # can break, it may move half as far: a bond then opens in several steps.

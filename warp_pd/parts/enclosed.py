@@ -9,11 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, finite, not_negative, positive
-from ..device.context import Context
+from ..device.checks import InputError, finite, not_negative, positive
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..device.schedules import Schedule, factor_schedule
+from ..geometry.enclosure import cap_of, edge_rings, other_diagonals, triangles_at_points, volume_of
 from ..interfaces import BuiltLaw, BuiltLoad, Load, Part
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.damage import face_damage
 from ..kernels.enclosed_volume import (
     BLOCK,
@@ -25,9 +28,6 @@ from ..kernels.enclosed_volume import (
     polytropic_gas,
     prescribed_volume,
 )
-from ..phases import Phase
-from ..schedules import Schedule, factor_schedule
-from ..shapes.enclosure import cap_of, edge_rings, other_diagonals, triangles_at_points, volume_of
 from .loads import Ramp
 
 # Distance of a ring from a plane, over the size of the sheet, and a volume over its cube, that count as zero.

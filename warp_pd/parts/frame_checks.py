@@ -7,14 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import warp as wp
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.graph import run_once
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.checks import BLOCK, frame_checks
 from ..kernels.integrate import kinetic_energy
-from ..phases import Phase
 
 OWNER = "frames"
 

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..checks import finite, one_of, point_indices, vector
-from ..device.context import Context
+from ..device.checks import finite, one_of, point_indices, vector
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..device.schedules import factor_schedule
 from ..families.point_gradient import point_gradient, surface_vector_matrix
 from ..families.share import Share
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, External, Load
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.follower_pressure import follower_pressure, follower_pressure_tangent
 from ..kernels.loads import begin_loads, dead_load
-from ..phases import Phase
-from ..schedules import factor_schedule
-from ..sheet import Sheet
 
 Ramp = Sequence[tuple[float, float]] | None
 

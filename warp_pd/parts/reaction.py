@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, point_indices
-from ..device.context import Context
+from ..device.checks import InputError, point_indices
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltPart, Part
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.loads import support_forces
-from ..phases import Phase
 
 OWNER = "Reaction"
 

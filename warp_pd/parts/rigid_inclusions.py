@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.context import Context
 from ..device.launches import Stage
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
 from ..kernels.rigid import rigid_inclusions
-from ..phases import Phase
-from ..sheet import Sheet
 
 OWNER = "rigid inclusions"
 

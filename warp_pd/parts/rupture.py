@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, finite, point_indices, positive
-from ..device.context import Context
+from ..device.checks import InputError, finite, point_indices, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families.share import Share
+from ..geometry.sheet import Sheet
 from ..interfaces import BondBreaking, BuiltLaw, BuiltRupture, Rupture
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.energy_release import energy_release
 from ..kernels.rupture import SCREENED, Breaking, Criterion, breaking, critical_energy, critical_stretch, screening
-from ..phases import Phase
-from ..sheet import Sheet
 
 # Beyond it the squares of stretches overflow in float32.
 MAX_STRETCH = 1e12

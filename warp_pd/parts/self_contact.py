@@ -10,15 +10,15 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, not_negative, positive
-from ..device.context import Context
+from ..device.checks import InputError, not_negative, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.integrate import RIGID
 from ..kernels.near_pairs import CROWDED, LISTED, STALE, TOUCHED, pair_functions, pair_lists
 from ..kernels.self_contact import repulsion
-from ..phases import Phase
 
 OWNER = "SelfContact"
 # Status at the start: there are no lists yet, none is full or holds a pair, and nothing touches.

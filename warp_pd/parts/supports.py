@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..checks import InputError, numbers, point_indices, said
-from ..device.context import Context
+from ..device.checks import InputError, numbers, point_indices, said
 from ..device.launches import Stage
+from ..device.schedules import Schedule, schedule
 from ..families.share import Share
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.clock import prescribed_motion
 from ..kernels.integrate import RIGID
-from ..phases import Phase
-from ..schedules import Schedule, schedule
-from ..sheet import Sheet
 
 AXES = "xyz"
 

@@ -7,15 +7,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, point_indices, positive
-from ..device.context import Context
+from ..device.checks import InputError, point_indices, positive
 from ..device.launches import Stage
 from ..families.share import Share
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
+from ..interfaces.context import Context
 from ..kernels.rupture import Criterion, elongation
 from ..kernels.softening import softening
 from ..materials import borne, stretch_of_density
-from ..sheet import Sheet
 from .rupture import BondCriterion, BreakingBonds, CriticalStretch, Damaged
 
 # Width kappa of a crack tip in spacings, see docs/tearing.md: of bonds that break at once, and of bonds that lose their

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..built import Built
-from ..frame import format_time
+from ..interfaces.frame import format_time
+from .built import Built
 
 # Energy out of nowhere, over the largest energy or work so far, at which a run counts as diverged.
 MAX_GAIN = 0.5

@@ -9,20 +9,20 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from ..built import Built
-from ..checks import InputError
-from ..frame import Frame
+from ..device.checks import InputError
 from ..interfaces import History, Writer
+from ..interfaces.frame import Frame
 from ..output.background import Background
 from ..output.formats import file_writers
 from ..output.series import FOLDER, Segment, file_of
 from . import restart
-from .chosen import Files
-from .coarser import CoarserPoints
+from .built import Built
+from .contents import Files
 from .folder import FINE, read_history, require_room, write_history
-from .pictured import AllPoints, OwnPoints, Pictured
+from .frame_points import AllPoints, OwnPoints, Pictured
 from .recorder import Recorder
 from .restart_parts import remove_others
+from .stride import CoarserPoints
 
 FRAMES = "frames.vtkhdf"
 # Points of a sheet on several processes up to which its frames go through the first process.

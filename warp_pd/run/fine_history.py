@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ..built import Built
-from ..checks import InputError
+from ..device.checks import InputError
 from ..device.fields import Array
 from ..interfaces import History
-from ..scene import Scene
+from .built import Built
+from .scene import Scene
 
 
 def with_fine_history(scene: Scene, every: float) -> Scene:

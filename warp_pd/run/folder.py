@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..checks import InputError, OutputError, said
+from ..device.checks import InputError, OutputError, said
 from ..interfaces import History
 from ..output.series import FOLDER
 from . import restart

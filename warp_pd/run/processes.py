@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import warp as wp
 
-from ..checks import InputError
-from ..cores import available_cores, start_warp
-from ..device.crew import Crew
+from ..device.checks import InputError
+from ..device.cores import available_cores, start_warp
+from ..interfaces.communicator import Crew
 
 # More would wait for each other, and fill the memory with copies of Torch.
 PROCESSES_PER_CORE = 4
@@ -33,7 +33,7 @@ def crew_here(device: str | None) -> tuple[Crew, str | None]:
     """
     if processes_here() == 1:
         return Crew(), device
-    from ..torch_backend.processes import TorchCrew, own_device
+    from .distributed.torch_processes import TorchCrew, own_device
 
     mine = own_device(device)
     return TorchCrew(cuda=mine is not None and mine.startswith("cuda")), mine
@@ -53,7 +53,7 @@ def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[st
     """
     _require_room(gpus, processes, device)
     try:
-        from ..torch_backend.launch import launch as start
+        from .distributed.torch_launch import launch as start
     except ImportError:
         raise InputError("--processes: expected torch to be installed; pip install warp-pd[neural]") from None
     return start(max(gpus, processes), arguments)

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, Protocol
 
-from ..built import Built
-from ..checks import InputError, kind_and_text, user_code
-from ..frame import Frame, format_time
+from ..device.checks import InputError, kind_and_text, user_code
 from ..interfaces import FrameReport, History, Reporter, Writer
-from ..scene import Measure, Outcome
+from ..interfaces.frame import Frame, format_time
+from .built import Built
 from .divergence import Soundness
 from .energy_balance import balance_error
 from .fine_history import FineHistory
-from .pictured import AllPoints, Pictured, snapshot
+from .frame_points import AllPoints, Pictured, snapshot
+from .scene import Measure, Outcome
 
 # Restart files of a run, about: each makes the writers bring their files to the disk.
 RESTARTS = 40

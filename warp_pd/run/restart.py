@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from ..built import Built
-from ..checks import InputError
+from ..device.checks import InputError
 from ..device.fields import host_shape, to_host
-from ..scene import Scene
-from ..shapes.on_demand import OnDemand
+from ..geometry.on_demand import OnDemand
+from .built import Built
 from .recorder import Recorder
 from .restart_parts import DividedField, Part, divides, own_part, remove_others, save_part
+from .scene import Scene
 
 NAME = "restart.npz"
 VERSION = 4

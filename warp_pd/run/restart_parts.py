@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..built import Built
-from ..device.context import Context
 from ..device.fields import Stored, to_host
+from ..interfaces.context import Context
 from ..output.series import FOLDER
+from .built import Built
 
 # What a field has an entry for that processes divide among themselves.
 DIVIDED = ("point", "bond", "face")

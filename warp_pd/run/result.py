@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..built import Built
-from ..checks import InputError, count
-from ..frame import Frame
+from ..device.checks import InputError, count
 from ..interfaces import History
+from ..interfaces.frame import Frame
 from ..output.notebook import Page, data_frame, html_table
-from .described import result_rows, units_of
+from .built import Built
+from .description import result_rows, units_of
 
 if TYPE_CHECKING:
     from ..output.frames import Frames

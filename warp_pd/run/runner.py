@@ -14,30 +14,22 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from ..built import Built, compose
-from ..checks import InputError, count, kind_and_text, one_of, user_code
-from ..drawing.picture_files import FORMATS, Drawing, drawing, pictures_in
+from ..device.checks import InputError, count, kind_and_text, one_of, user_code
+from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
 from ..output.series import Segment
-from ..scene import Scene, check_writers
-from ..scene_context import share_of
 from . import restart
-from .chosen import Files, held_fields
+from .built import Built, compose
+from .contents import Files, held_fields
 from .divergence import DivergedError
 from .files import add_files, begun_segments, is_divided, notes_of_divided, pictured
 from .fine_history import with_fine_history
-from .folder import (
-    PAGE,
-    clear,
-    clear_unfinished,
-    remove_if_empty,
-    sole_use,
-    writable_folder,
-    write_atomically,
-)
+from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
 from .processes import crew_here
 from .recorder import Recorder
 from .result import Result
+from .scene import Scene, check_writers
+from .scene_context import share_of
 from .summary import Seconds, summary_of
 from .view import LARGE, write_page
 

@@ -13,9 +13,9 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from ..checks import InputError, kind_and_text, one_of, user_code
-from ..scene import Scene
+from ..device.checks import InputError, kind_and_text, one_of, user_code
 from .arguments import converted, is_plain, plain
+from .scene import Scene
 
 
 def scene_names() -> list[str]:

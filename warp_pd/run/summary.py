@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import InputError, said
-from ..scene import Measure, Outcome
+from ..device.checks import InputError, said
 from .recorder import Recorder, number_of
+from .scene import Measure, Outcome
 
 # Error of the energy balance, and energy that breaking bonds adds over the largest energy, from which a note says so.
 WORST_BALANCE, WORST_GAIN = 0.01, 0.01

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..checks import InputError
+from ..device.checks import InputError
 from . import restart
 from .divergence import DivergedError
 from .folder import run_summary

@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
-from ..checks import InputError
-from ..device.crew import LostError
-from ..drawing.picture_files import Drawing, drawing
+from ..device.checks import InputError
+from ..geometry.picture_files import Drawing, drawing
+from ..interfaces.communicator import LostError
 from ..output.sweep_plot import draw_sweep
 from . import exit_codes
 from .divergence import DivergedError

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..checks import InputError, count
+from ..device.checks import InputError, count
 from .folder import PAGE, read_history, run_summary, write_atomically
 
 # A run writes its page itself for sheets of at most so many points.

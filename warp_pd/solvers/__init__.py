@@ -1,8 +1,8 @@
-"""Solvers: how displacements follow from forces. See interfaces.py for what a solver has to offer."""
+"""Solvers: how displacements follow from forces. interfaces/solver.py defines what a solver must offer."""
 
 from typing import TYPE_CHECKING
 
-from .._lazy import lazy
+from ..device.lazy import lazy
 
 if TYPE_CHECKING:
     from .any import Solver

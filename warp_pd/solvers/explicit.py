@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, count, not_negative, numbers, positive
-from ..device.context import Context
+from ..device.checks import InputError, count, not_negative, numbers, positive
 from ..device.fields import assign
 from ..device.launches import Stage
+from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, StepLimit, System
-from ..phases import STEP, Phase
-from ..schedules import Schedule
+from ..interfaces.context import Context
+from ..interfaces.phases import STEP, Phase
 from .integrator import add_motion
 from .stable_step import StableStep
 

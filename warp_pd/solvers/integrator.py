@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from ..kernels.integrate import integration
-from ..phases import Phase
 
 OWNER = "solver"
 

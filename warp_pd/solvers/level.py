@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from ..checks import InputError
-from ..device.context import Context
+from ..device.checks import InputError
 from ..device.fields import Array, assign, on_cpu
 from ..device.launches import Stage
 from ..interfaces import BuiltLaw, BuiltLoad, Tangent
+from ..interfaces.context import Context
 from ..kernels.equilibrium import equilibrium
 from ..kernels.residual import residual
 

@@ -11,14 +11,14 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from ..device.context import Context, Features, State
 from ..device.fields import Array, assign
 from ..device.launches import Stage
+from ..geometry.sheet import Sheet
+from ..geometry.triangulation import Lattice
 from ..interfaces import BuiltLaw, BuiltLoad, Solve, System
+from ..interfaces.context import Context, Features, State
 from ..kernels.equilibrium import lattice_transfer
 from ..kernels.loads import begin_loads
-from ..shapes.triangulation import Lattice
-from ..sheet import Sheet
 from .level import OWNER, Level
 
 # The coarsest lattice has at most this many points, and every lattice this many along each side.

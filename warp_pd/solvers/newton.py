@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import InputError, below_one, count, one_of, positive
-from ..device.context import Context
+from ..device.checks import InputError, below_one, count, one_of, positive
+from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
-from ..phases import Phase
-from ..schedules import Schedule
+from ..interfaces.context import Context
+from ..interfaces.phases import Phase
 from .search import Search
 
 STIFFNESSES = ("tangent", "constant")

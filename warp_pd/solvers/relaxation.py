@@ -11,16 +11,16 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..checks import below_one, count, positive
-from ..device.context import Context
+from ..device.checks import below_one, count, positive
 from ..device.fields import Array, assign
 from ..device.graph import LaunchSequence
 from ..device.launches import Stage
+from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
+from ..interfaces.context import Context
+from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
-from ..phases import STEP, Phase
-from ..schedules import Schedule
 from .integrator import add_motion
 from .stable_step import BLOCK, StableStep
 from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..checks import InputError
+from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import FrameSink, System, Tangent
 from .descent import Descent, ratio

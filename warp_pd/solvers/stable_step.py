@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from ..device.context import Context
 from ..device.fields import Array
 from ..device.launches import Stage
+from ..geometry.on_demand import CHUNK, for_each_chunk
 from ..interfaces import System
+from ..interfaces.context import Context
 from ..kernels.integrate import RIGID
 from ..kernels.stable_step import power_iteration, sums_of_groups
-from ..shapes.on_demand import CHUNK, for_each_chunk
 
 BLOCK = 256
 # Blocks up to which one thread sums all of them up: 4.2 million points.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..interfaces import System
-from ..phases import Phase
+from ..interfaces.phases import Phase
 
 # A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this share of what it
 # carried before.

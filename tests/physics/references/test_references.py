@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 
 DATA = Path(__file__).parent / "data"
 

@@ -23,7 +23,7 @@ from warp_pd import (
     Simulation,
     Sphere,
 )
-from warp_pd.device.exchange import add_exchanges
+from warp_pd.interfaces.exchange import add_exchanges
 from warp_pd.kernels.effects import kernel
 from warp_pd.laws import fast_path
 

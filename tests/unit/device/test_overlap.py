@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from shared_scenes import OneOfMany, scene
 
-from warp_pd.built import compose
-from warp_pd.device import exchange
 from warp_pd.device.fields import assign, to_host
 from warp_pd.device.graph import run_once
 from warp_pd.device.launches import Call, Launch, Touched
 from warp_pd.device.streams import side_stream_waits
+from warp_pd.interfaces import exchange
 from warp_pd.laws import fast_path
+from warp_pd.run.built import compose
 
 STEPS, DT, END = 12, 2e-4, 4e-2
 

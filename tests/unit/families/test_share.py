@@ -11,7 +11,7 @@ from warp_pd.families import Families, build_families
 from warp_pd.families.cloud_share import made_by_share, share_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
-from warp_pd.shapes import on_demand, rectangles
+from warp_pd.geometry import on_demand, rectangles
 from warp_pd.solvers import stable_step
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")

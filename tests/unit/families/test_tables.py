@@ -5,7 +5,7 @@ import pytest
 from helpers import jittered, square
 
 from warp_pd.families import build_families, tables, unpack
-from warp_pd.shapes.triangulation import crosses
+from warp_pd.geometry.triangulation import crosses
 
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15)
 

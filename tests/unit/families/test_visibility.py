@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from warp_pd import Sheet
-from warp_pd.checks import InputError
+from warp_pd.device.checks import InputError
 from warp_pd.families import build_families
 from warp_pd.families.visibility import DETOUR
-from warp_pd.shapes.curves import Circle
+from warp_pd.geometry.curves import Circle
 
 SHEET = {"thickness": 1e-3, "density": 1000.0}
 # In spacings: shift of the faces of cracks apart, growth of the sheet, what cracks lose at tips and gain at mouths.

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from warp_pd import InputError
-from warp_pd.cli import build_scene, main
+from warp_pd.__main__ import build_scene, main
 from warp_pd.fitting import tearing_energy
 
 SMALL = {"points": 9, "shape": "square", "lock": 20.0, "horizon": 2.015}

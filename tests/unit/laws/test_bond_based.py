@@ -16,7 +16,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 
 
 def names(built):

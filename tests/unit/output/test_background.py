@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from warp_pd.checks import OutputError
+from warp_pd.device.checks import OutputError
 from warp_pd.output.background import Background
 
 

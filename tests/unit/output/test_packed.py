@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from warp_pd.output.packed import Arrays
+from warp_pd.output.packing import Arrays
 
 
 def unpacked(arrays, entry):

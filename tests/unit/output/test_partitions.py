@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warp_pd import Frames, InputError, Sheet
-from warp_pd.frame import Frame, Surface
+from warp_pd.interfaces.frame import Frame, Surface
 from warp_pd.output.partitions import JoinedSeries, segments_of
 from warp_pd.output.series import Segment, file_of
 from warp_pd.output.vtkhdf import VtkHdfSeries

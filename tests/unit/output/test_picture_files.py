@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from warp_pd.checks import OutputError
-from warp_pd.drawing.picture_files import new_figure, save
+from warp_pd.device.checks import OutputError
+from warp_pd.geometry.picture_files import new_figure, save
 
 
 def test_a_picture_that_cannot_be_written_is_one_line(tmp_path, monkeypatch):

@@ -9,8 +9,8 @@ from matplotlib.image import imread
 from small_runs import cli, simulate
 
 from warp_pd import InputError, Sheet, draw_sheet
-from warp_pd.drawing import shape_plot
-from warp_pd.shapes.curves import Circle
+from warp_pd.geometry import shape_plot
+from warp_pd.geometry.curves import Circle
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
 SQUARE = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.0, 0.1)]

@@ -11,7 +11,7 @@ import pytest
 import torn_frames
 from torn_frames import COLUMNS, FRAMES, ROWS, make_frame, make_surface
 
-from warp_pd.frame import Frame, Surface
+from warp_pd.interfaces.frame import Frame, Surface
 
 pytest.importorskip("pxr")
 

@@ -14,7 +14,7 @@ import pytest
 import torn_frames
 from torn_frames import FRAMES, make_frame, make_surface
 
-from warp_pd.frame import Surface
+from warp_pd.interfaces.frame import Surface
 
 pytest.importorskip("pxr")
 

@@ -17,7 +17,7 @@ import torn_frames
 from torn_frames import FRAMES, make_surface
 from torn_frames import make_frame_with_fields as make_frame
 
-from warp_pd.frame import Frame, Surface
+from warp_pd.interfaces.frame import Frame, Surface
 
 pytest.importorskip("h5py")
 

@@ -9,7 +9,7 @@ from helpers import GENT, build, square
 from small_runs import BALL, cli
 
 from warp_pd import BondAssociated, Explicit, Fixed, Motion, Simulation
-from warp_pd.cli import build_scene
+from warp_pd.__main__ import build_scene
 from warp_pd.run.divergence import DivergedError
 from warp_pd.run.recorder import Recorder
 

@@ -12,7 +12,7 @@ from helpers import NEO, square
 from small_runs import cli
 
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, Outcome, Simulation
-from warp_pd.checks import OutputError
+from warp_pd.device.checks import OutputError
 from warp_pd.run import folder as run_folder
 from warp_pd.run.folder import free_folder, newest_folder, require_room, sole_use
 
@@ -143,6 +143,6 @@ assert matplotlib.get_backend() == "svg", matplotlib.get_backend()
 
 @pytest.mark.skipif(os.path.exists("/dev/nvidiactl"), reason="there is an NVIDIA device")
 def test_a_machine_without_a_gpu_is_no_news():
-    command = [sys.executable, "-m", "warp_pd.cli", "plan", "pressure", "--points", "9"]
+    command = [sys.executable, "-m", "warp_pd.__main__", "plan", "pressure", "--points", "9"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and done.stderr == ""

@@ -41,7 +41,18 @@ def datasets(path):
 
 def test_a_resumed_run_equals_the_uninterrupted_one(ball, tmp_path):
     """Killed in the middle of the tear, then resumed: same state bit for bit, same files."""
-    command = [sys.executable, "-m", "warp_pd.cli", "run", *BALL, "--frames", "24", "--no-pictures", "--out", tmp_path]
+    command = [
+        sys.executable,
+        "-m",
+        "warp_pd.__main__",
+        "run",
+        *BALL,
+        "--frames",
+        "24",
+        "--no-pictures",
+        "--out",
+        tmp_path,
+    ]
     running = subprocess.Popen([*map(str, command)], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     history = tmp_path / "history.csv"
     deadline = time.time() + 240

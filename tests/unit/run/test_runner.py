@@ -69,7 +69,7 @@ def test_the_ball_scene_in_usd(ball):
 
 
 def test_ctrl_c_ends_at_a_frame_and_can_be_resumed(tmp_path):
-    command = [sys.executable, "-m", "warp_pd.cli", "run", *BALL, "--frames", "200", "--no-pictures",
+    command = [sys.executable, "-m", "warp_pd.__main__", "run", *BALL, "--frames", "200", "--no-pictures",
                "--no-usd", "--out", str(tmp_path)]  # fmt: skip
     running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     while not (tmp_path / "history.csv").exists():

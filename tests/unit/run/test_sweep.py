@@ -7,7 +7,7 @@ import pytest
 from small_runs import cli
 
 from warp_pd import InputError
-from warp_pd.device.crew import LostError
+from warp_pd.interfaces.communicator import LostError
 from warp_pd.run import sweep_command
 from warp_pd.run.divergence import DivergedError
 

@@ -10,7 +10,7 @@ from helpers import square
 from small_runs import cli, simulate
 from torn_frames import FRAMES, make_frame, write_all
 
-from warp_pd.checks import InputError
+from warp_pd.device.checks import InputError
 from warp_pd.output.quantities import choices, column_unit, curves
 from warp_pd.output.view import Limits, files
 from warp_pd.output.vtkhdf import VtkHdfSeries

@@ -4,16 +4,7 @@ import pytest
 from helpers import square
 from small_runs import cli, simulate
 
-from warp_pd import (
-    BoundaryForce,
-    CriticalStretch,
-    Explicit,
-    Fixed,
-    InputError,
-    Newton,
-    Relaxation,
-    RigidBall,
-)
+from warp_pd import BoundaryForce, CriticalStretch, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
 
 
 def test_explicit_runs_compile_no_tangent_and_newton_no_steps():

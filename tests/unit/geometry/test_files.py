@@ -1,0 +1,410 @@
+"""Sheets from meshes: every format, units, parts, and what is wrong with a mesh in one line."""
+
+import meshio
+import numpy as np
+import pytest
+from pxr import Gf, Usd, UsdGeom
+
+from warp_pd import InputError, Sheet
+from warp_pd.families.visibility import severed
+from warp_pd.geometry.files import read_mesh
+from warp_pd.geometry.triangulation import signed_areas
+
+FLAT = {"thickness": 1e-3, "density": 1000.0}
+# A rectangle of 3 x 2 in four triangles around (1, 1); point 5 belongs to none.
+CORNERS = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 2.0], [1.0, 1.0], [9.0, 9.0]])
+FAN = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def spatial(points, z=0.0):
+    return np.column_stack([points, np.full(len(points), z)])
+
+
+def write(path, points=None, cells=None, **data):
+    points = spatial(CORNERS) if points is None else np.asarray(points, float)
+    meshio.Mesh(points, cells or [("triangle", FAN)], **data).write(path)
+    return path
+
+
+def write_usd(path, points, faces, *, meters=None, name="Sheet", stage=None, orientation=None, holes=(), turn=None):
+    stage = stage or Usd.Stage.CreateNew(str(path))
+    if meters is not None:
+        UsdGeom.SetStageMetersPerUnit(stage, meters)
+    mesh = UsdGeom.Mesh.Define(stage, f"/World/{name}")
+    mesh.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in points])
+    mesh.CreateFaceVertexCountsAttr([len(face) for face in faces])
+    mesh.CreateFaceVertexIndicesAttr([int(i) for face in faces for i in face])
+    if orientation:
+        mesh.CreateOrientationAttr(orientation)
+    if len(holes):
+        mesh.CreateHoleIndicesAttr(list(holes))
+    if turn is not None:
+        UsdGeom.Xform.Define(stage, "/World").AddTransformOp().Set(Gf.Matrix4d(*turn))
+    stage.GetRootLayer().Save()
+    return path
+
+
+def cube():
+    """A unit cube of twelve triangles that face outwards."""
+    points = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
+    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    return points, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+
+
+def volume(mesh):
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    return float((np.cross(a, b) * c).sum() / 6.0)
+
+
+@pytest.mark.parametrize("kind", ["gmsh22", "gmsh", "ansys"])
+def test_all_kinds_of_msh(tmp_path, kind):
+    meshio.Mesh(spatial(CORNERS), [("triangle", FAN)]).write(tmp_path / "a.msh", file_format=kind)
+    assert Sheet.from_file(tmp_path / "a.msh", unit="cm", **FLAT).areas.sum() == pytest.approx(6e-4)
+
+
+@pytest.mark.parametrize("suffix", ["msh", "stl", "obj", "ply", "vtu", "vtk", "off", "xdmf", "OBJ"])
+def test_every_format_gives_the_same_sheet(tmp_path, suffix):
+    path = tmp_path / f"sheet.{suffix}"
+    write(tmp_path / f"sheet.{suffix.lower()}").rename(path)
+    sheet = Sheet.from_file(path, unit="cm", **FLAT)
+    assert sheet.size == 5 and sheet.points.shape == (5, 2)
+    assert sheet.areas.sum() == pytest.approx(6e-4)
+    assert np.allclose(sheet.points.max(axis=0), (0.03, 0.02))
+    assert (signed_areas(sheet.points, sheet.triangles) > 0.0).all()
+
+
+@pytest.mark.parametrize("suffix", ["usd", "usda", "usdc"])
+def test_usd_says_its_unit(tmp_path, suffix):
+    path = write_usd(tmp_path / f"sheet.{suffix}", spatial(CORNERS), FAN, meters=0.01)
+    assert Sheet.from_file(path, **FLAT).areas.sum() == pytest.approx(6e-4)
+    assert Sheet.from_file(path, unit="mm", **FLAT).areas.sum() == pytest.approx(6e-6)
+
+
+def test_usd_without_a_unit_is_asked_for_one(tmp_path):
+    path = write_usd(tmp_path / "sheet.usda", spatial(CORNERS), FAN)
+    with pytest.raises(InputError, match="unit = None: expected 'm', 'mm', 'cm', 'in' or a number of meters"):
+        read_mesh(path)
+    assert read_mesh(path, unit=2.0).vertices[:, 0].max() == 6.0
+
+
+@pytest.mark.parametrize(("unit", "meters"), [("m", 1.0), ("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254), (0.3048, 0.3048)])
+def test_units(tmp_path, unit, meters):
+    assert np.allclose(
+        np.ptp(read_mesh(write(tmp_path / "a.obj"), unit=unit).vertices, axis=0), [3 * meters, 2 * meters, 0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("unit", "text"),
+    [
+        (None, "unit = None: expected 'm', 'mm', 'cm', 'in' or a number of meters; the file does not say its unit"),
+        ("mmm", "unit = 'mmm': expected one of 'm', 'mm', 'cm', 'in' (did you mean 'mm'?)"),
+        (0.0, "unit = 0.0: expected a positive number"),
+        ([1], "unit = [1]: expected a number"),
+    ],
+)
+def test_wrong_units(tmp_path, unit, text):
+    with pytest.raises(InputError) as error:
+        read_mesh(write(tmp_path / "a.obj"), unit=unit)
+    assert str(error.value) == text
+
+
+def test_faces_of_usd(tmp_path):
+    """A pentagon with a notch, a quadrilateral and a hole, left-handed and mirrored: the area is that of the shape."""
+    points = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0), (3, 0, 0), (3, 2, 0), (4, 0, 0)]
+    faces = [(0, 1, 2, 3, 4), (1, 5, 6, 2), (5, 7, 6)]
+    mirror = ((-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (10, 0, 0.5, 1))
+    plain = read_mesh(write_usd(tmp_path / "a.usda", points, faces, holes=[2]), unit="m")
+    assert len(plain.triangles) == 5 and plain.flat and plain.pieces == 1
+    turned = read_mesh(
+        write_usd(tmp_path / "b.usda", points, [f[::-1] for f in faces], orientation="leftHanded", holes=[2]), unit="m"
+    )
+    mirrored = read_mesh(write_usd(tmp_path / "c.usda", points, faces, holes=[2], turn=mirror), unit="m")
+    for mesh in (plain, turned, mirrored):
+        a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+        # The notch takes 1.5 out of the square of 4.
+        assert 0.5 * np.cross(b - a, c - a)[:, 2] == pytest.approx(np.abs(0.5 * np.cross(b - a, c - a)[:, 2]))
+        assert 0.5 * np.cross(b - a, c - a)[:, 2].sum() == pytest.approx(2.5 + 2.0)
+    assert mirrored.vertices[:, 0].min() == 7.0 and mirrored.vertices[0, 2] == 0.5
+
+
+def test_parts_of_usd(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "two.usda"))
+    write_usd(None, spatial(CORNERS), FAN, stage=stage, meters=1.0)
+    path = write_usd(None, *cube(), stage=stage, name="Cube") or tmp_path / "two.usda"
+    assert len(read_mesh(path, part="Cube").triangles) == 12
+    assert len(read_mesh(path, part="/World/Sheet").triangles) == 4
+    for part in (None, "Ball"):
+        with pytest.raises(InputError, match=rf"part = {part!r}: expected one of /World/Sheet, /World/Cube"):
+            read_mesh(path, part=part)
+
+
+def test_own_animation_is_a_mesh(ball):
+    """The first frame of a run's animation.usd is the sheet of that run: 21 points and clamps of 3 on both sides."""
+    mesh = read_mesh(ball / "animation.usd", part="Sheet")
+    assert mesh.flat and len(mesh.vertices) == 27 * 27
+
+
+def test_groups_of_gmsh(tmp_path):
+    """Named groups of lines and points become parts; a group of faces is chosen by its name."""
+    left, wall = np.array([[3, 0]]), np.array([[0, 1], [1, 2]])
+    path = tmp_path / "named.msh"
+    tags = {"gmsh:physical": [np.array([7]), np.array([8, 8]), np.array([9, 9, 9, 10])]}
+    tags["gmsh:geometrical"] = tags["gmsh:physical"]
+    names = {"left": np.array([7, 1]), "wall": np.array([8, 1]), "main": np.array([9, 2]), "rest": np.array([10, 2])}
+    cells = [("line", left), ("line", wall), ("triangle", FAN)]
+    meshio.Mesh(spatial(CORNERS), cells, cell_data=tags, field_data=names).write(
+        path, file_format="gmsh22", binary=False
+    )
+    sheet = Sheet.from_file(path, unit="m", **FLAT)
+    parts = {"outline": [0, 1, 2, 3], "left": [0, 3], "wall": [0, 1, 2]}
+    assert {name: part.tolist() for name, part in sheet.parts.items()} == parts
+    assert len(read_mesh(path, unit="m", part="main").triangles) == 3
+    with pytest.raises(InputError, match="part = 'mian': expected one of 'main', 'rest'"):
+        read_mesh(path, unit="m", part="mian")
+    with pytest.raises(InputError, match=r"part = 'main': expected None: a\.stl has no named groups of faces"):
+        read_mesh(write(tmp_path / "a.stl"), unit="m", part="main")
+
+
+def test_second_order_elements_are_those_of_their_corners(tmp_path):
+    middle = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
+    points = np.vstack([SQUARE, middle, [[0.5, 0.5, 0.0]]])
+    six = read_mesh(
+        write(tmp_path / "six.vtu", points, [("triangle6", np.array([[0, 1, 2, 4, 5, 8], [0, 2, 3, 8, 6, 7]]))]),
+        unit="m",
+    )
+    eight = read_mesh(write(tmp_path / "eight.vtu", points, [("quad8", np.arange(8)[None])]), unit="m")
+    for mesh in (six, eight):
+        assert mesh.vertices.tolist() == SQUARE.tolist() and len(mesh.triangles) == 2
+
+
+def test_quadrilaterals_are_divided_inside(tmp_path):
+    """A dart has one diagonal inside; a kite takes the shorter one."""
+    dart = [[0, 0, 0], [2, 1, 0], [0, 2, 0], [0.5, 1, 0]]
+    kite = [[0, 0, 0], [1, -1, 0], [5, 0, 0], [1, 1, 0]]
+    for points, shared, area in ((dart, {1, 3}, 1.5), (kite, {1, 3}, 5.0)):
+        mesh = read_mesh(write(tmp_path / "quad.vtu", points, [("quad", np.arange(4)[None])]), unit="m")
+        assert set(mesh.triangles[0]) & set(mesh.triangles[1]) == shared
+        a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+        assert 0.5 * np.cross(b - a, c - a)[:, 2].sum() == pytest.approx(area)
+
+
+@pytest.mark.parametrize("n", [5, 6, 9, 12])
+def test_polygons_in_any_plane(tmp_path, n):
+    """A star with n corners, tilted: its triangles have its area, and no more."""
+    angle = np.arange(n) * 2.0 * np.pi / n
+    radius = np.where(np.arange(n) % 2 == 0, 1.0, 0.4)
+    flat = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)])
+    area = 0.5 * float(np.cross(flat, np.roll(flat, -1, axis=0))[:, 2].sum())
+    for tilt in (np.eye(3), np.eye(3)[[1, 2, 0]], np.eye(3)[[2, 0, 1]], np.diag([1.0, -1.0, -1.0])):
+        mesh = read_mesh(
+            write_usd(tmp_path / f"{tilt.argmax()}{tilt[1, 1]}.usda", flat @ tilt, [tuple(range(n))]), unit="m"
+        )
+        a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+        normals = 0.5 * np.cross(b - a, c - a)
+        assert np.allclose(normals.sum(axis=0), np.array([0.0, 0.0, area]) @ tilt, atol=1e-6)
+        assert np.linalg.norm(normals, axis=1).sum() == pytest.approx(area, rel=1e-5)
+
+
+def test_stl_corners_at_one_place_are_one_vertex(tmp_path):
+    points, triangles = cube()
+    path = write(
+        tmp_path / "cube.stl",
+        points,
+        [("triangle", triangles)],
+    )
+    mesh = read_mesh(path, unit="mm", closed=True)
+    assert len(mesh.vertices) == 8 and volume(mesh) == pytest.approx(1e-9)
+    assert not mesh.flat
+
+
+def test_pieces(tmp_path):
+    two = np.vstack([SQUARE, SQUARE + [3.0, 0.0, 0.0]])
+    mesh = read_mesh(write(tmp_path / "two.obj", two, [("quad", np.arange(8).reshape(2, 4))]), unit="m")
+    assert mesh.pieces == 2
+    assert Sheet.from_file(tmp_path / "two.obj", unit="m", **FLAT).areas.sum() == pytest.approx(2.0)
+
+
+def grid(n, left_out):
+    """A square of n x n cells without those of a mask, shape (n, n)."""
+    x, y = (k.ravel() for k in np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0)))
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n))[~left_out]
+    return np.column_stack([x, y, 0 * x]), np.column_stack([a, a + 1, a + n + 2, a + n + 1])
+
+
+def test_boundary_of_a_flat_mesh(tmp_path):
+    """Rings have names, the largest first; no bond crosses them; areas are those of Voronoi cells."""
+    left_out = np.zeros((12, 12), bool)
+    left_out[2:4, 2:4] = left_out[6:9, 5:9] = left_out[10:, 10:] = True
+    points, quads = grid(12, left_out)
+    path = write(tmp_path / "holes.obj", points, [("quad", quads)])
+    sheet = Sheet.from_file(path, unit="cm", **FLAT)
+    count = {name: len(part) for name, part in sheet.parts.items()}
+    assert count == {"outline": 48, "hole 1": 14, "hole 2": 8}
+    assert np.ptp(sheet.points[sheet.parts["hole 1"]], axis=0) == pytest.approx([0.04, 0.03])
+    assert sheet.areas.sum() == pytest.approx((144 - 4 - 12 - 4) * 1e-4)
+    corner = sheet.nearest(0.0, 0.0)
+    assert sheet.areas[corner] == pytest.approx(0.25e-4) and sheet.areas.max() == pytest.approx(1e-4)
+    # Across the hole of three cells, and the same bond where there is none.
+    across, whole = [[sheet.nearest(x, 0.06), sheet.nearest(x, 0.09)] for x in (0.07, 0.01)]
+    assert severed(sheet, np.array([across, whole])).tolist() == [True, False]
+
+
+def test_flat_mesh_of_either_orientation_off_the_plane(tmp_path):
+    """All clockwise, at z = 0.3: a sheet like any other."""
+    path = write(tmp_path / "below.vtu", spatial(CORNERS, 0.3), [("triangle", FAN[:, ::-1])])
+    sheet = Sheet.from_file(path, unit="m", **FLAT)
+    assert sheet.positions[:, 2].tolist() == [0.0] * 5
+    assert (signed_areas(sheet.points, sheet.triangles) > 0.0).all()
+
+
+def strip_with_one_side():
+    """Moebius' strip of 12 quadrilaterals."""
+    angle = np.arange(12) * 2.0 * np.pi / 12
+    points = [
+        [(1 + w * np.cos(t / 2)) * np.cos(t), (1 + w * np.cos(t / 2)) * np.sin(t), w * np.sin(t / 2)]
+        for t in angle
+        for w in (-0.3, 0.3)
+    ]
+    quads = [(2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2) for k in range(11)] + [(22, 23, 0, 1)]
+    return np.array(points), np.array(quads)
+
+
+def bad(points=None, cells=FAN, kind="triangle"):
+    return (spatial(CORNERS) if points is None else np.asarray(points, float), [(kind, np.asarray(cells))])
+
+
+def changed(row, value, column=slice(None)):
+    points = spatial(CORNERS)
+    points[row, column] = value
+    return points
+
+
+BAD = {
+    "no faces": (bad(cells=[[0, 1], [1, 2]], kind="line"), "no triangles or quadrilaterals: expected at least one"),
+    "volume": (bad(np.eye(4)[:, :3], [[0, 1, 2, 3]], "tetra"), "1 elements 'tetra': expected a surface"),
+    "missing": (
+        bad(cells=[[0, 1, 4], [1, 2, 40], [2, 3, -1]]),
+        "faces 1, 2 with points that are missing: expected 0 to 5",
+    ),
+    "nan": (bad(changed(2, np.nan, 1)), "point 2 with coordinates that are NaN or infinite"),
+    "no area": (bad(changed(4, [3.0, 1.0, 0.0])), "face 1 without area: expected more than 1e-12 of the mean"),
+    "corner twice": (bad(cells=[*FAN, [0, 1, 1]]), "face 4 without area"),
+    "coincident": (
+        bad(np.vstack([spatial(CORNERS[:5]), [[3, 2, 0]]]), [[0, 1, 4], [1, 5, 4], [2, 3, 4], [3, 0, 4]]),
+        "pair (2, 5) of points at one place: expected distinct points",
+    ),
+    "crowded": (
+        bad(changed(5, [1.0, 1.0, 1.0]), [*FAN, [0, 4, 5], [2, 5, 4]]),
+        "edges (0, 4), (2, 4) with more than two triangles: expected one or two",
+    ),
+    "flipped": (
+        bad(cells=[FAN[0], FAN[1][::-1], *FAN[2:]]),
+        "face 1 flipped against the neighbours: expected one orientation",
+    ),
+    "folded": (
+        bad(changed(4, [5.0, 1.0, 0.0])),
+        "face 1 folded over the neighbours: expected a flat mesh that covers each place once",
+    ),
+    "bow tie": (
+        bad(SQUARE[[0, 2, 1, 3]], [[0, 1, 2, 3]], "quad"),
+        "face 0 with sides that cross: expected plain polygons",
+    ),
+    "one side": (
+        bad(*strip_with_one_side(), "quad"),
+        "the surface has one side, as Moebius' strip: expected two sides",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_meshes_are_named(tmp_path, name):
+    (points, cells), text = BAD[name]
+    path = write(tmp_path / "bad.vtu", points, cells)
+    with pytest.raises(InputError) as error:
+        Sheet.from_file(path, unit="m", **FLAT)
+    assert str(error.value).startswith(f"path = '{path}': {text}"), error.value
+
+
+def test_long_lists_are_cut(tmp_path):
+    points, triangles = cube()
+    triangles[5] = triangles[5][::-1]
+    with pytest.raises(InputError, match="face 5 flipped"):
+        read_mesh(write(tmp_path / "a.obj", points, [("triangle", triangles)]), unit="m")
+    strip = np.array([[0.1 * k, k % 2, 0.01 * k] for k in range(40)])
+    cells = np.array([[k, k + 1, k + 2] if k % 2 == 0 else [k + 1, k, k + 2] for k in range(38)])
+    with pytest.raises(
+        InputError, match=r"edges \(0, 1\), .*, \.\.\. \(40 in all\) with one triangle: expected a closed"
+    ):
+        read_mesh(write(tmp_path / "b.obj", strip, [("triangle", cells)]), unit="m", closed=True)
+
+
+def test_holes_in_a_closed_surface_are_named(tmp_path):
+    points, triangles = cube()
+    path = write(tmp_path / "open.obj", points, [("triangle", triangles[1:])])
+    assert len(read_mesh(path, unit="m").triangles) == 11
+    with pytest.raises(InputError) as error:
+        read_mesh(path, unit="m", closed=True)
+    # The missing triangle is 0, 2, 3; its neighbours run the other way.
+    assert "edges (3, 0), (2, 3), (0, 2)" in str(error.value) or "edges (0, 3), (3, 2), (2, 0)" in str(error.value)
+
+
+def test_other_surfaces_are_curved_sheets(tmp_path):
+    """A half tube on its own vertices, and its named lines."""
+    angle, z = (k.ravel() for k in np.meshgrid(np.linspace(0.0, np.pi, 21), np.linspace(0.0, 2.0, 15)))
+    a = (np.arange(14)[:, None] * 21 + np.arange(20)).ravel()
+    cells = [("line", np.column_stack([np.arange(20), np.arange(1, 21)])), ("quad", a[:, None] + [0, 1, 22, 21])]
+    tags = [np.full(len(block), k) for k, (_, block) in enumerate(cells, start=1)]
+    points = np.column_stack([np.cos(angle), np.sin(angle), z])
+    data = {"cell_data": {"gmsh:physical": tags, "gmsh:geometrical": tags}, "field_data": {"rim": np.array([1, 1])}}
+    meshio.Mesh(points, cells, **data).write(tmp_path / "tube.msh", file_format="gmsh22", binary=False)
+    sheet = Sheet.from_file(tmp_path / "tube.msh", unit="cm", **FLAT)
+    assert np.allclose(sheet.points, 0.01 * points) and sheet.frames is not None
+    assert sheet.areas.sum() == pytest.approx(2e-4 * np.pi, rel=3e-3)
+    assert sheet.parts["rim"].tolist() == list(range(21))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "text"),
+    [
+        ("none.stl", None, "the file does not exist"),
+        ("a.step", b"ISO", "expected .msh, .stl, .obj, .ply, .vtu, .vtk, .off, .usd, .usda, .usdc, or another"),
+        ("a.svg", b"<svg/>", "outlines are read by read_outline"),
+        ("a.vtu", b"<VTKFile", "the file cannot be read: "),
+        ("a.ply", b"hello", "the file cannot be read: "),
+        ("a.msh", b"", "the file cannot be read: "),
+        ("a.msh", b"(0 grid written by Fluent)\n(10 (0 1 5 0 3)\n", "the file cannot be read: "),
+        ("c.msh", b"(10 (1 1 2 0 3)(\n0 0 0\n1 0 0\n))(((\n", "the file cannot be read: "),
+        ("b.msh", b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 (", "the file cannot be read: "),
+        ("a.stl", b"solid x\n facet\n", "the file cannot be read: "),
+        ("a.obj", b"v 0 0\nf 1 2 3 x\n", "the file cannot be read: "),
+        ("a.usd", b"hello", "the file cannot be read: "),
+        ("a.usdc", b"PXR-USDC", "the file cannot be read: "),
+        ("b.usda", b"#usda 1.0\n", "no UsdGeom.Mesh: expected one"),
+    ],
+)
+def test_files_that_are_no_meshes(tmp_path, name, content, text):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError) as error:
+        read_mesh(path, unit="m")
+    assert str(error.value).startswith(f"path = '{path}': ") and text in str(error.value), error.value
+    assert "\n" not in str(error.value)
+
+
+def test_wrong_paths():
+    with pytest.raises(InputError, match="path = 3: expected the path of a file"):
+        read_mesh(3, unit="m")
+
+
+def test_a_large_mesh_is_read_in_seconds(tmp_path):
+    """The checks are vectorised: 80 000 triangles take well below a second."""
+    n = 200
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    quads = np.column_stack([a, a + 1, a + n + 2, a + n + 1])
+    points = np.column_stack([x.ravel(), y.ravel(), np.sin(3.0 * x.ravel())])
+    mesh = read_mesh(write(tmp_path / "large.vtu", points, [("quad", quads)]), unit="m")
+    assert len(mesh.triangles) == 2 * n * n and mesh.pieces == 1

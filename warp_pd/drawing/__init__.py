@@ -1,1 +1,0 @@
-"""Pictures of shapes, and the files that all pictures go to."""

@@ -1,0 +1,367 @@
+"""Plain weights, and the corrected ones of any cloud of points; the equations are in weights/__init__.py."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from ...device.checks import InputError, finite
+from ...geometry.topology import boundary_sides, directed_edges
+from ...geometry.triangulation import doubled_normals
+from ...kernels.kinematics import DEGENERATE
+from .dual import BALANCED, closest_balanced
+
+# Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
+FLOOR = 0.05
+# Entries of the dense (points, members, members) blocks that are held at once.
+BLOCK = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedWeights:
+    """Weights of every bond, and how far they are from balance and from the weights they started from.
+
+    Attributes:
+        weights: W_ij [m^2], shape (N, n); zero where there is no bond or its intersection spans no area.
+        residual: Largest component of sum_ij W_ij G_ij,m - b_m over the balanced points [m].
+        start_residual: The same of the weights they started from [m].
+        smallest_ratio: Least ratio of corrected to starting weights.
+        largest_ratio: Greatest ratio of corrected to starting weights.
+        unbalanced_points: Number of points whose residual is more than round-off, though their balance was
+            asked for: no weights above the floor balance them.
+        changed_points: Number of points whose bonds were free to change.
+        seconds: Wall time.
+    """
+
+    weights: np.ndarray
+    residual: float
+    start_residual: float
+    smallest_ratio: float
+    largest_ratio: float
+    unbalanced_points: int
+    changed_points: int
+    seconds: float
+
+
+def edge_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Force of a unit stress on each point, b_m = integral of grad N_m over the triangles [m], shape (N, 2).
+
+    Inside the sheet it is zero; on the edge it is half of each adjacent edge times its outward normal.
+
+    Args:
+        points: Reference positions [m], shape (N, 2).
+        triangles: Triangulation, of either orientation, shape (F, 3).
+    """
+    vectors = np.zeros((len(points), 2))
+    corners = points[triangles]
+    side = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    turn = np.sign(side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0])[:, None]
+    for corner in range(3):
+        opposite = side[:, corner]
+        inward = 0.5 * turn * np.column_stack([-opposite[:, 1], opposite[:, 0]])
+        np.add.at(vectors, triangles[:, corner], inward)
+    # What cancels inside leaves round-off, which would count as an edge.
+    scale = np.abs(corners - corners[:, :1]).max()
+    vectors[np.abs(vectors) < 1e-12 * scale] = 0.0
+    return vectors
+
+
+def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """The same [m], shape (N, 2), from the edges of the sheet.
+
+    Args:
+        points: Reference positions [m], shape (N, 2).
+        edges: Pairs of points with the sheet on the left, shape (B, 2).
+    """
+    along = points[edges[:, 1]] - points[edges[:, 0]]
+    half = 0.5 * np.column_stack([along[:, 1], -along[:, 0]])
+    vectors = np.zeros((len(points), 2))
+    for end in (0, 1):
+        np.add.at(vectors, edges[:, end], half)
+    return vectors
+
+
+def rim_vectors(points: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """The same on a surface in space: half of each adjacent open edge times its outward normal in the surface.
+
+    Args:
+        points: Reference positions [m], shape (N, 3).
+        triangles: Counter-clockwise seen from outside, shape (F, 3).
+        frames: Tangent vectors at the points, shape (N, 3, 2).
+
+    Returns:
+        Components along the tangent vectors [m], shape (N, 2).
+    """
+    sides = boundary_sides(triangles)
+    ends = directed_edges(triangles)[sides]
+    along = points[ends[:, 1]] - points[ends[:, 0]]
+    normal = doubled_normals(points, triangles[sides % len(triangles)])
+    half = 0.5 * np.cross(along, normal / np.linalg.norm(normal, axis=1)[:, None])
+    vectors = np.zeros_like(points)
+    for end in range(2):
+        np.add.at(vectors, ends[:, end], half)
+    return np.asarray(np.einsum("nc,nca->na", vectors, frames))
+
+
+def plain_weights(
+    areas: np.ndarray, neighbours: np.ndarray, common: np.ndarray, usable: np.ndarray | None = None
+) -> np.ndarray:
+    """Plain weights W0_ij = a_i |D_ij| / sum_j |D_ij| [m^2], shape (N, n).
+
+    Args:
+        areas: Area of each point [m^2], shape (N,).
+        neighbours: Index of each family member, -1 where there is none, shape (N, n).
+        common: Whether member k of a family belongs to the intersection of its member j, bool, shape
+            (N, n, n) [i, j, k], or one table (n, n) for all points of a lattice.
+        usable: Bonds whose intersection spans an area, shape (N, n); by default all that exist.
+    """
+    exists = neighbours >= 0
+    usable = exists if usable is None else usable & exists
+    member_areas = np.where(exists, areas[neighbours], 0.0)
+    if common.ndim == 2:
+        sizes = member_areas @ common.T.astype(np.float64)
+    else:
+        sizes = np.einsum("ijk,ik->ij", common, member_areas)
+    sizes = np.where(usable, sizes, 0.0)
+    total = sizes.sum(axis=1, keepdims=True)
+    return np.asarray(areas[:, None] * sizes / np.where(total > 0.0, total, 1.0))
+
+
+def reached_points(neighbours: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Points in whose balance the families of the chosen points take part: these and their members.
+
+    Of the points whose families a cut severs, these are the balances that their plain weights leave open.
+
+    Args:
+        neighbours: Index of each family member, -1 where there is none, shape (N, n).
+        chosen: shape (N,), bool.
+
+    Returns:
+        shape (N,), bool.
+    """
+    reached = chosen.copy()
+    members = neighbours[chosen]
+    reached[members[members >= 0]] = True
+    return reached
+
+
+def corrected_weights(
+    points: np.ndarray,
+    areas: np.ndarray,
+    neighbours: np.ndarray,
+    influence: np.ndarray,
+    common: np.ndarray | None,
+    *,
+    edge_vectors: np.ndarray,
+    strip: np.ndarray | None = None,
+    kind: np.ndarray | None = None,
+    frozen: np.ndarray | None = None,
+    unbalanced: np.ndarray | None = None,
+    start: np.ndarray | None = None,
+    floor: float = FLOOR,
+    degenerate: float = DEGENERATE,
+    length: float | None = None,
+    frames: np.ndarray | None = None,
+) -> CorrectedWeights:
+    """Positive weights next to the plain ones for which a uniform stress is in equilibrium at every point.
+
+    If no weights above `floor` do so, the points that cannot be balanced trade their residual against the
+    change. They are few unless the sheet is narrow or its points very irregular; the others stay balanced.
+
+    Args:
+        points: Reference positions [m], shape (N, 2); of a curved sheet (N, 3).
+        areas: Area of each point [m^2], shape (N,).
+        neighbours: Index of each family member, -1 where there is none, shape (N, n).
+        influence: w_ij, shape (N, n), or (n,) for all points of a lattice.
+        common: Membership of the intersections, shape (N, n, n) [i, j, k], or (n, n) for a lattice. None for laws whose
+            bonds carry their own force, on flat sheets: G_ij,j = 2 X_ij / |X_ij|^2, and nothing on other members.
+        edge_vectors: Force of a unit stress on each point [m], shape (N, 2), see `edge_vectors` and `rim_vectors`.
+        strip: Points whose bonds may change, shape (N,); by default those that take part in a balance which
+            the starting weights leave open: near edges and holes, and everywhere in an irregular cloud.
+        kind: Points of one kind get one row of weights, shape (N,); they must have equal starting weights.
+        frozen: Points whose bonds keep their starting weights, shape (N,).
+        unbalanced: Points whose balance is not asked for, shape (N,).
+        start: Weights to start from [m^2], shape (N, n); by default the plain ones.
+        floor: Least ratio of corrected to starting weights, at least 0 and below 1.
+        degenerate: det K / (tr K / 2)^2 below which a bond gets no weight.
+        length: Unit of lengths [m]; by default the root of the mean area of the points.
+        frames: Tangent vectors and normals of a curved sheet, in columns, shape (N, 3, 3). The stress is then an equal
+            tension in all directions, and the balance that along the surface.
+
+    Raises:
+        InputError: for a floor outside [0, 1) or arrays whose shapes do not fit.
+    """
+    begin = time.perf_counter()
+    floor = finite("floor", floor)
+    if not 0.0 <= floor < 1.0:
+        raise InputError(f"floor = {floor!r}: expected a number of 0 or more, below 1")
+    size = len(points)
+    _check_shapes(
+        size,
+        areas=(areas, ()),
+        edge_vectors=(edge_vectors, (2,)),
+        start=(start, neighbours.shape[1:]),
+        strip=(strip, ()),
+        kind=(kind, ()),
+        frozen=(frozen, ()),
+        unbalanced=(unbalanced, ()),
+    )
+    table = _Table(points, areas, neighbours, influence, common, degenerate, frames)
+    usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
+    start = _start(table, usable) if start is None else np.where(usable, start, 0.0)
+    length = float(np.sqrt(areas.mean())) if length is None else length
+    gap = (edge_vectors - _forces(table, start)) / length
+    asked = np.ones(size, bool) if unbalanced is None else ~unbalanced
+    if strip is None:
+        open_points = (np.abs(gap).max(axis=1) > BALANCED) & asked
+        strip = open_points | (open_points[neighbours] & (neighbours >= 0)).any(axis=1)
+    free = strip if frozen is None else strip & ~frozen
+
+    column, unknown_start = _unknowns(free, start, kind)
+    matrix = _balance_matrix(table, column, len(unknown_start)) * length
+    plain = unknown_start / length**2
+    rows = np.flatnonzero(np.repeat(asked, 2) & (np.diff(matrix.indptr) > 0))
+    asked_matrix, asked_gap = matrix[rows], gap.ravel()[rows]
+    if frames is not None and len(unknown_start):
+        # On a flat sheet the balance keeps the sum of the weights; on a curved one nothing else would.
+        counts = np.bincount(column[column >= 0], minlength=len(unknown_start))
+        same_sum = sparse.csr_matrix(counts / np.sqrt(len(unknown_start)))
+        asked_matrix, asked_gap = sparse.vstack([asked_matrix, same_sum], format="csr"), np.append(asked_gap, 0.0)
+    ratio = closest_balanced(asked_matrix, plain, asked_gap, floor)
+
+    weights = start.copy()
+    changed = column >= 0
+    weights[changed] *= ratio[column[changed]]
+    left = np.abs(gap - (matrix @ (plain * (ratio - 1.0))).reshape(gap.shape)).max(axis=1)[asked]
+    return CorrectedWeights(
+        weights=weights,
+        residual=length * float(left.max(initial=0.0)),
+        start_residual=length * float(np.abs(gap[asked]).max(initial=0.0)),
+        smallest_ratio=float(ratio.min(initial=1.0)),
+        largest_ratio=float(ratio.max(initial=1.0)),
+        unbalanced_points=int((left > BALANCED).sum()),
+        changed_points=int(free.sum()),
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _start(table: _Table, usable: np.ndarray) -> np.ndarray:
+    """Plain weights [m^2]; of bonds that carry their own force a_i c_ij |X_ij|^2 / tr K_i."""
+    if table.common is not None:
+        return plain_weights(table.areas, table.neighbours, table.common, usable)
+    bonds = table.points[table.neighbours] - table.points[:, None]
+    share = np.where(usable, table.influence * table.areas[table.neighbours] * (bonds**2).sum(axis=-1), 0.0)
+    return np.asarray(table.areas[:, None] * share / share.sum(axis=1, keepdims=True))
+
+
+class _Table(NamedTuple):
+    """Arrays of the families, see `corrected_weights`."""
+
+    points: np.ndarray
+    areas: np.ndarray
+    neighbours: np.ndarray
+    influence: np.ndarray
+    common: np.ndarray | None
+    degenerate: float
+    frames: np.ndarray | None
+
+
+def _check_shapes(size: int, **arrays: tuple[np.ndarray | None, tuple[int, ...]]) -> None:
+    for name, (array, inner) in arrays.items():
+        if array is not None and array.shape != (size, *inner):
+            raise InputError(f"{name} has shape {array.shape}: expected {(size, *inner)} for {size} points")
+
+
+def _parts(at: np.ndarray, neighbours: np.ndarray) -> list[np.ndarray]:
+    """The point indices `at` in parts whose dense blocks fit in memory."""
+    return np.array_split(at, max(1, len(at) * neighbours.shape[1] ** 2 // BLOCK))
+
+
+def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vectors G_ij,k of the bonds of the P points `at`; that of the point itself is minus their sum over k.
+
+    Returns:
+        Vectors [1/m], shape (P, n, n, 2) [i, j, k], on a curved sheet in space, (P, n, n, 3); whether the intersection
+        spans an area, shape (P, n).
+    """
+    member = table.neighbours[at]
+    exists = member >= 0
+    influence = table.influence if table.influence.ndim == 1 else table.influence[at]
+    bonds = np.where(exists[..., None], table.points[member] - table.points[at][:, None], 0.0)
+    rises = None
+    if table.frames is not None:
+        bonds = bonds @ table.frames[at]
+        bonds, rises = bonds[..., :2], bonds[..., 2]
+    if table.common is None:
+        squared = np.where(exists, (bonds**2).sum(axis=-1), 1.0)
+        return np.eye(exists.shape[1])[:, :, None] * (2.0 * bonds / squared[..., None])[:, :, None], exists
+    coefficient = np.where(exists, table.areas[member] * influence, 0.0)
+    common = table.common[None] if table.common.ndim == 2 else table.common[at]
+    inside = common & exists[:, :, None] & exists[:, None, :]
+    moments = np.einsum("ik,ika,ikb->ikab", coefficient, bonds, bonds).reshape(*exists.shape, 4)
+    shape = (inside.astype(np.float64) @ moments).reshape(*exists.shape, 2, 2)
+    determinant = shape[..., 0, 0] * shape[..., 1, 1] - shape[..., 0, 1] ** 2
+    trace = shape[..., 0, 0] + shape[..., 1, 1]
+    usable = exists & (determinant > table.degenerate * (0.5 * trace) ** 2)
+    inverse = np.linalg.inv(np.where(usable[..., None, None], shape, np.eye(2)))
+    vectors = np.einsum("ijab,ik,ikb->ijka", inverse, coefficient, bonds, optimize=True)
+    if table.frames is not None and rises is not None:
+        tilts = np.einsum("ijka,ik,ijk->ija", vectors, rises, inside)
+        vectors = np.einsum("icd,ijkd->ijkc", table.frames[at], _tilted(vectors, tilts), optimize=True)
+    return np.where((inside & usable[..., None])[..., None], vectors, 0.0), usable
+
+
+def _tilted(vectors: np.ndarray, tilts: np.ndarray) -> np.ndarray:
+    """O R^-1 v = (I; g) C0^-1 v (kernels/kinematics.py) of vectors v, shape (P, n, n, 2), and tilts g, (P, n, 2)."""
+    g = tilts[:, :, None]
+    along = (g * vectors).sum(axis=-1, keepdims=True) / (1.0 + (g * g).sum(axis=-1, keepdims=True))
+    return np.concatenate([vectors - along * g, along], axis=-1)
+
+
+def _forces(table: _Table, weights: np.ndarray) -> np.ndarray:
+    """sum_ij W_ij G_ij,m of every point m [m], shape (N, 2); of a curved sheet along its tangent vectors."""
+    total = np.zeros_like(table.points)
+    for part in _parts(np.arange(len(total)), table.neighbours):
+        on_members = np.einsum("ij,ijka->ika", weights[part], _gradients(table, part)[0])
+        exists = table.neighbours[part] >= 0
+        np.add.at(total, table.neighbours[part][exists], on_members[exists])
+        total[part] -= on_members.sum(axis=1)
+    if table.frames is not None:
+        return np.asarray(np.einsum("nc,nca->na", total, table.frames[..., :2]))
+    return total
+
+
+def _unknowns(free: np.ndarray, start: np.ndarray, kind: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Unknown of each bond, -1 where fixed, shape (N, n); starting weight of each unknown, shape (U,)."""
+    n = start.shape[1]
+    key = (np.arange(len(start)) if kind is None else kind)[:, None] * n + np.arange(n)
+    loose = free[:, None] & (start > 0.0)
+    _, first, inverse = np.unique(key[loose], return_index=True, return_inverse=True)
+    column = np.full(start.shape, -1)
+    column[loose] = inverse
+    return column, start[loose][first]
+
+
+def _balance_matrix(table: _Table, column: np.ndarray, unknowns: int) -> sparse.csr_matrix:
+    """G of the free bonds [1/m]: row 2 m + component, one column an unknown, shape (2 N, U)."""
+    neighbours, extent = table.neighbours, (2 * len(table.points), unknowns)
+    total = sparse.csr_matrix(extent)
+    for part in _parts(np.flatnonzero((column >= 0).any(axis=1)), neighbours):
+        vectors, _ = _gradients(table, part)
+        own = -vectors.sum(axis=2, keepdims=True)
+        target = np.concatenate([neighbours[part], part[:, None]], axis=1)
+        vectors = np.concatenate([vectors, own], axis=2)
+        keep = (np.abs(vectors).max(axis=-1) > 0.0) & (column[part] >= 0)[..., None]
+        i, j, k = np.nonzero(keep)
+        entries = vectors[keep]
+        if table.frames is not None:
+            entries = np.einsum("ec,eca->ea", entries, table.frames[target[i, k]][..., :2])
+        row = 2 * target[i, k][:, None] + np.arange(2)
+        col = np.repeat(column[part][i, j][:, None], 2, axis=1)
+        total += sparse.csr_matrix((entries.ravel(), (row.ravel(), col.ravel())), shape=extent)
+    total.sum_duplicates()
+    return total

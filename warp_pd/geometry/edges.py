@@ -1,0 +1,50 @@
+"""Points on the named edges of a shape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..device.checks import InputError
+from .shape import Shape
+
+SIDES = ("left", "right", "bottom", "top")
+
+
+def edge_points(shape: Shape, names: tuple[str, ...]) -> np.ndarray:
+    """Indices of the points on the named edges, ascending; arguments as for `Sheet.edges`."""
+    known = {**_sides(shape), **shape.parts} if shape.frames is None else dict(shape.parts)
+    chosen = np.zeros(shape.size, bool)
+    for name in names or ("all",):
+        if name == "all" and name not in known:
+            known["all"] = whole_edge(shape, known)
+        if name not in known:
+            raise InputError(f"edge = {name!r}: expected {', '.join(repr(n) for n in (*known, 'all'))}")
+        chosen[known[name]] = True
+    return np.flatnonzero(chosen)
+
+
+def whole_edge(shape: Shape, known: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Mask of the points on the outline and around all holes, shape (N,); cracks and cuts are no edges."""
+    outer = known if shape.frames is not None else [name for name in known if name.startswith("outline")] or SIDES
+    chosen = np.zeros(shape.size, bool)
+    for name in {*outer, *(name for name in known if name.startswith("hole "))}:
+        chosen[known[name]] = True
+    return chosen
+
+
+def _sides(shape: Shape) -> dict[str, np.ndarray]:
+    """Points within a quarter of a spacing of the sides of the bounding box; of a lattice those on them."""
+    lattice = shape.whole_lattice
+    if lattice is not None:
+        column, row = np.arange(lattice.columns), lattice.columns * np.arange(lattice.rows)
+        return {"left": row, "right": row + column[-1], "bottom": column, "top": column + row[-1]}
+    tolerance = shape.spacing * (1e-6 if shape.lattice else 0.25)
+    low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+    return {
+        "left": shape.points[:, 0] < low[0] + tolerance,
+        "right": shape.points[:, 0] > high[0] - tolerance,
+        "bottom": shape.points[:, 1] < low[1] + tolerance,
+        "top": shape.points[:, 1] > high[1] - tolerance,
+    }

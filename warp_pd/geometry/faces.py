@@ -1,0 +1,105 @@
+"""Triangles of faces with any number of corners."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..device.checks import InputError
+from .file_checks import listed
+
+
+def triangulate(
+    where: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of faces, in their order.
+
+    A quadrilateral is divided along the shorter diagonal of those that lie inside, a face with more corners by cutting
+    off its ears.
+
+    Args:
+        where: Beginning of a message.
+        points: Positions, shape (V, 3).
+        counts: Corners of each face, 3 or more, shape (P,).
+        corners: Point indices of all faces, one after the other.
+
+    Returns:
+        Triangles, shape (F, 3), and the face that each is from, shape (F,).
+
+    Raises:
+        InputError: for faces that cross themselves.
+    """
+    start = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    threes, fours = np.flatnonzero(counts == 3), np.flatnonzero(counts == 4)
+    triangles, face_of = [corners[start[threes, None] + np.arange(3)]], [threes]
+    if len(fours):
+        halves, crossed = _halves(points, corners[start[fours, None] + np.arange(4)])
+        _refuse_crossed(where, fours[crossed])
+        triangles.append(halves.reshape(-1, 3))
+        face_of.append(np.repeat(fours, 2))
+    for face in np.flatnonzero(counts > 4):
+        loop = corners[start[face] : start[face] + counts[face]]
+        ears = _ears(points[loop])
+        if ears is None:
+            _refuse_crossed(where, np.array([face]))
+        triangles.append(loop[ears])
+        face_of.append(np.full(len(loop) - 2, face))
+    joined = np.concatenate(face_of)
+    order = np.argsort(joined, kind="stable")
+    return np.concatenate(triangles)[order], joined[order]
+
+
+def _refuse_crossed(where: str, faces: np.ndarray) -> None:
+    if len(faces):
+        raise InputError(f"{where}: {listed(faces, 'face')} with sides that cross: expected plain polygons")
+
+
+def _halves(points: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both triangles of each quadrilateral, shape (Q, 2, 3), and which have no diagonal inside, shape (Q,)."""
+    divided = np.array([[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
+    inside, lengths = [], []
+    for (first, second), (a, b) in zip(divided, ((0, 2), (1, 3)), strict=True):
+        normals = [
+            np.cross(points[quads[:, t[1]]] - points[quads[:, t[0]]], points[quads[:, t[2]]] - points[quads[:, t[0]]])
+            for t in (first, second)
+        ]
+        inside.append((normals[0] * normals[1]).sum(axis=1) > 0.0)
+        lengths.append(np.linalg.norm(points[quads[:, a]] - points[quads[:, b]], axis=1))
+    # Equal diagonals, as of squares, differ by round-off.
+    other = inside[1] & (~inside[0] | (lengths[1] < (1.0 - 1e-9) * lengths[0]))
+    return quads[np.arange(len(quads))[:, None, None], divided[other.astype(int)]], ~(inside[0] | inside[1])
+
+
+def _ears(loop: np.ndarray) -> np.ndarray | None:
+    """Triangles of one polygon, shape (n - 2, 3); None if it crosses itself.
+
+    Args:
+        loop: Its corners, shape (n, 3); they are projected onto their mean plane.
+    """
+    centred = loop - loop.mean(axis=0)
+    normal = np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0)
+    axis = int(np.argmax(np.abs(normal)))
+    flat = np.delete(centred, axis, axis=1)
+    if (normal[axis] < 0.0) != (axis == 1):
+        flat = flat[:, ::-1]
+    left, triangles = list(range(len(loop))), []
+    while len(left) > 3:
+        ear = next((k for k in range(len(left)) if _is_ear(flat, left, k)), None)
+        if ear is None:
+            return None
+        triangles.append([left[ear - 1], left[ear], left[(ear + 1) % len(left)]])
+        del left[ear]
+    return np.array([*triangles, left])
+
+
+def _is_ear(flat: np.ndarray, left: list[int], k: int) -> bool:
+    """Whether the corner `left[k]` is convex and no other corner lies in its triangle."""
+    i, j, l = left[k - 1], left[k], left[(k + 1) % len(left)]
+    if not _turn(flat[i], flat[j], flat[l]) > 0.0:
+        return False
+    others = flat[[m for m in left if m not in (i, j, l)]]
+    sides = [_turn(flat[a], flat[b], others) for a, b in ((i, j), (j, l), (l, i))]
+    return not np.all([side >= 0.0 for side in sides], axis=0).any()
+
+
+def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    return np.asarray((b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0]))

@@ -1,0 +1,78 @@
+"""What readers of files share: paths, units, and lists of indices in messages."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..device.checks import MAX_SHOWN, InputError, kind_and_text, one_of, positive, said
+
+METERS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254}
+UNITS = f"expected {', '.join(repr(name) for name in METERS)} or a number of meters"
+
+
+def existing_file(path: Any) -> Path:
+    """`path` as a Path.
+
+    Raises:
+        InputError: unless it is the path of a file that exists.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"path = {said(path)}: expected the path of a file")
+    found = Path(path)
+    if not found.is_file():
+        raise InputError(f"path = {str(path)!r}: the file does not exist")
+    return found
+
+
+def meters(unit: Any) -> float:
+    """The length of a unit [m]: a name, or a number of meters.
+
+    Raises:
+        InputError: for anything else.
+    """
+    if unit is None:
+        raise InputError(f"unit = None: {UNITS}; the file does not say its unit")
+    if isinstance(unit, str):
+        return METERS[one_of("unit", unit, METERS)]
+    return positive("unit", unit)
+
+
+def listed(indices: np.ndarray, noun: str) -> str:
+    """Text like "faces 3, 7, 9" or "edges (3, 4), (7, 9), ... (12 in all)".
+
+    Args:
+        indices: Shape (K,), or (K, 2) for pairs.
+        noun: In the singular.
+    """
+    rows = [f"({', '.join(map(str, row))})" if np.ndim(row) else str(row) for row in indices[:MAX_SHOWN].tolist()]
+    more = f", ... ({len(indices)} in all)" if len(indices) > MAX_SHOWN else ""
+    return f"{noun if len(indices) == 1 else noun + 's'} {', '.join(rows)}{more}"
+
+
+@contextlib.contextmanager
+def library_reads(path: Path) -> Iterator[None]:
+    """Context in which a library reads a file. What it prints is in the message if it fails, on stderr otherwise.
+
+    Raises:
+        InputError: in place of any error.
+    """
+    printed = io.StringIO()
+    try:
+        # meshio multiplies what may be no number of triangles, to see whether an STL file is binary.
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed), np.errstate(over="ignore"):
+            yield
+    except InputError:
+        raise
+    except Exception as error:
+        text = " ".join((printed.getvalue() + " " + kind_and_text(error)).split())
+        raise InputError(f"path = {str(path)!r}: the file cannot be read: {text}") from error
+    if printed.getvalue():
+        print(printed.getvalue().rstrip(), file=sys.stderr)

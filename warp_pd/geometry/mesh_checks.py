@@ -1,0 +1,100 @@
+"""Checks of meshes from files: each raises one line with the indices of what is wrong, counted from 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..device.checks import InputError
+from .file_checks import listed
+from .topology import boundary_edges, crowded_edges, flipped, pieces
+from .triangulation import doubled_normals, signed_areas
+
+# Least area of a triangle over the mean, and least distance of two points over the extent of the mesh.
+LEAST_AREA, LEAST_DISTANCE = 1e-12, 1e-9
+# Largest coordinate whose fourth power is a number.
+LARGEST = 1e70
+
+
+def require_faces(where: str, points: np.ndarray, counts: np.ndarray, corners: np.ndarray) -> None:
+    """Check what a file says of its faces, before anything is computed from it.
+
+    Args:
+        where: Beginning of the message.
+        points: Positions, shape (V, 3).
+        counts: Corners of each face, shape (P,).
+        corners: Point indices of all faces, one after the other, shape (sum of counts,).
+
+    Raises:
+        InputError: for no faces, fewer than three corners, missing points, or coordinates that are not finite.
+    """
+    if len(counts) == 0:
+        raise InputError(f"{where}: no triangles or quadrilaterals: expected at least one")
+    face_of = np.repeat(np.arange(len(counts)), counts)
+    _refuse(where, "face", np.flatnonzero(counts < 3), "with fewer than 3 corners: expected triangles")
+    missing = np.unique(face_of[(corners < 0) | (corners >= len(points))])
+    _refuse(where, "face", missing, f"with points that are missing: expected 0 to {len(points) - 1}")
+    used = np.unique(corners)
+    bad = used[~(np.abs(points[used]) < LARGEST).all(axis=1)]
+    _refuse(where, "point", bad, f"with coordinates that are NaN or infinite: expected numbers below {LARGEST:g}")
+
+
+def require_surface(where: str, points: np.ndarray, triangles: np.ndarray, face_of: np.ndarray) -> None:
+    """Check a triangulated surface.
+
+    Args:
+        where: Beginning of the message.
+        points: Positions, shape (V, 3).
+        triangles: Shape (F, 3).
+        face_of: Face of the file that each triangle is from, shape (F,).
+
+    Raises:
+        InputError: for degenerate triangles, points that coincide, edges with more than two triangles, or triangles
+            that face the other side than their neighbours.
+    """
+    areas = 0.5 * np.linalg.norm(doubled_normals(points, triangles), axis=1)
+    thin = np.unique(face_of[~(areas > LEAST_AREA * areas.mean())])
+    _refuse(where, "face", thin, f"without area: expected more than {LEAST_AREA:g} of the mean")
+    _refuse(where, "pair", _coincident(points, triangles), "of points at one place: expected distinct points")
+    crowded = crowded_edges(triangles)
+    _refuse(where, "edge", crowded, "with more than two triangles: expected one or two")
+    turned = flipped(triangles)
+    if turned is None:
+        raise InputError(f"{where}: the surface has one side, as Moebius' strip: expected two sides")
+    _refuse(where, "face", np.unique(face_of[turned]), "flipped against the neighbours: expected one orientation")
+
+
+def require_unfolded(where: str, points: np.ndarray, triangles: np.ndarray, face_of: np.ndarray) -> None:
+    """Check that no piece of a flat mesh is folded over itself; points have shape (V, 2 or more).
+
+    Raises:
+        InputError: otherwise.
+    """
+    sign = np.sign(signed_areas(points, triangles))
+    piece = pieces(triangles)
+    most = np.sign(np.bincount(piece, sign))[piece]
+    folded = np.unique(face_of[sign != np.where(most == 0.0, 1.0, most)])
+    _refuse(where, "face", folded, "folded over the neighbours: expected a flat mesh that covers each place once")
+
+
+def require_closed(where: str, triangles: np.ndarray) -> None:
+    """Check that a surface has no boundary.
+
+    Raises:
+        InputError: otherwise.
+    """
+    _refuse(where, "edge", boundary_edges(triangles), "with one triangle: expected a closed surface")
+
+
+def _coincident(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    from scipy.spatial import cKDTree
+
+    used = np.unique(triangles)
+    extent = float(np.ptp(points[used], axis=0).max())
+    pairs = cKDTree(points[used]).query_pairs(LEAST_DISTANCE * max(extent, 1e-300), output_type="ndarray")
+    pairs = np.sort(used[pairs], axis=1)
+    return pairs[np.lexsort(pairs.T[::-1])]
+
+
+def _refuse(where: str, noun: str, indices: np.ndarray, words: str) -> None:
+    if len(indices):
+        raise InputError(f"{where}: {listed(indices, noun)} {words}")

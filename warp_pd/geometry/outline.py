@@ -1,0 +1,190 @@
+"""Shapes from an outline: holes, cracks and inclusions where they were asked for, points exactly on them."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from ..device.checks import InputError, positive, user_code
+from .assembly import Part, assembled
+from .crack_lines import crack_lines
+from .curves import Spacing
+from .filling import Filling, fill_evenly, fill_graded
+from .lines import Line, Named, line_edges, named, region, require_apart, ring
+from .shape import Shape
+from .triangulation import cell_triangles, signed_areas
+
+# Most points of an outline: beyond, arrays of the triangulation leave the memory of common machines.
+MAX_POINTS = 100_000_000
+# Cracks are clipped by curves whose points are so much nearer to each other than those of the sheet.
+FINER = 16
+
+
+def outline(boundary: Any, holes: Named, cracks: Named, inclusions: Named, spacing: Any) -> Shape:
+    """The shape; arguments as for `Sheet.outline`."""
+    at, least = _spacing(spacing)
+    curves = [("outline", boundary), *named("hole", holes)]
+    rings = [ring(name, curve, at) for name, curve in curves]
+    rigid = [ring(name, curve, at) for name, curve in named("inclusion", inclusions)]
+    sheet = region(rings[0], rings[1:], rigid)
+    _require_size(sheet, at, least)
+    paths = named("crack", cracks)
+    slits: list[Line] = []
+    if paths:
+        finer = [ring(name, curve, lambda points: at(points) / FINER) for name, curve in curves]
+        slits, rings = crack_lines(paths, region(finer[0], finer[1:], ()), rings, rigid, at)
+        sheet = region(rings[0], rings[1:], rigid)
+    lines = [*rings, *rigid, *slits]
+    fixed = np.concatenate([line.points for line in lines])
+    fixed, which = _merged(fixed)
+    require_apart(lines, which, at)
+    edges = line_edges(lines, which)
+    filling = _fill(sheet, fixed, edges, spacing, at, least)
+    points, grid = np.vstack([fixed, filling.points]), np.vstack([filling.fixed_grid, filling.grid])
+    order = _order(grid)
+    points, grid, number = points[order], grid[order], np.argsort(order)
+    least = least or float(at(points).min())
+    triangles = _triangles(points, grid, sheet, least)
+    _require_edges(triangles, number[edges], points)
+    ends = np.cumsum([0, *(len(line.points) for line in lines)])
+    members = [number[which[a:b]] for a, b in itertools.pairwise(ends)]
+    spacings = at(points) if callable(spacing) else None
+    base = Shape(
+        points=points, areas=np.zeros(len(points)), triangles=triangles, spacing=least, grid=grid, spacings=spacings
+    )  # fmt: skip
+    parts = [Part(line.name, line.side, at_points) for line, at_points in zip(lines, members, strict=True)]
+    outer, inner = len(rings), len(rings) + len(rigid)
+    return assembled(base, parts[:outer], parts[outer:inner], parts[inner:])
+
+
+def _require_size(sheet: Any, at: Spacing, least: float) -> None:
+    """Check that a sheet has a sensible number of points.
+
+    Raises:
+        InputError: for a spacing larger than half the sheet, or too small.
+    """
+    low, high = np.reshape(sheet.bounds, (2, 2))
+    longest, space = float((high - low).max()), least or float(at(np.array([[*sheet.centroid.coords[0]]]))[0])
+    if longest < 2.0 * space:
+        raise InputError(f"spacing is {space:.4g} m in a sheet {longest:.4g} m long: expected at most half of that")
+    if least and sheet.area > MAX_POINTS * least**2:
+        raise InputError(
+            f"spacing = {least:g}: expected {np.sqrt(sheet.area / MAX_POINTS):.3g} m or more, {MAX_POINTS} points"
+        )
+
+
+def _spacing(spacing: Any) -> tuple[Spacing, float]:
+    """Spacing as a function of points, and the number, or a guess of the least one that is corrected later."""
+    if not callable(spacing):
+        number = positive("spacing", spacing)
+        return lambda points: np.full(len(points), number), number
+
+    def at(points: np.ndarray) -> np.ndarray:
+        with user_code(lambda error: f"spacing(x, y) raised {error!r}: expected spacings [m]"):
+            found = np.broadcast_to(np.asarray(spacing(points[:, 0], points[:, 1]), np.float64), len(points))
+        if not (np.isfinite(found) & (found > 0.0)).all():
+            bad = int(np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))[0])
+            raise InputError(
+                f"spacing(x, y) = {found[bad]:g} at {points[bad].tolist()} m: expected finite numbers above zero"
+            )
+        return found
+
+    return at, 0.0
+
+
+def _merged(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct points [m], and the number of each given one: ends of cracks are points of rings."""
+    distinct, inverse = np.unique(points, axis=0, return_inverse=True)
+    return distinct, inverse.ravel()
+
+
+def _fill(sheet: Any, fixed: np.ndarray, edges: np.ndarray, spacing: Any, at: Spacing, least: float) -> Filling:
+    import shapely
+
+    curves = shapely.MultiLineString(list(fixed[edges]))
+    shapely.prepare(curves)
+    if callable(spacing):
+        return fill_graded(sheet, fixed, curves, at)
+    return fill_evenly(sheet, fixed, curves, least)
+
+
+def _order(grid: np.ndarray) -> np.ndarray:
+    """Points on the grid first, row by row; then the others."""
+    return np.lexsort([grid[:, 0], grid[:, 1], grid[:, 0] < 0])
+
+
+def _triangles(points: np.ndarray, grid: np.ndarray, sheet: Any, least: float) -> np.ndarray:
+    """Two triangles for each cell of the grid far from others, Delaunay's triangles between.
+
+    Raises:
+        InputError: where the triangles do not follow the curves.
+    """
+    import shapely
+    from scipy.spatial import Delaunay, cKDTree
+
+    cells, covered = _grid_cells(points, grid, least)
+    rest = np.flatnonzero(~covered)
+    found = rest[Delaunay(points[rest]).simplices] if len(rest) else np.zeros((0, 3), np.int64)
+    middle = points[found].mean(axis=1)
+    shapely.prepare(sheet)
+    kept = shapely.contains_xy(sheet, *middle.T)
+    if len(cells):
+        centres = cKDTree(points[cells.reshape(-1, 6)].mean(axis=1))
+        inside = centres.query(middle, p=np.inf, distance_upper_bound=0.5 * least * (1.0 + 1e-6))[0]
+        kept &= ~np.isfinite(inside)
+    found = found[kept]
+    turned = signed_areas(points, found) < 0.0
+    found[turned] = found[turned][:, ::-1]
+    # Slivers along a straight side have no area.
+    sliver = signed_areas(points, found) < 1e-9 * (least or 1.0) ** 2
+    triangles = np.concatenate([cells, found[~sliver]]).astype(np.int32)
+    total = float(signed_areas(points, triangles).sum())
+    if abs(total - sheet.area) > 1e-9 * sheet.area:
+        raise InputError(
+            f"spacing: triangles cover {total:.6g} of {sheet.area:.6g} m^2; expected a finer spacing, with at least "
+            "two points across every gap between curves"
+        )
+    return triangles
+
+
+def _grid_cells(points: np.ndarray, grid: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of cells that are clear of points off the grid; which points have such cells all around."""
+    from scipy.spatial import cKDTree
+
+    on = grid[:, 0] >= 0
+    covered = np.zeros(len(points), bool)
+    if not on.any():
+        return np.zeros((0, 3), np.int64), covered
+    columns, rows = grid[on].max(axis=0) + 1
+    number = np.full((rows, columns), -1, np.int64)
+    number[grid[on, 1], grid[on, 0]] = np.flatnonzero(on)
+    clear = on.copy()
+    if not on.all():
+        others = cKDTree(points[~on]).query(points[on], distance_upper_bound=1.6 * least)[0]
+        clear[on] = ~np.isfinite(others)
+    usable = np.zeros((rows, columns), bool)
+    usable[grid[on, 1], grid[on, 0]] = clear[on]
+    whole = usable[:-1, :-1] & usable[1:, :-1] & usable[:-1, 1:] & usable[1:, 1:]
+    row, column = grid[on, 1], grid[on, 0]
+    padded = np.pad(whole, 1)
+    covered[on] = padded[row, column] & padded[row + 1, column] & padded[row, column + 1] & padded[row + 1, column + 1]
+    return number.ravel()[cell_triangles(int(columns), whole)].astype(np.int64), covered
+
+
+def _require_edges(triangles: np.ndarray, edges: np.ndarray, points: np.ndarray) -> None:
+    """Check that curves and cracks are edges of triangles.
+
+    Raises:
+        InputError: otherwise.
+    """
+    on = np.zeros(len(points), bool)
+    on[edges] = True
+    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    sides = np.sort(sides[on[sides].all(axis=1)].astype(np.int64), axis=1)
+    key = np.array([len(points), 1])
+    there = np.isin(np.sort(edges, axis=1) @ key, sides @ key)
+    if not there.all():
+        at = points[edges[~there][0]].mean(axis=0)
+        raise InputError(f"spacing: too coarse for the curves near {at.tolist()}; expected a finer spacing")

@@ -1,0 +1,99 @@
+"""Figures and the files that they go to. Matplotlib is imported when the first figure is made."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import os
+from collections.abc import Iterator
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..device.checks import OutputError
+
+FORMATS = ("png", "pdf", "svg")
+# Dots per inch, and those of the parts of a vector picture that are too many to be drawn one by one.
+RESOLUTION, RESOLUTION_IN_VECTORS = 130, 300
+# Polygons above which a vector picture holds the sheet as pixels.
+MOST_VECTORS = 20_000
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What the pictures of a run have in common.
+
+    Attributes:
+        title: First line of each, or "".
+        formats: Suffixes of the files, of FORMATS; empty for the suffix of each path.
+        load_duration: Load time of the full load of a static run [s], or None.
+    """
+
+    title: str = ""
+    formats: tuple[str, ...] = ()
+    load_duration: float | None = None
+
+
+_drawing: ContextVar[Drawing | None] = ContextVar("_drawing", default=None)
+
+
+def current() -> Drawing:
+    """What the pictures that are drawn now have in common."""
+    return _drawing.get() or Drawing()
+
+
+@contextlib.contextmanager
+def drawing(common: Drawing) -> Iterator[None]:
+    """Context in which pictures are those of one run."""
+    token = _drawing.set(common)
+    try:
+        yield
+    finally:
+        _drawing.reset(token)
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """Pictures in a folder, in all formats."""
+    return sorted(path for path in folder.iterdir() if path.suffix[1:] in FORMATS and not path.name.startswith("."))
+
+
+def new_figure(width: float, height: float) -> Any:
+    """A figure that is drawn into files and notebooks: pyplot, and the backend that a user chose, play no part."""
+    figure = _figure_class()(figsize=(width, height), layout="constrained")
+    if current().title:
+        figure.suptitle(current().title, fontsize=10)
+    return figure
+
+
+@functools.cache
+def _figure_class() -> Any:
+    from matplotlib.figure import Figure
+
+    class Picture(Figure):
+        """A figure that a notebook shows as it is."""
+
+        def _repr_png_(self) -> bytes:
+            stream = io.BytesIO()
+            self.savefig(stream, dpi=100, format="png", bbox_inches="tight")
+            return stream.getvalue()
+
+    return Picture
+
+
+def save(figure: Any, path: Path, **options: Any) -> None:
+    """Write a picture, complete or not at all, in the format of its suffix, or in those that a run asks for.
+
+    Raises:
+        OutputError: if it cannot be written.
+    """
+    for suffix in current().formats or (path.suffix[1:].lower(),):
+        target = path.with_suffix(f".{suffix}")
+        aside = target.with_name(f".{target.name}.unfinished")
+        dots = RESOLUTION if suffix == "png" else RESOLUTION_IN_VECTORS
+        try:
+            figure.savefig(aside, **{"dpi": dots, "format": suffix, **options})
+            os.replace(aside, target)
+        except OSError as error:
+            raise OutputError(f"{str(target)!r} cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,129 @@
+"""Several shapes as the pieces of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.checks import InputError, vector
+from .shape import Shape
+
+# Gap between pieces that lie side by side, in spacings of the wider one.
+GAP = 4.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a piece is at the start: turned about its own origin, then moved.
+
+    Attributes:
+        offset: [m].
+        axis: Axis of the rotation [-].
+        degrees: Angle of the rotation, counter-clockwise about the axis.
+
+    Raises:
+        InputError: for vectors that are not three finite numbers, or an axis of no length.
+    """
+
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    degrees: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the vectors."""
+        vector("Place.offset", self.offset, 3)
+        if not np.linalg.norm(vector("Place.axis", self.axis, 3)) > 0.0:
+            raise InputError(f"Place.axis = {self.axis!r}: expected a vector of some length")
+
+    def of(self, positions: np.ndarray) -> np.ndarray:
+        """Positions [m], shape (N, 3), after the rotation and the offset."""
+        from scipy.spatial.transform import Rotation
+
+        axis = np.asarray(self.axis, float)
+        turn = Rotation.from_rotvec(np.deg2rad(self.degrees) * axis / np.linalg.norm(axis))
+        return np.asarray(turn.apply(positions) + np.asarray(self.offset, float))
+
+
+def side_by_side(shapes: Sequence[Shape]) -> Shape:
+    """One shape whose pieces lie side by side along x.
+
+    Names of parts get the piece in front: "sheet 1 outline"; "sheet 1" holds all of its points.
+
+    Raises:
+        InputError: for fewer than two shapes, flat and curved ones, bars, or shapes with pieces.
+    """
+    if len(shapes) < 2:
+        raise InputError(f"sheets holds {len(shapes)} sheets: expected two or more")
+    curved = shapes[0].frames is not None
+    for index, shape in enumerate(shapes):
+        if (shape.frames is not None) != curved:
+            raise InputError(f"sheets[{index}] is {'flat' if curved else 'curved'}: expected only flat or only curved")
+        if shape.pieces is not None or len(shape.triangles) == 0:
+            raise InputError(f"sheets[{index}]: expected a sheet of one piece with triangles")
+    widest = max(shape.spacing for shape in shapes)
+    moves = np.zeros((len(shapes), shapes[0].points.shape[1]))
+    for k in range(1, len(shapes)):
+        right = shapes[k - 1].points[:, 0].max() + moves[k - 1, 0]
+        moves[k, 0] = right + GAP * widest - shapes[k].points[:, 0].min()
+    first = np.concatenate([[0], np.cumsum([shape.size for shape in shapes])]).astype(np.int32)
+    return _joined(shapes, moves, first)
+
+
+def _joined(shapes: Sequence[Shape], moves: np.ndarray, first: np.ndarray) -> Shape:
+    parts: dict[str, np.ndarray] = {}
+    for k, shape in enumerate(shapes):
+        name = f"sheet {k + 1}"
+        parts[name] = np.arange(first[k], first[k + 1], dtype=np.int32)
+        parts |= {f"{name} {part}": np.asarray(points + first[k], np.int32) for part, points in shape.parts.items()}
+    numbered = list(enumerate(shapes))
+    barriers = [shape.barriers + first[k] for k, shape in numbered if shape.barriers is not None]
+    alike = all(shape.spacings is None and _close(shape.spacing, shapes[0].spacing) for shape in shapes)
+    frames = None if shapes[0].frames is None else np.concatenate([_required(shape.frames) for shape in shapes])
+    return Shape(
+        points=np.concatenate([shape.points + moves[k] for k, shape in numbered]),
+        areas=np.concatenate([shape.areas for shape in shapes]),
+        triangles=np.concatenate([shape.triangles + first[k] for k, shape in numbered]).astype(np.int32),
+        spacing=max(shape.spacing for shape in shapes),
+        cuts=tuple(_moved(cut, moves[k]) for k, shape in numbered for cut in shape.cuts),
+        inclusions=tuple(np.asarray(m + first[k], np.int32) for k, shape in numbered for m in shape.inclusions),
+        spacings=None if alike else np.concatenate([_spacings(shape) for shape in shapes]),
+        frames=frames,
+        barriers=np.concatenate(barriers).astype(np.int32) if barriers else None,
+        bodies=_bodies(shapes),
+        parts=parts,
+        pieces=np.repeat(np.arange(1, len(shapes) + 1, dtype=np.int32), np.diff(first)),
+        origins=moves,
+    )
+
+
+def _close(a: float, b: float) -> bool:
+    return abs(a - b) <= 1e-9 * b
+
+
+def _spacings(shape: Shape) -> np.ndarray:
+    return np.full(shape.size, shape.spacing) if shape.spacings is None else shape.spacings
+
+
+def _required(frames: np.ndarray | None) -> np.ndarray:
+    assert frames is not None
+    return frames
+
+
+def _moved(cut: tuple[tuple[float, ...], ...], move: np.ndarray) -> tuple[tuple[float, float], tuple[float, float]]:
+    (ax, ay), (bx, by) = cut
+    x, y = float(move[0]), float(move[1])
+    return (ax + x, ay + y), (bx + x, by + y)
+
+
+def _bodies(shapes: Sequence[Shape]) -> np.ndarray | None:
+    """Numbers of rigid inclusions, counted through all shapes."""
+    if all(shape.bodies is None for shape in shapes):
+        return None
+    found, last = [], 0
+    for shape in shapes:
+        own = np.zeros(shape.size, np.int32) if shape.bodies is None else shape.bodies
+        found.append(np.where(own > 0, own + last, 0))
+        last += int(own.max(initial=0))
+    return np.concatenate(found).astype(np.int32)

@@ -1,0 +1,263 @@
+"""Pictures of a shape, a sheet before anything runs: triangles, points, edges, cuts, inclusions and named parts."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..device.checks import InputError, said
+from .picture_files import new_figure, save
+from .shape import Shape
+from .topology import boundary_edges, boundary_rings, pieces
+
+# Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
+MAX_TRIANGLES, MAX_MARKERS, MAX_PARTS, SIDE = 20_000, 8_000, 18, 8.0
+SUFFIXES = (".png", ".pdf", ".svg")
+RUBBER, EDGE, GRID_POINT, OTHER_POINT, RIGID, CUT = "#f0dfb8", "#3b2a14", "#16324f", "#a0622d", "#555555", "#c1121f"
+PART_COLOURS = ("C0", "C1", "C2", "C3", "C4", "C6", "C8", "C9")
+# Where a point that shares its place with another, on the two faces of a crack, is drawn: this far into its triangles.
+APART = 0.2
+# Elevation and azimuth of the eye [degrees].
+VIEW = (28.0, -60.0)
+
+
+def draw_shape(
+    sheet: Shape,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    title: str = "",
+    view: tuple[float, float] = VIEW,
+) -> Any:
+    """Draw a shape; see `warp_pd.draw_sheet`, which draws a sheet so.
+
+    Raises:
+        InputError: for a path that cannot be written.
+    """
+    written = None if path is None else target(path)
+    curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
+    figure, axes = _curved(sheet, view) if curved else _flat(sheet)
+    axes.set_title("\n".join([*([title] if title else []), _described(sheet)]), fontsize=10, pad=20 if curved else 6)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=8, frameon=False)
+    if written is not None:
+        save(figure, written, bbox_inches="tight", pad_inches=0.15)
+    return figure
+
+
+def target(path: Any) -> Path:
+    """The path of a picture.
+
+    Raises:
+        InputError: for one that cannot be written.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"path = {said(path)}: expected the path of a picture or None")
+    found = Path(path)
+    if found.suffix.lower() not in SUFFIXES:
+        raise InputError(f"path = {str(path)!r}: expected a name that ends in {', '.join(SUFFIXES)}")
+    if not found.parent.is_dir() or not os.access(found.parent, os.W_OK):
+        raise InputError(f"path = {str(path)!r}: expected a folder that can be written, unlike {str(found.parent)!r}")
+    return found
+
+
+def _described(sheet: Shape) -> str:
+    size = " x ".join(f"{extent:.4g}" for extent in np.ptp(sheet.points, axis=0))
+    text = f"{size} m, {sheet.size} points, {len(sheet.triangles)} triangles"
+    text += f", spacing {sheet.spacing:.4g} m" if sheet.spacings is None else (
+        f", spacing {sheet.spacings.min():.4g} to {sheet.spacings.max():.4g} m"
+    )  # fmt: skip
+    count = int(pieces(sheet.triangles).max()) + 1 if len(sheet.triangles) else 1
+    return text if count == 1 else f"{text}, {count} pieces"
+
+
+def _flat(sheet: Shape) -> tuple[Any, Any]:
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.patches import PathPatch
+
+    where = _apart(sheet)
+    low, high = where.min(axis=0), where.max(axis=0)
+    extent = np.maximum(high - low, 0.05 * (high - low).max())
+    width, height = SIDE * extent / extent.max()
+    figure = new_figure(max(width, 3.0) + 2.6, max(height, 1.0) + 1.2)
+    axes = figure.subplots()
+    edges = boundary_edges(sheet.triangles)
+    if len(edges):
+        outline = _filled(where, edges)
+        axes.add_patch(PathPatch(outline, facecolor=RUBBER, edgecolor="none", zorder=0))
+        if len(sheet.triangles) <= MAX_TRIANGLES:
+            sides = where[_sides(sheet.triangles)]
+            axes.add_collection(LineCollection(sides, colors="0.55", linewidths=0.35, label="triangles", zorder=1))
+        axes.add_collection(LineCollection(where[edges], colors=EDGE, linewidths=1.2, label="boundary", zorder=4))
+    size = float(np.clip(0.35 * 72.0 * SIDE * _typical_distance(sheet) / extent.max(), 0.8, 5.0))
+    for label, members in _inclusions(sheet):
+        inner = where[sheet.triangles[np.isin(sheet.triangles, members).all(axis=1)]]
+        axes.add_collection(PolyCollection(inner, facecolors=RIGID, alpha=0.6, zorder=2))
+        _markers(axes, where, members, label, color=RIGID, markersize=size + 2.0, marker="s", zorder=2.5)
+    if sheet.cuts:
+        axes.add_collection(LineCollection(sheet.cuts, colors=CUT, linewidths=2.0, label="cuts", zorder=5))
+    for label, chosen, colour in _kinds(sheet):
+        _markers(axes, where, chosen, label, color=colour, markersize=size, zorder=3)
+    for rank, (label, chosen) in enumerate(_parts(sheet)):
+        _markers(axes, where, chosen, label, color=_colour(rank), markersize=size + _growth(sheet, rank), zorder=6)
+    margin = 0.03 * extent.max()
+    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    return figure, axes
+
+
+def _curved(sheet: Shape, view: tuple[float, float]) -> tuple[Any, Any]:
+    from matplotlib.colors import to_rgb
+    from matplotlib.ticker import MaxNLocator
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+    where = sheet.positions
+    low, high = where.min(axis=0), where.max(axis=0)
+    figure = new_figure(SIDE + 2.6, SIDE)
+    axes = figure.add_subplot(projection="3d", computed_zorder=False)
+    triangles = sheet.triangles
+    corners = where[triangles] if len(triangles) <= MAX_TRIANGLES else _coarse(where, triangles)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    shade = 0.5 + 0.5 * np.abs(normals @ (-0.4, -0.5, 0.77))
+    face = np.column_stack([shade[:, None] * to_rgb(RUBBER), np.ones(len(shade))])
+    label = "triangles" if len(triangles) <= MAX_TRIANGLES else "triangles, joined to larger ones"
+    lines = {"edgecolors": "0.45", "linewidths": 0.2}
+    axes.add_collection3d(Poly3DCollection(corners, facecolors=face, label=label, zorder=1, **lines))
+    edges = boundary_edges(triangles)
+    if len(edges):
+        axes.add_collection3d(Line3DCollection(where[edges], colors=EDGE, linewidths=1.2, label="boundary", zorder=3))
+    for label, members in _inclusions(sheet):
+        _markers(axes, where, members, label, color=RIGID, markersize=3.5, marker="s", zorder=2)
+    for label, chosen, colour in _kinds(sheet):
+        _markers(axes, where, chosen[_towards(sheet, view)[chosen]], label, color=colour, markersize=1.5, zorder=2)
+    for rank, (label, chosen) in enumerate(_parts(sheet)):
+        _markers(axes, where, chosen, label, color=_colour(rank), markersize=2.0 + _growth(sheet, rank), zorder=4)
+    for c, name in enumerate("xyz"):
+        getattr(axes, f"set_{name}lim")(low[c], high[c])
+        getattr(axes, f"set_{name}label")(f"{name} (m)")
+        # Labels of two axes would collide at a corner of the box.
+        margin = 0.1 * (high[c] - low[c])
+        ticks = [t for t in MaxNLocator(4).tick_values(low[c], high[c]) if low[c] + margin < t < high[c] - margin]
+        getattr(axes, f"{name}axis").set_ticks(ticks)
+    axes.zaxis.labelpad = 14
+    axes.set_box_aspect(np.maximum(high - low, 1e-3 * (high - low).max()))
+    axes.view_init(elev=view[0], azim=view[1])
+    return figure, axes
+
+
+def _markers(axes: Any, where: np.ndarray, chosen: np.ndarray, label: str, **style: Any) -> None:
+    """Points as markers; of very many some, in no regular order, which would show as a pattern."""
+    if len(chosen) == 0:
+        return
+    if len(chosen) > MAX_MARKERS:
+        label = f"{label}, {MAX_MARKERS} shown"
+        chosen = np.sort(np.random.default_rng(0).choice(chosen, MAX_MARKERS, replace=False))
+    axes.plot(*where[chosen].T, **{"marker": "o", "linestyle": "none", "markeredgewidth": 0.0, "label": label, **style})
+
+
+def _kinds(sheet: Shape) -> list[tuple[str, np.ndarray, str]]:
+    """Label, points and colour of the points on the square grid and of the others."""
+    if sheet.grid is None:
+        return [(f"{sheet.size} points", np.arange(sheet.size), GRID_POINT)]
+    on = sheet.grid[:, 0] >= 0
+    inside, others = np.flatnonzero(on), np.flatnonzero(~on)
+    return [
+        (f"{len(inside)} points on the grid", inside, GRID_POINT),
+        (f"{len(others)} other points", others, OTHER_POINT),
+    ]
+
+
+def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
+    """Label and points of the rigid inclusions; a label that begins with an underscore is not in the legend."""
+    return [
+        (f"rigid inclusion {number}, {len(points)} points" if number <= MAX_PARTS else "_more", points)
+        for number, points in enumerate(sheet.inclusions, start=1)
+    ]
+
+
+def _parts(sheet: Shape) -> list[tuple[str, np.ndarray]]:
+    """Label and points of the named parts, the largest first: smaller ones lie on them."""
+    order = sorted(sheet.parts.items(), key=lambda part: -len(part[1]))
+    shown = [(f"{name}, {len(points)} points", points) for name, points in order[:MAX_PARTS]]
+    rest = [points for _, points in order[MAX_PARTS:]]
+    return shown if not rest else [*shown, (f"{len(rest)} more parts", np.unique(np.concatenate(rest)))]
+
+
+def _colour(rank: int) -> str:
+    return PART_COLOURS[rank % len(PART_COLOURS)]
+
+
+def _growth(sheet: Shape, rank: int) -> float:
+    """Extra size of the markers of a part, so that those on top show the ones below."""
+    return 0.6 + 0.5 * min(len(sheet.parts) - rank - 1, 5)
+
+
+def _typical_distance(sheet: Shape) -> float:
+    return sheet.spacing if sheet.spacings is None else float(np.median(sheet.spacings))
+
+
+def _sides(triangles: np.ndarray) -> np.ndarray:
+    """Every edge once, shape (E, 2)."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return np.unique(np.sort(edges, axis=1), axis=0)
+
+
+def _apart(sheet: Shape) -> np.ndarray:
+    """Where the points of a flat sheet are drawn [m], shape (N, 2)."""
+    where = sheet.points.copy()
+    edge = np.unique(boundary_edges(sheet.triangles))
+    _, place, times = np.unique(where[edge], axis=0, return_inverse=True, return_counts=True)
+    double = np.zeros(len(where), bool)
+    double[edge[times[place.ravel()] > 1]] = True
+    touched = sheet.triangles[double[sheet.triangles].any(axis=1)]
+    middle, count = np.zeros_like(where), np.zeros(len(where))
+    for corner in touched.T:
+        np.add.at(middle, corner, sheet.points[touched].mean(axis=1))
+        np.add.at(count, corner, 1.0)
+    where[double] += APART * (middle[double] / count[double, None] - where[double])
+    return where
+
+
+def _filled(where: np.ndarray, edges: np.ndarray) -> Any:
+    """The area that the boundary encloses, as a path: one shape, however many triangles there are."""
+    from matplotlib.path import Path as Outline
+
+    points, codes = [], []
+    for ring in boundary_rings(edges):
+        points += [where[ring], where[ring[:1]]]
+        codes += [Outline.MOVETO, *[Outline.LINETO] * (len(ring) - 1), Outline.CLOSEPOLY]
+    return Outline(np.concatenate(points), codes)
+
+
+def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Corners of fewer triangles: points of a cell of a cubic grid become one (Rossignac & Borrel 1993)."""
+    low = where.min(axis=0)
+    a, b, c = (where[triangles[:, k]] for k in range(3))
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    # A cell holds a square of the surface, and a square two triangles; it is cut at an angle.
+    cell = np.sqrt(4.0 * area / MAX_TRIANGLES)
+    _, of_cell = np.unique(np.floor((where - low) / cell).astype(np.int64), axis=0, return_inverse=True)
+    of_cell = of_cell.ravel()
+    count = np.bincount(of_cell)
+    middle = np.column_stack([np.bincount(of_cell, component) / count for component in where.T])
+    joined = of_cell[triangles]
+    whole = (joined[:, 0] != joined[:, 1]) & (joined[:, 1] != joined[:, 2]) & (joined[:, 2] != joined[:, 0])
+    joined = joined[whole]
+    _, first = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
+    return np.asarray(middle[joined[first]])
+
+
+def _towards(sheet: Shape, view: tuple[float, float]) -> np.ndarray:
+    """Points on the side of a closed surface that the eye sees; all of an open one, shape (N,)."""
+    if len(boundary_edges(sheet.triangles)):
+        return np.ones(sheet.size, bool)
+    a, b, c = (sheet.positions[sheet.triangles[:, k]] for k in range(3))
+    normals = np.zeros((sheet.size, 3))
+    for corner in sheet.triangles.T:
+        np.add.at(normals, corner, np.cross(b - a, c - a))
+    up, around = np.deg2rad(view)
+    eye = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+    return np.asarray(normals @ eye > 0.0)

@@ -1,0 +1,233 @@
+"""Lattices, triangles and segments of flat sheets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.checks import InputError
+
+Segment = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A complete rectangular grid; point (column, row) has the index column + row * columns.
+
+    Attributes:
+        columns: Points along x.
+        rows: Points along y.
+        dx: Spacing along x [m].
+        dy: Spacing along y [m].
+    """
+
+    columns: int
+    rows: int
+    dx: float
+    dy: float
+
+
+def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
+    """Which of the bonds from `tail` to `head`, shape (B, 2), cross the segment; shape (B,).
+
+    A point on the line of the segment counts as left of it, so that every bond has one answer.
+    """
+    start, end = np.array(segment[0]), np.array(segment[1])
+    along = end - start
+    length_squared = float(along @ along)
+
+    def height(p: np.ndarray) -> np.ndarray:
+        offset = p - start
+        value = along[0] * offset[..., 1] - along[1] * offset[..., 0]
+        return np.where(np.abs(value) < 1e-12 * length_squared, 0.0, value)
+
+    above, below = height(tail), height(head)
+    differ = (above >= 0.0) != (below >= 0.0)
+    share = above / np.where(differ, above - below, 1.0)
+    meeting = tail + share[..., None] * (head - tail) - start
+    place = (meeting @ along) / length_squared
+    return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
+
+
+def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: float) -> np.ndarray:
+    """Points of a lattice in the box around a segment, and `reach` spacings around it, by index.
+
+    Args:
+        corner: The first point [m], shape (2,).
+        lattice: The lattice.
+        segment: [m].
+        reach: In spacings of each axis.
+    """
+    step, number = np.array([lattice.dx, lattice.dy]), np.array([lattice.columns, lattice.rows])
+    ends = (np.array(segment) - corner) / step
+    low = np.clip(np.floor(ends.min(axis=0) - reach), 0, number).astype(np.int64)
+    high = np.clip(np.ceil(ends.max(axis=0) + reach) + 1, 0, number).astype(np.int64)
+    row, column = (np.arange(low[axis], high[axis]) for axis in (1, 0))
+    return np.asarray((lattice.columns * row[:, None] + column).ravel())
+
+
+def cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
+    """Two triangles for each whole cell, the diagonals alternating."""
+    cells = np.flatnonzero(whole)
+    return lattice_triangles(columns, (2 * cells[:, None] + np.arange(2)).ravel())
+
+
+def lattice_triangles(columns: int, at: np.ndarray) -> np.ndarray:
+    """Some triangles of a lattice, int32, shape (F, 3): two for each cell, the diagonals alternating.
+
+    Args:
+        columns: Points along x.
+        at: Their numbers, shape (F,): twice that of the cell, and one more for the second.
+    """
+    row, column = np.divmod(at // 2, columns - 1)
+    a = (row * columns + column).astype(np.int32)
+    even, second = (row + column) % 2 == 0, at % 2 == 1
+    b, c, d = a + 1, a + np.int32(1 + columns), a + np.int32(columns)
+    odd_corner, last = np.where(even | ~second, a, b), np.where(second | ~even, d, c)
+    middle = np.where(second, c, b)
+    return np.stack([odd_corner, middle, last], axis=-1)
+
+
+def whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
+    """Which cells of a lattice have no corner among the points `inside`, shape (rows - 1, columns - 1)."""
+    kept = ~inside.reshape(lattice.rows, lattice.columns)
+    return np.asarray(kept[:-1, :-1] & kept[:-1, 1:] & kept[1:, :-1] & kept[1:, 1:])
+
+
+def cell_areas(lattice: Lattice, whole: np.ndarray) -> np.ndarray:
+    """A quarter of each whole cell around a point [m^2]."""
+    padded = np.pad(whole.astype(np.float64), 1)
+    corners = padded[:-1, :-1] + padded[:-1, 1:] + padded[1:, :-1] + padded[1:, 1:]
+    return 0.25 * lattice.dx * lattice.dy * corners.ravel()
+
+
+def signed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas of triangles [m^2], positive if counter-clockwise, shape (F,)."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.asarray(0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]))
+
+
+def doubled_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Normals of triangles in space with twice their area as length [m^2], shape (F, 3); points have shape (N, 3)."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The triangles, all counter-clockwise.
+
+    Raises:
+        InputError: for another shape, or a point that does not exist.
+    """
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
+        raise InputError(f"triangles has shape {triangles.shape}: expected (F, 3) with F of 1 or more")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError(f"triangles names point {int(triangles.max())}: expected 0 to {len(points) - 1}")
+    turned = signed_areas(points, triangles) < 0.0
+    triangles = triangles.copy()
+    triangles[turned] = triangles[turned][:, ::-1]
+    return triangles
+
+
+def point_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """A third of each adjacent triangle for every point [m^2], shape (N,)."""
+    areas = np.zeros(len(points))
+    third = np.abs(signed_areas(points, triangles)) / 3.0
+    for k in range(3):
+        np.add.at(areas, triangles[:, k], third)
+    return areas
+
+
+def triangles_of(points: np.ndarray) -> np.ndarray:
+    """Delaunay's triangles of their convex hull.
+
+    Raises:
+        InputError: for points on one line.
+    """
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        return np.asarray(Delaunay(points).simplices)
+    except QhullError:
+        raise InputError("points lie on one line: expected points that span an area") from None
+
+
+def delaunay(points: np.ndarray, spacing: float | None) -> np.ndarray:
+    """Delaunay's triangles, without those whose circumscribed circle is wider than two and a half spacings.
+
+    Raises:
+        InputError: for points on one line.
+    """
+    triangles = triangles_of(points)
+    signed = np.abs(signed_areas(points, triangles))
+    sides = [
+        np.linalg.norm(points[triangles[:, a]] - points[triangles[:, b]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))
+    ]
+    if spacing is None:
+        spacing = float(np.sqrt(2.0 * np.median(signed)))
+    radius = sides[0] * sides[1] * sides[2] / np.maximum(4.0 * signed, 1e-300)
+    # Slivers along a straight edge have a huge circle and no area.
+    return np.asarray(triangles[radius < 2.5 * spacing])
+
+
+def refuse_coincident(points: np.ndarray, name: str = "points") -> None:
+    """Raise InputError for two points at one place."""
+    from scipy.spatial import cKDTree
+
+    extent = float(np.ptp(points, axis=0).max())
+    pairs = cKDTree(points).query_pairs(1e-9 * max(extent, 1e-300), output_type="ndarray")
+    if len(pairs):
+        a, b = sorted(int(p) for p in pairs[0])
+        raise InputError(f"{name}[{a}] and {name}[{b}] coincide at {points[a].tolist()}: expected distinct points")
+
+
+def turned_grid(spacing: tuple[float, float], half: np.ndarray, extent: float, turn: float) -> np.ndarray:
+    """Points of a grid about the origin, turned [m], shape (N, 2).
+
+    Args:
+        spacing: Along its two directions [m].
+        half: Where the origin lies in a cell along both, 0 (a point) or 0.5.
+        extent: Least distance that it reaches [m].
+        turn: Angle [degrees].
+    """
+    reach = int(np.ceil(extent / min(spacing))) + 1
+    step = np.arange(-reach, reach + 1)
+    u, v = np.meshgrid((step + half[0]) * spacing[0], (step + half[1]) * spacing[1])
+    angle = np.deg2rad(turn)
+    x = np.cos(angle) * u.ravel() - np.sin(angle) * v.ravel()
+    y = np.sin(angle) * u.ravel() + np.cos(angle) * v.ravel()
+    return np.column_stack([x, y])
+
+
+def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segment) -> np.ndarray:
+    """Which triangles have an edge across the segment, shape (F,)."""
+    gone = np.zeros(len(triangles), bool)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        gone |= crosses(points[triangles[:, a]], points[triangles[:, b]], segment)
+    return gone
+
+
+def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Area of the Voronoi cell of each point, cut by the triangulation [m^2], shape (N,).
+
+    In an obtuse triangle, which holds not the whole cells of its corners, the obtuse corner gets half and the others a
+    quarter of it (Meyer, Desbrun, Schroeder & Barr 2003, section 3.3). The areas sum to that of the triangles.
+    """
+    corners = points[triangles]
+    sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    squares = (sides**2).sum(axis=-1)
+    area = np.abs(signed_areas(points, triangles))
+    # Twice the cotangent of each corner times twice the area.
+    dot = 0.5 * (squares.sum(axis=1, keepdims=True) - 2.0 * squares)
+    cell = np.empty(dot.shape)
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        cell[:, k] = (squares[:, a] * dot[:, a] + squares[:, b] * dot[:, b]) / (16.0 * area)
+    obtuse = dot < -1e-12 * squares.max(axis=1, keepdims=True)
+    some = obtuse.any(axis=1)
+    cell[some] = np.where(obtuse[some], 0.5, 0.25) * area[some, None]
+    areas = np.zeros(len(points))
+    for k in range(3):
+        np.add.at(areas, triangles[:, k], cell[:, k])
+    return areas

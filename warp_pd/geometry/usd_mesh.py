@@ -1,0 +1,96 @@
+"""Meshes of USD files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..device.checks import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Faces as a file has them.
+
+    Attributes:
+        points: Positions in the file's unit, shape (V, 3).
+        counts: Corners of each face, shape (P,).
+        corners: Point indices of all faces, one after the other, shape (sum of counts,).
+        meters: The file's unit [m], if it says one.
+        parts: Point indices by name.
+    """
+
+    points: np.ndarray
+    counts: np.ndarray
+    corners: np.ndarray
+    meters: float | None
+    parts: dict[str, np.ndarray]
+
+
+def read_usd(path: Path, part: str | None) -> Faces:
+    """The faces of a UsdGeom.Mesh at its first time sample, in world coordinates.
+
+    A mesh with a subdivision scheme gives its control points. Holes (`holeIndices`) are left out.
+
+    Args:
+        path: The file.
+        part: Name or path of the prim; None if there is one mesh alone.
+
+    Raises:
+        InputError: for a file without a mesh, or a part that is none of its meshes.
+    """
+    from pxr import Tf, Usd, UsdGeom
+
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        # The reasons are in quotes, among the places in USD's sources where they arose.
+        reasons = re.findall(r": '(.*?)'", str(error)) or [str(error)]
+        raise InputError(f"path = {str(path)!r}: the file cannot be read: {'; '.join(reasons)}") from None
+    meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh)]
+    mesh = _chosen(path, meshes, part)
+    first = Usd.TimeCode.EarliestTime()
+    points = np.array(mesh.GetPointsAttr().Get(first) or [], np.float64).reshape(-1, 3)
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(first) or [], np.int64)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(first) or [], np.int64)
+    if counts.sum() != len(corners) or (counts < 0).any():
+        raise InputError(f"path = {str(path)!r}: {mesh.GetPath()}: {len(corners)} corners: expected {counts.sum()}")
+    world = np.array(mesh.ComputeLocalToWorldTransform(first))
+    turned = np.linalg.det(world[:3, :3]) < 0.0
+    if (mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded) != turned:
+        corners = _reversed(counts, corners)
+    holes = np.array(mesh.GetHoleIndicesAttr().Get(first) or [], np.int64)
+    kept = ~np.isin(np.arange(len(counts)), holes)
+    return Faces(
+        points=points @ world[:3, :3] + world[3, :3],
+        counts=counts[kept],
+        corners=corners[np.repeat(kept, counts)],
+        meters=UsdGeom.GetStageMetersPerUnit(stage) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None,
+        parts={},
+    )
+
+
+def _chosen(path: Path, meshes: list[Any], part: str | None) -> Any:
+    paths = [str(mesh.GetPath()) for mesh in meshes]
+    if not meshes:
+        raise InputError(f"path = {str(path)!r}: no UsdGeom.Mesh: expected one")
+    if part is None and len(meshes) > 1:
+        raise InputError(f"part = None: expected one of {', '.join(paths)}: {path.name} has {len(meshes)} meshes")
+    fitting = [
+        m for m, name in zip(meshes, paths, strict=True) if part is None or part in (name, m.GetPrim().GetName())
+    ]
+    if len(fitting) != 1:
+        raise InputError(f"part = {part!r}: expected one of {', '.join(paths)}")
+    return fitting[0]
+
+
+def _reversed(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """The corners of each face in the other direction."""
+    end = np.cumsum(counts)
+    place = np.arange(len(corners))
+    face = np.repeat(np.arange(len(counts)), counts)
+    return np.asarray(corners[(end - counts)[face] + end[face] - 1 - place])

@@ -1,0 +1,329 @@
+"""The context in which parts are built: device, precision, arrays, stages, and the arrays that parts have in common."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError
+from ..device.clock import Clock
+from ..device.cores import start_warp
+from ..device.fields import Array, Field, FieldRegister, Stored, to_host
+from ..device.graph import LaunchSequence, run_once
+from ..device.launches import Launch, Stage, compile_launches
+from ..families.share import BLOCK as SUM_BLOCK
+from ..families.share import Share
+from ..geometry.sheet import Sheet
+from ..kernels.effects import Kernel
+from ..kernels.families import COMPACT, CURVED, WITH_SHARES
+from ..kernels.numeric import Numeric
+from .communicator import Crew
+
+# Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
+SMALL, SMALL_BLOCK, BLOCK = 2**17, 64, 256
+
+
+def find_device(name: str | None) -> wp.Device:
+    """The Warp device of that name.
+
+    Raises:
+        InputError: if it does not exist; a CPU never replaces a requested GPU.
+    """
+    start_warp()
+    present = [d.alias for d in wp.get_devices()]
+    known = ", ".join(repr(alias) for alias in present)
+    if name is None:
+        return wp.get_device("cuda:0" if wp.is_cuda_available() else "cpu")
+    if name == "cuda" and not wp.is_cuda_available():
+        raise InputError(f"device = {name!r}: no CUDA device was found; expected one of {known}")
+    if name != "cuda" and name not in present:
+        raise InputError(f"device = {name!r}: expected one of {known}")
+    return wp.get_device(name)
+
+
+def layout_of(sheet: Sheet) -> str:
+    """Layout of the families of a sheet whose bonds keep their weight."""
+    return sheet.layout if sheet.frames is None else sheet.layout + CURVED
+
+
+@dataclass(frozen=True)
+class Features:
+    """Requirements of the parts of a scene on the kernels that they have in common.
+
+    Attributes:
+        held: Whether any component of any point is held.
+        loaded: Whether external forces act.
+        damped: Whether there is mass damping.
+        tracked: Whether external work and losses are summed.
+        breakable: Whether bonds can break.
+        contact: Whether a contact may change velocities.
+        half_steps: Whether the energy balance may take the velocities at half steps.
+        compact: Name of the influence function of a cloud whose tables take few bytes, see kernels/compact_clouds.py;
+            empty on all other sheets.
+    """
+
+    held: bool = False
+    loaded: bool = False
+    damped: bool = False
+    tracked: bool = False
+    breakable: bool = False
+    gradual: bool = False
+    contact: bool = False
+    half_steps: bool = True
+    compact: str = ""
+
+
+@dataclass(eq=False)
+class State:
+    """Arrays that parts have in common, [points] unless noted; None if the scene does not need them.
+
+    Attributes:
+        displacement: u [m], vec3.
+        velocity: [m/s], vec3, at full steps.
+        force: Internal force [N], vec3.
+        mass: [kg].
+        external: External force [N], vec3.
+        held_mask: Bits of held components, uint8: 1, 2, 4 for x, y, z; 8 in a rigid inclusion.
+        step: Time step [s], one number.
+        damping: Mass damping [1/s], one number.
+        work: External work [J], float64.
+        dissipated: Energy lost to damping [J], float64.
+    """
+
+    displacement: Array
+    velocity: Array
+    force: Array
+    mass: Array
+    external: Array | None = None
+    held_mask: Array | None = None
+    step: Array | None = None
+    damping: Array | None = None
+    work: Array | None = None
+    dissipated: Array | None = None
+
+
+@dataclass(eq=False)
+class Context:
+    """The arrays and launches of the parts.
+
+    Attributes:
+        sheet: The sheet, without stress; what is here of it, if several processes share it.
+        device: The Warp device.
+        types: Types of the precision.
+        module: Name of the Warp module that holds every kernel of this configuration.
+        features: Requirements of the parts on common kernels.
+        held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
+        initial_displacement: From the state without stress [m], shape (N, 3).
+        fields: All arrays.
+        clock: Time and schedules.
+        placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
+            frames are counted from there; or None.
+        undivided: The whole sheet, without stress, if several processes share it.
+        share: What is here of the sheet; None if it is all here.
+        crew: The processes that share it.
+        block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
+        stages: Stages by name, in the order of their creation.
+        prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
+        state: Arrays that parts have in common.
+    """
+
+    sheet: Sheet
+    device: wp.Device
+    types: Numeric
+    module: str
+    features: Features
+    held: np.ndarray
+    initial_displacement: np.ndarray
+    fields: FieldRegister
+    clock: Clock
+    undivided: Sheet | None = None
+    placement: np.ndarray | None = None
+    share: Share | None = None
+    crew: Crew = field(default_factory=Crew)
+    block_dim: int = BLOCK
+    stages: dict[str, Stage] = field(default_factory=dict)
+    prefix: str = ""
+    state: State = field(init=False)
+    _sequences: dict[tuple[str, int], LaunchSequence] = field(init=False, default_factory=dict)
+
+    @property
+    def whole(self) -> Sheet:
+        """The whole sheet, without stress, whoever has it."""
+        return self.sheet if self.undivided is None else self.undivided
+
+    @property
+    def bits(self) -> int:
+        """Precision, 32 or 64."""
+        return self.types.bits
+
+    @property
+    def layout(self) -> str:
+        """Layout of the families, see `family_functions`."""
+        if self.features.compact:
+            return COMPACT + self.features.compact
+        layout = layout_of(self.sheet)
+        return layout + WITH_SHARES if self.features.gradual else layout
+
+    def array(
+        self,
+        name: str,
+        owner: str,
+        dtype: Any,
+        values: Any = None,
+        *,
+        shape: Any = None,
+        per: str = "point",
+        restart: bool = False,
+        halo: bool = False,
+        output: str = "",
+        density: bool = False,
+    ) -> Array:
+        """Declare a field (see `Field`) and allocate it, filled with `values` or with zeros of `shape`."""
+        declared = Field(name, owner, per, restart, halo, output, density)
+        return self.fields.allocate(declared, dtype, values, shape)
+
+    def own(self, array: Array) -> Array:
+        """The own points of an array of points, as a view; all of them if one process has the whole sheet."""
+        return array if self.share is None else array[self.share.own]
+
+    @property
+    def own_blocks(self) -> int:
+        """Number of own blocks of points, by which sums go."""
+        points = self.sheet.size if self.share is None else self.share.block_points
+        return -(-points // SUM_BLOCK)
+
+    def launch_on_blocks(
+        self,
+        stage: Stage,
+        owner: str,
+        kernel: Kernel,
+        arrays: Mapping[str, Array | None],
+        sums: Mapping[str, Array],
+        outputs: Sequence[str] = (),
+        **others: Any,
+    ) -> None:
+        """Add the launch of a kernel that sums over blocks of points.
+
+        Args:
+            stage: Where to add it.
+            owner: The part that adds it.
+            kernel: The kernel.
+            arrays: Its arrays of points, by argument.
+            sums: What it writes for each block, by argument.
+            outputs: Those of `arrays` that it writes.
+            others: Its other arguments.
+        """
+        share = self.share
+        given: dict[str, Any] = {**sums, **others}
+        own: dict[str, Any] = {name: None if array is None else self.own(array) for name, array in arrays.items()}
+        if share is None or share.owners is None:
+            stage.launch(owner, kernel, self.own_blocks, **own, **given)
+            return
+        # Where points are scattered, the processes bring those of their blocks together.
+        there = {name: array for name, array in arrays.items() if array is not None}
+        brought = {
+            name: self.array(f"{name}_in_blocks", owner, array.dtype, shape=share.block_points, per="table")
+            for name, array in there.items()
+        }
+        stage.call(self.crew.bring([(array, brought[name]) for name, array in there.items()], share))
+        if outputs:
+            blocks = -(-(share.own.stop - share.own.start) // SUM_BLOCK)
+            unused = {
+                name: self.array(f"unused_{name}", owner, made.dtype, shape=(*made.shape[:-1], blocks), per="table")
+                for name, made in sums.items()
+            }
+            stage.launch(owner, kernel, blocks, **own, **{**given, **unused})
+        stage.launch(owner, kernel, self.own_blocks, **{**own, **brought}, **given)
+
+    def all_blocks(self, stage: Stage, sums: Array, name: str, owner: str) -> Array:
+        """Sums [rows, blocks] of all processes, brought together in a stage; the array itself if there is one."""
+        if self.share is None:
+            return sums
+        shape = (sums.shape[0], -(-self.whole.size // SUM_BLOCK))
+        everything = self.array(name, owner, sums.dtype, shape=shape, per="table")
+        stage.call(self.crew.gather_blocks(sums, everything, self.share))
+        return everything
+
+    def whole_array(self, array: Array) -> np.ndarray:
+        """A copy of a field on the host, of the whole sheet; with several processes within `Crew.lead` only."""
+        if self.share is None:
+            return to_host(array)
+        index, stored = next((k, s) for k, s in enumerate(self.fields) if s.array is array)
+        return self.crew.whole(stored, index, self.share)
+
+    def total(self, array: Array) -> float:
+        """Sum of an array of points of the whole sheet, in one order on any number of processes."""
+        found = self.crew.spread(self.crew.lead(lambda: float(self.whole_array(array).sum())))
+        assert found is not None
+        return found
+
+    def values_here(self, stored: Stored, whole: np.ndarray) -> np.ndarray:
+        """What is here of the values of a field of the whole sheet, on the host."""
+        share, per = self.share, stored.field.per
+        if share is None or per not in ("point", "bond", "face"):
+            return whole
+        if per == "face":
+            return np.asarray(whole[share.faces])
+        if per == "point":
+            return share.rows(whole)
+        # Families that are not whole here are empty.
+        found = np.asarray(whole[:, share.points])
+        found[:, ~share.near] = 0
+        return found
+
+    def number(self, point: int) -> int:
+        """Number of a point here in the whole sheet."""
+        return point if self.share is None else int(self.share.points[point])
+
+    def stage(self, name: str, when: str) -> Stage:
+        """A new stage.
+
+        Args:
+            name: Its name.
+            when: How often it runs, for `plan`.
+
+        Raises:
+            ValueError: if it exists.
+        """
+        name = self.prefix + name
+        if name in self.stages:
+            raise ValueError(f"stage {name!r} exists already: expected a new name")
+        self.stages[name] = Stage(name, when, self.device, self.module, self.block_dim, [])
+        return self.stages[name]
+
+    def on(self, sheet: Sheet, prefix: str, features: Features, held: np.ndarray) -> Context:
+        """A context for another sheet of the same simulation, with its own state and stages of another prefix."""
+        start = np.zeros((sheet.size, 3))
+        return replace(
+            self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
+            placement=None,
+        )  # fmt: skip
+
+    def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:
+        """The launches of a stage, ready to run any number of times; made on first use."""
+        if (name, repeat) not in self._sequences:
+            self._sequences[name, repeat] = LaunchSequence(self.stages[self.prefix + name], repeat)
+        return self._sequences[name, repeat]
+
+    def run(self, name: str) -> None:
+        """Run a stage once, now."""
+        if self.device.is_cuda:
+            run_once(self.device, self.stages[self.prefix + name])
+        else:
+            self.sequence(name).run()
+
+    def use_fast_math(self, module: str) -> None:
+        """Let a module use the approximate divisions, roots and exponentials of the hardware, in float32 on a GPU."""
+        wp.get_module(module).options["fast_math"] = self.bits == 32 and self.device.is_cuda
+
+    def compile(self) -> float:
+        """Build or load every kernel now; returns the seconds it took."""
+        begin = time.perf_counter()
+        launches: Iterable[Launch] = [launch for stage in self.stages.values() for launch in stage.launches()]
+        compile_launches(launches, self.device)
+        return time.perf_counter() - begin

@@ -1,0 +1,173 @@
+"""Where a sheet that several processes share needs its halo renewed; it follows from what launches declare.
+
+Every array of points is right up to some depth outside the own points, in horizons: 2 just after an exchange. A launch
+that reads arrays at its own point gives what is right as deep as these are, one that gathers an array a horizon less.
+What a launch must give follows backwards: own points are depth 0, and what is gathered from must be right a horizon
+deeper. Fields that are declared with `halo` can be exchanged; all others must be computed in the halo, too: so the
+families of the first horizon outside are computed twice, and forces are summed up in the same order on any number of
+processes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ..device.checks import InputError
+from ..device.fields import Stored
+from ..device.launches import Call, Item, Launch, Stage, arrays_in
+from ..families.share import HALO
+from .context import Context
+from .overlap import has_streams, overlapped
+
+# Launches that work on the own points, or on blocks of them, and those that work on more than a point's own family.
+OWN_BLOCKS, LIST, WHOLE = "block", "list", ("once", "body")
+
+
+@dataclass(frozen=True)
+class Access:
+    """Fields that a launch touches, by their number; `gathers` from other points, `reads` at its own."""
+
+    reads: frozenset[int]
+    gathers: frozenset[int]
+    writes: frozenset[int]
+
+
+class Exchanges:
+    """Finds the exchanges of all stages.
+
+    Attributes:
+        fields: The fields of points and bonds that launches write, by number.
+        need: Depth to which each launch must be right, by its identity.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self.stages = list(context.stages.values())
+        self._places = sorted(
+            (int(s.array.ptr), int(s.array.ptr) + int(s.array.capacity), k)
+            for k, s in enumerate(context.fields)
+            if s.field.per in ("point", "bond") and s.array.ptr
+        )
+        self.fields: dict[int, Stored] = dict(enumerate(context.fields))
+        launches = [launch for stage in self.stages for launch in stage.launches()]
+        written = {k for launch in launches for k in self._numbers(launch.touched.writes)}
+        self._access = {id(launch): self._access_of(launch, written) for launch in launches}
+        self._launches = {id(launch): launch for launch in launches}
+        self.need = self._needs()
+
+    @property
+    def of_points(self) -> frozenset[int]:
+        """Addresses of the arrays that have an entry for each point."""
+        return frozenset(begin for begin, _, _ in self._places)
+
+    def numbered(self, launch: Launch) -> bool:
+        """Whether the arrays of a launch begin with the first point that is here: none is a view of own points."""
+        touched = launch.touched
+        inside = (touched.reads | touched.gathers | touched.writes) - self.of_points
+        return not self._numbers(inside)
+
+    def _numbers(self, addresses: Iterable[int]) -> frozenset[int]:
+        """Fields in which these addresses lie: views of own points begin inside their array."""
+        return frozenset(k for p in addresses for begin, end, k in self._places if begin <= p < end)
+
+    def _access_of(self, launch: Launch, written: set[int]) -> Access:
+        touched, per = launch.touched, launch.source.effects.per
+        reads, gathers = self._numbers(touched.reads) & written, self._numbers(touched.gathers) & written
+        if per == OWN_BLOCKS:
+            reads, gathers = reads | gathers, frozenset()
+        if per == LIST and launch.source.effects.gathers:
+            named = {int(a.ptr) for name, a in arrays_in(launch.arguments) if name in launch.source.effects.gathers}
+            reads, gathers = gathers - self._numbers(named), gathers & self._numbers(named)
+        if per in WHOLE and gathers:
+            raise InputError(
+                f"{launch.owner}: {launch.name} works on all points at once, which several processes cannot yet do"
+            )
+        return Access(reads, gathers, self._numbers(touched.writes))
+
+    def _needs(self) -> dict[int, int]:
+        need = dict.fromkeys(self._access, 0)
+        while True:
+            wanted: dict[int, int] = {}
+            for key, access in self._access.items():
+                for k in access.reads | access.gathers:
+                    depth = need[key] + (k in access.gathers)
+                    wanted[k] = max(wanted.get(k, 0), depth)
+                    if depth > HALO:
+                        raise InputError(
+                            f"{self._launches[key].owner}: {self._launches[key].name} looks {depth} horizons around a "
+                            f"point, which several processes cannot yet do: expected up to {HALO}"
+                        )
+            new = {
+                key: max((wanted.get(k, 0) for k in access.writes if not self.fields[k].field.halo), default=0)
+                for key, access in self._access.items()
+            }
+            if new == need:
+                return need
+            need = new
+
+    def find(self) -> dict[str, dict[int, list[Stored]]]:
+        """Fields to exchange before items of each stage, by the number of the item."""
+        entry = {k: _depth_of(self.fields[k]) for access in self._access.values() for k in access.writes}
+        while True:
+            found, lowest = {}, dict(entry)
+            for stage in self.stages:
+                found[stage.name], leaves = self._follow(stage, entry)
+                lowest = {k: min(depth, leaves[k]) for k, depth in lowest.items()}
+            if lowest == entry:
+                return found
+            entry = lowest
+
+    def _follow(self, stage: Stage, entry: Mapping[int, int]) -> tuple[dict[int, list[Stored]], dict[int, int]]:
+        """Exchanges of a stage that begins with fields right to some depth, and how deep they are right at its end."""
+        depth, found = dict(entry), {}
+        for place, item in enumerate(stage):
+            if not isinstance(item, Launch):
+                continue
+            access, need = self._access[id(item)], self.need[id(item)]
+            used = {**dict.fromkeys(access.reads, need), **dict.fromkeys(access.gathers, need + 1)}
+            shallow = [k for k, wanted in used.items() if depth[k] < wanted]
+            for k in shallow:
+                if not self.fields[k].field.halo:
+                    raise InputError(
+                        f"{self.fields[k].owner}: {self.fields[k].name} is not known around the own points, "
+                        "which several processes cannot yet do"
+                    )
+                depth[k] = _depth_of(self.fields[k])
+            if shallow:
+                found[place] = [self.fields[k] for k in sorted(shallow)]
+            gives = min([*(depth[k] for k in access.reads), *(depth[k] - 1 for k in access.gathers), HALO])
+            for k in access.writes:
+                depth[k] = min(depth[k], gives)
+        return found, depth
+
+
+def _depth_of(stored: Stored) -> int:
+    """How deep a field is right after an exchange; families of the outermost horizon are empty."""
+    return HALO if stored.field.per == "point" else HALO - 1
+
+
+def add_exchanges(context: Context) -> None:
+    """Put exchanges of halos into all stages.
+
+    Raises:
+        InputError: for a launch that needs more than the halo has.
+    """
+    share = context.share
+    if share is None:
+        return
+    exchanges = Exchanges(context)
+    found = exchanges.find()
+    for stage in context.stages.values():
+        items: list[Item] = []
+        added: set[int] = set()
+        for place, item in enumerate(stage.items):
+            if place in found[stage.name]:
+                call: Call = context.crew.exchange(found[stage.name][place], share)
+                items.append(call)
+                added.add(id(call))
+            items.append(item)
+        if 0 in found[stage.name]:
+            stage.wraparound = None
+        if has_streams(context.device):
+            items = overlapped(items, added, share, exchanges.of_points, exchanges.numbered)
+        stage.items = items

@@ -1,0 +1,202 @@
+"""The trained network of the neural law: weights, scaling, material and training range, in one file."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...device.checks import InputError
+from ...materials import Material, capabilities
+
+VERSION = 1
+INPUTS, OUTPUTS = 4, 2
+DEFAULT = Path(__file__).with_name("neo_hookean_100.npz")
+# Two materials count as the same if the numbers that decide their stress over mu agree to this.
+SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """A multilayer perceptron with tanh between its layers, and what it was trained for.
+
+    It works on q = (ln lambda, theta^2, ln det F, ln(C33 det F^2)), shifted and scaled, and its outputs o, scaled,
+    give T = (o_1, theta o_2): even and odd in theta, as reflection asks. The last input, the logarithm of the volume
+    change, is redundant in uniform deformation (stretch, rotation and det F determine the state).
+
+    Attributes:
+        weights: One matrix a layer, shape (outputs, inputs).
+        biases: One vector a layer, shape (outputs,).
+        input_mean: Taken away from q, shape (4,).
+        input_scale: What the difference is divided by, shape (4,).
+        output_scale: What the outputs are multiplied by, shape (2,).
+        material: Name of the material's class.
+        ratios: The numbers that decide its stress over mu.
+        stretches: Least and largest principal stretch of the training data.
+        report: How it was trained and how well.
+    """
+
+    weights: tuple[np.ndarray, ...]
+    biases: tuple[np.ndarray, ...]
+    input_mean: np.ndarray
+    input_scale: np.ndarray
+    output_scale: np.ndarray
+    material: str
+    ratios: dict[str, float]
+    stretches: tuple[float, float]
+    report: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Outputs of each layer."""
+        return tuple(len(b) for b in self.biases)
+
+    @property
+    def size(self) -> int:
+        """Number of weights and biases."""
+        return sum(w.size + b.size for w, b in zip(self.weights, self.biases, strict=True))
+
+    def folded(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Layers (weights, biases) with the scaling of inputs and outputs worked in."""
+        layers = [(w.copy(), b.copy()) for w, b in zip(self.weights, self.biases, strict=True)]
+        w, b = layers[0]
+        layers[0] = (w / self.input_scale, b - w @ (self.input_mean / self.input_scale))
+        w, b = layers[-1]
+        layers[-1] = (w * self.output_scale[:, None], b * self.output_scale)
+        return layers
+
+    def sigmoids(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
+        """The layers of `folded` for 1 / (1 + exp y) in place of tanh between them: columns of the weights, biases.
+
+        tanh y = 1 - 2 / (1 + exp 2y), so each hidden layer is doubled, and each but the first takes ones in place of
+        its inputs, less twice them. A neuron then takes an exponential, a sum and a reciprocal.
+        """
+        layers = [(2.0 * w, 2.0 * b) for w, b in self.folded()[:-1]] + self.folded()[-1:]
+        layers = layers[:1] + [(-2.0 * w, b + w.sum(axis=1)) for w, b in layers[1:]]
+        return tuple(tuple(map(tuple, [*w.T.tolist(), b.tolist()])) for w, b in layers)
+
+    def evaluate(self, features: np.ndarray) -> np.ndarray:
+        """T along and across the bond, shape (B, 2), of (lambda, theta, C33, det F), shape (B, 4)."""
+        x = inputs(features)
+        layers = self.folded()
+        for w, b in layers[:-1]:
+            x = np.tanh(x @ w.T + b)
+        x = x @ layers[-1][0].T + layers[-1][1]
+        return np.column_stack([x[:, 0], features[:, 1] * x[:, 1]])
+
+    def require_material(self, material: Material, name: str) -> None:
+        """Compare with the material of a simulation.
+
+        Raises:
+            InputError: if it is another one.
+        """
+        ratios = capabilities(material).ratios or {}
+        same = type(material).__name__ == self.material and set(ratios) == set(self.ratios)
+        if not same or any(abs(ratios[k] / self.ratios[k] - 1.0) > SAME for k in ratios):
+            raise InputError(
+                f"material = {_material(type(material).__name__, ratios)}: expected with network {name!r} "
+                f"{_material(self.material, self.ratios)}; tools/train_neural_law.py trains another"
+            )
+
+    def save(self, path: Path) -> None:
+        """Write the file aside, then move it into place."""
+        facts = {
+            "version": VERSION,
+            "material": self.material,
+            "ratios": self.ratios,
+            "stretches": self.stretches,
+            "report": self.report,
+        }
+        arrays = {f"weights_{k}": w for k, w in enumerate(self.weights)}
+        arrays |= {f"biases_{k}": b for k, b in enumerate(self.biases)}
+        arrays |= {name: getattr(self, name) for name in ("input_mean", "input_scale", "output_scale")}
+        arrays["facts"] = np.frombuffer(json.dumps(facts).encode(), np.uint8)
+        aside = path.with_name(path.name + ".part")
+        with aside.open("wb") as stream:
+            np.savez(stream, **arrays)  # type: ignore[arg-type]
+        os.replace(aside, path)
+
+
+def inputs(features: np.ndarray) -> np.ndarray:
+    """Q of (lambda, theta, C33, det F), both of shape (B, 4)."""
+    stretch, angle, c33, det = features.T
+    return np.column_stack([np.log(stretch), angle**2, np.log(det), np.log(c33) + 2.0 * np.log(det)])
+
+
+def load(path: str | Path) -> Network:
+    """A network from its file.
+
+    Raises:
+        InputError: if the file is missing, damaged, of another version, has a weight that is not finite or layers
+            that do not fit together.
+    """
+    path = Path(path)
+    said = f"network = {str(path)!r}"
+    if not path.is_file():
+        raise InputError(f"{said}: the file does not exist; expected one that tools/train_neural_law.py wrote")
+    try:
+        with np.load(path) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        facts = json.loads(bytes(arrays.pop("facts")))
+        version = facts["version"]
+    except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
+        raise InputError(f"{said}: the file is damaged or no network ({type(error).__name__})") from None
+    if version != VERSION:
+        raise InputError(f"{said}: it is of version {version!r}, expected {VERSION}; train it again")
+    layers = sum(name.startswith("weights_") for name in arrays)
+    try:
+        network = Network(
+            weights=tuple(arrays[f"weights_{k}"] for k in range(layers)),
+            biases=tuple(arrays[f"biases_{k}"] for k in range(layers)),
+            input_mean=arrays["input_mean"],
+            input_scale=arrays["input_scale"],
+            output_scale=arrays["output_scale"],
+            material=facts["material"],
+            ratios=facts["ratios"],
+            stretches=(float(facts["stretches"][0]), float(facts["stretches"][1])),
+            report=facts["report"],
+        )
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise InputError(f"{said}: the file is damaged or no network ({type(error).__name__})") from None
+    require_sound(network, said)
+    return network
+
+
+@cache
+def default() -> Network:
+    """The network that comes with the package: neo-Hookean, bulk/mu 100, principal stretches 0.8 to 4."""
+    return load(DEFAULT)
+
+
+def require_sound(network: Network, said: str) -> None:
+    """Check shapes and numbers.
+
+    Raises:
+        InputError: for layers that do not fit together or a number that is not finite.
+    """
+    width = INPUTS
+    if len(network.weights) < 2:
+        raise InputError(f"{said}: it has {len(network.weights)} layers, expected 2 or more")
+    for k, (w, b) in enumerate(zip(network.weights, network.biases, strict=True)):
+        if w.ndim != 2 or w.shape[1] != width or b.shape != (w.shape[0],):
+            raise InputError(f"{said}: layer {k} has weights of shape {w.shape}, expected {width} inputs")
+        if not np.isfinite(w).all() or not np.isfinite(b).all():
+            raise InputError(f"{said}: layer {k} has a weight that is not finite; expected finite numbers")
+        width = w.shape[0]
+    if width != OUTPUTS:
+        raise InputError(f"{said}: it has {width} outputs, expected {OUTPUTS}")
+    for name, size in (("input_mean", INPUTS), ("input_scale", INPUTS), ("output_scale", OUTPUTS)):
+        values = getattr(network, name)
+        if values.shape != (size,) or not np.isfinite(values).all() or (name != "input_mean" and (values <= 0.0).any()):
+            raise InputError(f"{said}: {name} = {values.tolist()!r}, expected {size} finite scales")
+
+
+def _material(name: str, ratios: Mapping[str, float]) -> str:
+    return f"{name}({', '.join(f'{key} = {value:g}' for key, value in ratios.items())})"

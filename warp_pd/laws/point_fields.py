@@ -1,0 +1,154 @@
+"""Point fields that force laws offer for frames: stretches, stresses, wrinkle state, counts of bonds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import warp as wp
+
+from ..device.checks import InputError, one_of
+from ..device.fields import Array
+from ..device.launches import Stage
+from ..interfaces.context import Context
+from ..interfaces.frame import OWN_FIELDS
+from ..kernels.bond_fields import bond_counts, bond_fields
+from ..kernels.effects import Kernel
+from ..kernels.family_fields import point_fields
+from ..kernels.principal_fields import Wanted
+from ..materials import Capabilities, Material, capabilities
+from .variational import Key
+
+# Names that a scene or a user gives, and the arrays that frames then hold.
+KINEMATIC = {"stretch": ("stretch_1", "stretch_2"), "direction": ("stretch_direction",)}
+STRESSES = {"first_piola": ("first_piola_1", "first_piola_2"), "cauchy": ("cauchy_1", "cauchy_2")}
+WRINKLES = {"wrinkle_state": ("wrinkle_state",)}
+BONDS = {"bonds": ("intact_bonds", "broken_bonds")}
+GROUPS = {**KINEMATIC, **STRESSES, **WRINKLES, **BONDS}
+OWNER = "fields"
+
+
+class ShowingLaw(Protocol):
+    """What fields need of a law on a device."""
+
+    context: Context
+    points: int
+    struct: Any
+    intact: Array | None
+    constants: Any
+
+    def family_arguments(self, displacement: Array) -> dict[str, Any]:
+        """Arguments common to all launches of a law."""
+        ...
+
+
+def offered(context: Context, stress: Material | None) -> tuple[str, ...]:
+    """Names of the fields that a law offers.
+
+    Args:
+        context: Its arrays; a sheet of one row of points has no strain in its plane.
+        stress: The material of its stress, or None for a law without a stress of its material.
+    """
+    lattice = context.sheet.lattice
+    if lattice is not None and lattice.rows == 1:
+        return tuple(BONDS)
+    known: dict[str, Any] = {**KINEMATIC, **BONDS}
+    if stress is not None:
+        known |= {"first_piola": (), **WRINKLES}
+        if capabilities(stress).volume is not None:
+            known |= {"cauchy": ()}
+    return tuple(name for name in GROUPS if name in known)
+
+
+def grouped(names: Sequence[str]) -> list[str]:
+    """Names of groups: "stretch" for "stretch_1"; each once, in the order of GROUPS, then others as they are."""
+    of = {array: group for group, arrays in GROUPS.items() for array in arrays}
+    asked = [of.get(name, name) for name in names]
+    return [name for name in GROUPS if name in asked] + [name for name in asked if name not in GROUPS]
+
+
+def refuse_other(names: Sequence[str], known: Sequence[str], law: str) -> None:
+    """Refuse names that a law does not offer.
+
+    Raises:
+        InputError: for the first of them.
+    """
+    for name in names:
+        if name not in known:
+            if name in GROUPS:
+                raise InputError(f"fields = {name!r}: the law {law} has none; expected one of {', '.join(known)}")
+            one_of("fields", name, (*OWN_FIELDS, *known))
+
+
+class ShownFields:
+    """Fields of a law that frames show, each with its array.
+
+    Args:
+        law: The law on its device.
+        names: Names of groups.
+    """
+
+    def __init__(self, law: ShowingLaw, names: Sequence[str]) -> None:
+        self.law, context = law, law.context
+        self.module = f"{context.module}_fields"
+        self.wanted = Wanted(
+            stretch="stretch" in names, direction="direction" in names, piola="first_piola" in names,
+            cauchy="cauchy" in names, state="wrinkle_state" in names,
+        )  # fmt: skip
+        self.counts = "bonds" in names
+        self.arrays: dict[str, Array] = {}
+        types = {"stretch_direction": context.types.vec3, **dict.fromkeys((*WRINKLES, *BONDS["bonds"]), wp.int32)}
+        for name in (array for group in names for array in GROUPS[group]):
+            dtype = types.get(name, context.types.real)
+            self.arrays[name] = context.array(name, OWNER, dtype, shape=law.points, output=name)
+
+    def add_principal(self, stage: Stage, kernel: Kernel, **more: Any) -> None:
+        """Add the launch of a kernel of principal values, unless none is wanted."""
+        if self.wanted == Wanted():
+            return
+        values: dict[str, Any] = {
+            array: self.arrays.get(array) for group in ("stretch", *STRESSES) for array in GROUPS[group]
+        }
+        stage.launch(
+            OWNER, kernel, self.law.points, **self.law.family_arguments(self.law.context.state.displacement),
+            constants=self.law.constants, **more, **values, wrinkle=self.arrays.get("wrinkle_state"),
+            direction=self.arrays.get("stretch_direction"),
+        )  # fmt: skip
+
+    def add_counts(self, stage: Stage) -> None:
+        """Add the launch that counts bonds, if they are wanted."""
+        if not self.counts:
+            return
+        context = self.law.context
+        kernel = bond_counts(context.layout, context.bits, context.features.breakable, context.module, self.module)
+        stage.launch(
+            OWNER, kernel, self.law.points, family=self.law.struct, intact=self.law.intact,
+            intact_count=self.arrays["intact_bonds"], broken_count=self.arrays["broken_bonds"],
+        )  # fmt: skip
+
+    def of_family(self, material: Material | None) -> Kernel:
+        """Kernel of the gradient of the family, with the stress of a material, or None."""
+        context, known = self.law.context, capabilities(material)
+        functions = None if material is None else material.functions
+        return point_fields(
+            context.layout, context.bits, functions, context.features.breakable, known.volume, known.wrinkle_width,
+            self.wanted, context.module, self.module,
+        )  # fmt: skip
+
+    def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
+        """Kernel of the means over the bonds of a law with a gradient for each."""
+        layout, bits, functions, broken, form = key
+        known: Capabilities = capabilities(material)
+        context = self.law.context
+        return bond_fields(
+            layout, bits, functions, broken, form, known.volume, known.wrinkle_width, viscous,
+            context.sheet.stiffness is not None, self.wanted, context.module, self.module,
+        )  # fmt: skip
+
+
+def factors(context: Context) -> Array | None:
+    """Factor on the moduli of each point, (N,), on a sheet of more than one material."""
+    stiffness = context.sheet.stiffness
+    if stiffness is None:
+        return None
+    return context.array("stiffness_factors", OWNER, context.types.real, stiffness)

@@ -1,0 +1,86 @@
+"""Exact response of a homogeneous visco-hyperelastic sheet: reference for scenes and for parameter identification."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..device.checks import InputError, one_of
+from . import Prony, Yeoh
+
+LOADINGS = ("uniaxial", "equibiaxial", "planar")
+
+
+def width_stretch(loading: str, stretch: np.ndarray) -> np.ndarray:
+    """Stretch across a pulled incompressible sheet, shape of `stretch`.
+
+    Raises:
+        InputError: for a loading other than "uniaxial", "equibiaxial" or "planar".
+    """
+    one_of("loading", loading, LOADINGS)
+    if loading == "uniaxial":
+        return stretch**-0.5
+    return stretch if loading == "equibiaxial" else np.ones_like(stretch)
+
+
+def second_stress(c10: float, c20: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Second Piola stress along x [Pa] of the incompressible Yeoh sheet at stretches x, y, in plane stress."""
+    third = 1.0 / (x * y)
+    return np.asarray(2.0 * (c10 + 2.0 * c20 * (x**2 + y**2 + third**2 - 3.0)) * (1.0 - (third / x) ** 2))
+
+
+def nominal_stress(
+    material: Yeoh, prony: Sequence[Prony], time: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> np.ndarray:
+    """First Piola stress along x [Pa] of the law Visco after a history of stretches, shape (n,).
+
+    Every relaxing stress follows its convolution, which is exact if it changes linearly between the times.
+
+    Args:
+        material: Yeoh with c10 and c20.
+        prony: Terms that relax.
+        time: Increasing times [s], shape (n,).
+        x: Stretch along x, 1 when undeformed, shape (n,); at the first time it may have jumped.
+        y: Stretch along y, shape (n,).
+
+    Raises:
+        InputError: for times that do not increase.
+    """
+    _require_rising(time)
+    third = 1.0 / (x * y)
+    total = second_stress(material.c10, material.c20, x, y)
+    change = np.sqrt(np.diff(x**2) ** 2 + np.diff(y**2) ** 2 + np.diff(third**2) ** 2)
+    for term in prony:
+        total = total + _relaxing(term, time, change, second_stress(term.c10, term.c20, x, y))
+    return np.asarray(x * total)
+
+
+def published_stress(material: Yeoh, prony: Sequence[Prony], time: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """The same for the law ViscoBondBased under equal stretches along x and y [Pa], shape (n,) (VE eqs. 46 to 55)."""
+    _require_rising(time)
+    excess = 2.0 * stretch**2 - 2.0
+    total = (material.c10 + 2.0 * material.c20 * excess) * stretch
+    middle = 0.5 * (stretch[1:] + stretch[:-1])
+    change = np.abs(np.diff(stretch)) * np.sqrt(4.0 * middle**2 + 2.0 / middle**4)
+    for term in prony:
+        total = total + (term.c10 + 2.0 * term.c20 * excess) * _relaxing(term, time, change, stretch - 1.0)
+    return np.asarray(2.0 * total)
+
+
+def _relaxing(term: Prony, time: np.ndarray, change: np.ndarray, driven: np.ndarray) -> np.ndarray:
+    """The integral of exp(-(t - t') / theta) d driven, with |dC| of each interval for theta."""
+    _, _, relaxation, exponent = term.constants
+    share = np.diff(time) / relaxation * (change / np.diff(time)) ** exponent
+    kept = np.where(share > 1e-12, -np.expm1(-share) / np.maximum(share, 1e-12), 1.0)
+    decay, gain = np.exp(-share), kept * np.diff(driven)
+    result = np.empty_like(driven)
+    result[0] = driven[0]
+    for n in range(len(share)):
+        result[n + 1] = decay[n] * result[n] + gain[n]
+    return result
+
+
+def _require_rising(time: np.ndarray) -> None:
+    if len(time) < 2 or not (np.diff(time) > 0.0).all():
+        raise InputError(f"time has {len(time)} values: expected at least two, increasing")

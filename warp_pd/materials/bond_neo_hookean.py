@@ -1,0 +1,173 @@
+"""Neo-Hookean material of bonds for one loading mode, and the response of its sheet to uniform stretch.
+
+A bond knows only its own stretch, so its law is made for one mode of loading: stretch l along x, and along y
+
+    equibiaxial  l,      planar  1,      uniaxial  that of traction-free edges; 1/sqrt(l) in the exact solution.
+
+The law of a bond is t(s) = a s - b/s^2 - c/s^3 - d/s^5, times the squared cosine of its rotation (kernels/
+hyperelastic_bonds.py). Source: HE, chapter 3; eqs. 35, 58 and 77 are its constants divided by c0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.checks import InputError, one_of, positive
+
+Coefficients = tuple[float, float, float, float]
+
+# (a, b, c, d) of t. HE write A s - 2 B/s^5 (equibiaxial), A s - B/s^3 (planar), A s - (B/2)/s^2 - 2 D/s^5 (uniaxial).
+PUBLISHED: dict[str, Coefficients] = {
+    "equibiaxial": (1.0, 0.0, 0.0, 2.0 * 0.5),
+    "planar": (31 / 25, 0.0, 89 / 81, 0.0),
+    "uniaxial": (64 / 49, 0.5 * 3 / 4, 0.0, 2.0 * 8 / 17),
+}
+# Uniaxial compression (HE eq. 77b).
+COMPRESSED: Coefficients = (-109 / 14, -0.5 * 239 / 16, 0.0, 2.0 * 5 / 18)
+# Result of `refitted`, a = b + c + d; tests/unit/test_bond_neo_hookean.py finds it again.
+REFITTED: dict[str, Coefficients] = {
+    "equibiaxial": (1.0, 0.0, 0.0, 1.0),
+    "planar": (1.1650912, 1.6381354, -1.7093861, 1.2363419),
+    "uniaxial": (1.2130514, 2.1773523, -1.9459207, 0.9816198),
+}
+# The exact traction divided by mu is l - l^-k.
+EXPONENT = {"equibiaxial": 5, "planar": 3, "uniaxial": 2}
+MODES, FITS = tuple(PUBLISHED), ("published", "published_both", "refitted")
+ANGLES = (np.arange(180) + 0.5) * np.pi / 90
+
+
+@dataclass(frozen=True)
+class BondNeoHookean:
+    """Incompressible neo-Hookean material of bonds, made for one loading mode (HE, chapter 3).
+
+    Attributes:
+        mu: Shear modulus [Pa]; E/3.
+        mode: "equibiaxial", "planar" or "uniaxial".
+        fit: The set of constants:
+            "published": as in the paper's final force densities (HE eqs. 44, 64, 82), those of tension for every
+                bond. At stretch 1, t = 0.141 mu (planar), -0.010 mu (uniaxial) or zero (equibiaxial).
+            "published_both": uniaxial only; bonds shorter than in the reference configuration take the constants that
+                the paper fits to compressive loading (eq. 77b). There t(1) = -0.873 mu, so the force jumps, and it
+                becomes tensile as the bond shortens. The paper prints both sets and does not say how to join them.
+            "refitted": no force at stretch 1, and the traction nearest to the exact one, see `refitted`.
+
+    Raises:
+        InputError: for a modulus that is not positive, or an unknown mode or fit.
+    """
+
+    mu: float
+    mode: str = "equibiaxial"
+    fit: str = "published"
+
+    def __post_init__(self) -> None:
+        positive("mu", self.mu)
+        one_of("mode", self.mode, MODES)
+        one_of("fit", self.fit, FITS)
+        if self.fit == "published_both" and self.mode != "uniaxial":
+            raise InputError(f"fit = 'published_both' with mode = {self.mode!r}: expected mode = 'uniaxial'")
+
+    @property
+    def coefficients(self) -> Coefficients:
+        """(a, b, c, d) of stretched bonds, divided by mu."""
+        return REFITTED[self.mode] if self.fit == "refitted" else PUBLISHED[self.mode]
+
+    @property
+    def constants(self) -> Coefficients:
+        """t(1), b, c, d [Pa] of stretched bonds, or of all."""
+        return _scaled(self.mu, self.coefficients)
+
+    @property
+    def compressed_constants(self) -> Coefficients | None:
+        """The same of compressed bonds, if they have separate constants."""
+        return _scaled(self.mu, COMPRESSED) if self.fit == "published_both" else None
+
+
+def _scaled(mu: float, p: Coefficients) -> Coefficients:
+    a, b, c, d = p
+    rest = a - b - c - d
+    return (mu * (0.0 if abs(rest) < 1e-12 else rest), mu * b, mu * c, mu * d)
+
+
+def terms(s: np.ndarray) -> np.ndarray:
+    """Factors of a, b, c, d in t(s), shape (4, ...)."""
+    return np.stack([s, -(s**-2), -(s**-3), -(s**-5)])
+
+
+def bond_energy(p: Coefficients, s: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """Energy of bonds divided by c0 and influence (HE eqs. 28, 51, 70), zero without stretch."""
+    a, b, c, d = p
+
+    def stored(s: np.ndarray | float) -> np.ndarray | float:
+        return a * s**2 + 2.0 * b / s + c / s**2 + 0.5 * d / s**4
+
+    return stored(s) * cosine**2 - stored(1.0)
+
+
+def deformed(directions: np.ndarray, along_x: float, along_y: float) -> tuple[np.ndarray, np.ndarray]:
+    """Stretch of bonds with unit vectors `directions`, shape (..., 2), and cosine of the angle by which they rotate."""
+    y = directions * (along_x, along_y)
+    s = np.linalg.norm(y, axis=-1)
+    return s, (y * directions).sum(axis=-1) / s
+
+
+def bond_traction(p: Coefficients, directions: np.ndarray, along_x: float, along_y: float) -> np.ndarray:
+    """Contribution of bonds to the first Piola stress along x and y, divided by mu and their weight, shape (..., 2)."""
+    s, cosine = deformed(directions, along_x, along_y)
+    pull = np.tensordot(p, terms(s), 1) * cosine**2 / s
+    return np.asarray(2.0 * directions**2 * (along_x, along_y) * pull[..., None])
+
+
+def round_family() -> np.ndarray:
+    """Unit vectors of the many bonds of a complete round family, shape (n, 2)."""
+    return np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+
+
+def tractions(p: Coefficients, along_x: float, along_y: float) -> np.ndarray:
+    """First Piola stress along x and y divided by mu under uniform stretch, in the limit of many bonds, shape (2,)."""
+    return np.asarray(bond_traction(p, round_family(), along_x, along_y).mean(axis=0))
+
+
+def free_width(p: Coefficients, stretch: float) -> float:
+    """Stretch across a sheet that is pulled along x and free along y; NaN if there is none from 0.2 to 1.5."""
+    from scipy.optimize import brentq
+
+    def across(width: float) -> float:
+        return float(tractions(p, stretch, width)[1])
+
+    widths = np.linspace(1.5, 0.2, 66)
+    values = np.array([across(w) for w in widths])
+    turns = np.flatnonzero((values[:-1] > 0.0) & (values[1:] <= 0.0))
+    return float(brentq(across, widths[turns[0] + 1], widths[turns[0]])) if len(turns) else float("nan")
+
+
+def traction(p: Coefficients, mode: str, stretch: float) -> float:
+    """First Piola stress along x divided by mu of a sheet in that mode; uniaxial: at its own free width."""
+    width = {"equibiaxial": stretch, "planar": 1.0}.get(mode)
+    return float(tractions(p, stretch, free_width(p, stretch) if width is None else width)[0])
+
+
+def exact_traction(mode: str, stretch: float) -> float:
+    """The same for the exact incompressible neo-Hookean sheet."""
+    return stretch - stretch ** -EXPONENT[mode]
+
+
+def refitted(mode: str) -> Coefficients:
+    """Coefficients without force at stretch 1 whose traction is nearest to the exact one.
+
+    It is a least-squares fit of the relative error at 31 stretches from 1 to 4, without the first, by scipy. It fits
+    only the traction along x: no coefficients also give a uniaxial sheet its exact width (see docs/stretch.md).
+    """
+    from scipy.optimize import least_squares
+
+    stretches = np.linspace(1.0, 4.0, 31)[1:]
+
+    def joined(x: np.ndarray) -> Coefficients:
+        return (float(x.sum()), *map(float, x))  # type: ignore[return-value]
+
+    def errors(x: np.ndarray) -> np.ndarray:
+        found = np.array([traction(joined(x), mode, stretch) / exact_traction(mode, stretch) for stretch in stretches])
+        return np.nan_to_num(found - 1.0, nan=1.0)
+
+    return joined(least_squares(errors, PUBLISHED[mode][1:], xtol=1e-12, ftol=1e-12, gtol=1e-12).x)

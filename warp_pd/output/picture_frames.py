@@ -1,0 +1,72 @@
+"""Frames as pictures need them, read from the file of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..interfaces.frame import format_time
+from .point_fields import HeldFields
+from .vtkhdf import read_ball, read_bodies, read_frame, read_series
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A frame as the pictures need it.
+
+    Attributes:
+        when: Its time or load factor, in words.
+        points: Deformed positions [m], shape (N, 3).
+        reference: Reference positions [m], shape (N, 3).
+        triangles: Intact triangles, shape (F, 3).
+        fields: Point fields by name; u1, u2, u3 are the components of the displacement, and NAME_1, NAME_2, NAME_3
+            those of another vector field NAME.
+        ball: Centre [m], shape (3,), and diameter [m] of the ball, or None.
+        bodies: Vertices [m] and triangles of the outlines of other rigid bodies.
+        scene: Name of the scene.
+    """
+
+    when: str
+    points: np.ndarray
+    reference: np.ndarray
+    triangles: np.ndarray
+    fields: dict[str, np.ndarray]
+    ball: tuple[np.ndarray, float] | None = None
+    bodies: Sequence[tuple[np.ndarray, np.ndarray]] = ()
+    scene: str = ""
+
+    @property
+    def used(self) -> np.ndarray:
+        """Points of intact triangles: loose points that fly away do not set the scale."""
+        return np.unique(self.triangles) if len(self.triangles) else np.arange(len(self.points))
+
+
+def frames_at(folder: Path, times: Sequence[float]) -> list[Shown]:
+    """The frames of `folder`/frames.vtkhdf nearest to the given times [s], each at most once."""
+    path = folder / "frames.vtkhdf"
+    series = read_series(path)
+    indices = sorted({int(np.argmin(np.abs(np.asarray(series.times) - t))) for t in times})
+    load_duration = series.metadata.get("load_duration")
+    return [_shown(path, index, load_duration, str(series.metadata.get("scene", ""))) for index in indices]
+
+
+def _shown(path: Path, index: int, load_duration: float | None, scene: str) -> Shown:
+    time, points, triangles, fields = read_frame(path, index)
+    for c in range(3):
+        fields[f"u{c + 1}"] = fields["displacement"][:, c]
+    for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
+        for c in range(fields[name].shape[1]):
+            fields[f"{name}_{c + 1}"] = fields[name][:, c]
+    return Shown(
+        when=format_time(time, load_duration),
+        points=points,
+        reference=points - fields["displacement"],
+        triangles=triangles,
+        fields=HeldFields(fields),
+        ball=read_ball(path, index),
+        bodies=read_bodies(path, index),
+        scene=scene,
+    )

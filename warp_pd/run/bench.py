@@ -1,0 +1,366 @@
+"""Time per step: cases, timing, tables.
+
+The sheet is stretched and rough, and the step is so short that it hardly moves: every run of a case does the same
+work, however long it is measured. The benchmark writes nothing and takes no frames.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError, finite, one_of
+from ..families import unpack
+from ..geometry.sheet import Sheet
+from ..interfaces import Law, Part
+from ..interfaces.context import find_device
+from ..laws import BondAssociated, BondBased
+from ..materials import Bimodular, Gent
+from ..parts import CriticalStretch, Fixed, Pressure, RigidBall
+from ..solvers import Explicit
+from .built import Built
+from .simulation import Simulation
+
+FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
+LAYOUTS = ("lattice", "hole", "cloud", "tube")
+# Radius of the hole [m] in a square of 1 m.
+HOLE = 0.15
+# With a step this short the displacement does not change within round-off.
+STEP = 1e-12
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case to be timed.
+
+    Attributes:
+        points: Points along a side of a square sheet, or around and along a tube.
+        horizon: Horizon in spacings.
+        precision: 32 or 64.
+        features: A selection from FEATURES.
+        layout: One of LAYOUTS; "hole" is a grid with a hole in its middle, "tube" a curved cloud, the square rolled up.
+        weights: As for `BondAssociated`.
+        damaged: Fraction of the points that have lost a bond, with "rupture".
+        fast: Whether to use the fast kernels.
+        law: "bond_associated" (Gent) or "bond_based" (one modulus).
+    """
+
+    points: int
+    horizon: float
+    precision: int = 32
+    features: tuple[str, ...] = ()
+    layout: str = "lattice"
+    weights: str = "plain"
+    damaged: float = 0.0
+    fast: bool = True
+    law: str = "bond_associated"
+
+    def __post_init__(self) -> None:
+        for feature in self.features:
+            one_of("features", feature, FEATURES)
+        one_of("layout", self.layout, LAYOUTS)
+        one_of("law", self.law, ("bond_associated", "bond_based"))
+        if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
+            raise InputError(f"damaged = {self.damaged!r}: expected a fraction from 0 to 1")
+        if self.damaged > 0.0 and "rupture" not in self.features:
+            raise InputError(f"damaged = {self.damaged!r}: expected 0 without the feature 'rupture'")
+
+    def simulation(self) -> Simulation:
+        """The sheet with its loads, supports and contact."""
+        solid: dict[str, Any] = {"thickness": 1e-2, "density": 1000.0}
+        if self.layout == "tube":
+            around = (self.points, self.points)
+            sheet = Sheet.tube(0.5 / np.pi, (self.points - 1) / self.points, points=around, **solid)
+        else:
+            sheet = Sheet.rectangle(1.0, 1.0, points=self.points, **solid)
+        if self.layout == "cloud":
+            sheet = sheet.as_cloud()
+        if self.layout == "hole":
+            sheet = sheet.hole((0.5, 0.5), HOLE)
+        loads: list[Part] = []
+        if "supports" in self.features:
+            loads.append(Fixed(sheet.edges("all")))
+        if "pressure" in self.features:
+            loads.append(Pressure(20.0))
+        ball = RigidBall(diameter=0.15, start=(0.5, 0.5, 0.5), velocity=(0.0, 0.0, -0.1))
+        return Simulation(
+            sheet,
+            force=self.force(),
+            loads=loads,
+            contact=ball if "contact" in self.features else None,
+            damage=CriticalStretch(1e3) if "rupture" in self.features else None,
+            solver=Explicit(duration=1.0, damping=0.1 if "damping" in self.features else 0.0),
+            track_energy="energy" in self.features,
+            initial_displacement=_rough(sheet),
+        )
+
+    def force(self) -> Law:
+        """The force law."""
+        if self.law == "bond_based":
+            return BondBased(Bimodular(3e3), horizon=self.horizon)
+        gent = Gent(mu=1e3, bulk=200e3, lock=160.0)
+        return BondAssociated(gent, horizon=self.horizon, weights=self.weights, fast=self.fast)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """The measurements of a case.
+
+    Attributes:
+        case: The case.
+        points: Number of points.
+        bonds: Number of bonds, each counted from both ends.
+        step: Median time of a step [s].
+        spread: Half the interquartile range of the measurements, divided by the median.
+        array_bytes: Bytes of all arrays.
+        setup: Time to build the simulation [s].
+        compile: Time to compile or load its kernels [s].
+        multiply_adds: Number per step, see `multiply_adds`.
+    """
+
+    case: Case
+    points: int
+    bonds: int
+    step: float
+    spread: float
+    array_bytes: int
+    setup: float
+    compile: float
+    multiply_adds: float
+
+    @property
+    def point_steps(self) -> float:
+        """Points times steps per second."""
+        return self.points / self.step
+
+    @property
+    def bond_steps(self) -> float:
+        """Bonds times steps per second."""
+        return self.bonds / self.step
+
+
+def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> Timing:
+    """Time the steps of a case for about `seconds`.
+
+    Raises:
+        InputError: for a case that cannot be built.
+    """
+    begin = perf_counter()
+    built = case.simulation().build(device, case.precision)
+    if case.damaged > 0.0:
+        break_some(built, case.damaged)
+    wp.synchronize_device(built.context.device)
+    setup = perf_counter() - begin
+    compiling = built.context.compile()
+    median, spread = time_step(built, seconds, repeats)
+    return Timing(
+        case=case,
+        points=built.simulation.sheet.size,
+        bonds=built.law.families.bond_count,
+        step=median,
+        spread=spread,
+        array_bytes=built.context.fields.nbytes,
+        setup=setup,
+        compile=compiling,
+        multiply_adds=multiply_adds(built),
+    )
+
+
+def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, float]:
+    """Median time of a step [s] of a sheet that hardly moves, and half the interquartile range divided by it."""
+    assert built.state.step is not None
+    built.state.step.fill_(STEP)
+    built.set_clock(STEP, 1.0)
+    built.context.sequence("setup").run()
+    times = _clock(built, seconds / repeats, repeats)
+    ordered = sorted(times)
+    middle = ordered[len(ordered) // 4 : -(len(ordered) // 4) or None]
+    median = statistics.median(times)
+    return median, 0.5 * (middle[-1] - middle[0]) / median
+
+
+def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
+    """Times of a step [s]."""
+    device = built.context.device
+    one = built.context.sequence("step")
+    one.run()
+    wp.synchronize_device(device)
+    begin = perf_counter()
+    one.run()
+    wp.synchronize_device(device)
+    once = max(perf_counter() - begin, 1e-7)
+    inner = int(min(max(1.0, seconds / once), 100.0))
+    many = built.context.sequence("step", repeat=inner)
+    many.run()
+    wp.synchronize_device(device)
+    begin = perf_counter()
+    many.run()
+    wp.synchronize_device(device)
+    loops = max(1, int(seconds / (perf_counter() - begin)))
+    times = []
+    for _ in range(repeats):
+        begin = perf_counter()
+        for _ in range(loops):
+            many.run()
+        wp.synchronize_device(device)
+        times.append((perf_counter() - begin) / (loops * inner))
+    return times
+
+
+def break_some(built: Built, share: float, seed: int = 0) -> None:
+    """Break one bond, at both ends, of enough points that about the fraction `share` of all have lost one."""
+    families, rng = built.law.families, np.random.default_rng(seed)
+    assert built.law.intact is not None
+    intact = built.law.intact.numpy()
+    count = built.simulation.sheet.size
+    tail = rng.permutation(count)[: max(1, round((1.0 if share >= 1.0 else 0.5 * share) * count))]
+    member = rng.integers(0, families.members, len(tail))
+    exists = families.rows_of_points(families.exists)[tail, member]
+    tail, member = tail[exists], member[exists]
+    heads, reverses = families.heads(tail, member), families.reverse_members(tail, member)
+    for points, bits in ((tail, member), (heads, reverses)):
+        np.bitwise_and.at(intact, (bits // 32, points), ~(np.uint32(1) << (bits % 32).astype(np.uint32)))
+    built.law.intact.assign(intact)
+
+
+def multiply_adds(built: Built) -> float:
+    """Multiply-adds of a step as counted from the formulas, on a sheet without edges.
+
+    The bond-associated law takes 12 per member of each intersection for its gradient, as many for its forces, and 100
+    per stress; the bond-based law takes 20 per bond. The fast kernels need fewer, so the ratio to the peak rate
+    overestimates theirs.
+    """
+    families = built.law.families
+    if families.common.size == 0:
+        return float(20.0 * families.bond_count)
+    members = int(
+        unpack(families.common, families.members).sum(axis=-1).reshape(-1, families.members).sum(axis=-1).max()
+    )
+    return float(float(built.simulation.sheet.size) * (24.0 * members + 100.0 * families.members))
+
+
+def arithmetic_rate(device: Any, bits: int) -> float:
+    """Multiply-adds per second of independent sums in registers [1/s], the limit of any kernel on a GPU.
+
+    On a CPU it says little: there the compiler vectorises some kernels, but not these sums.
+    """
+    from ..kernels.peak_flops import multiply_add
+
+    kernel, rounds = multiply_add(bits), 4096
+    threads = 2**18 if device.is_cuda else 256
+    out = wp.zeros(threads, dtype=wp.float32 if bits == 32 else wp.float64, device=device)
+    best = 0.0
+    for _ in range(4):
+        wp.synchronize_device(device)
+        begin = perf_counter()
+        wp.launch(kernel.kernel, dim=threads, inputs=[rounds, 0, out], device=device)
+        wp.synchronize_device(device)
+        best = max(best, 8.0 * rounds * threads / (perf_counter() - begin))
+    return best
+
+
+def copy_rate(device: Any, megabytes: int = 1024) -> float:
+    """Bytes read and written per second when an array is copied [B/s]."""
+    size = megabytes * 2**18
+    source = wp.zeros(size, dtype=wp.float32, device=device)
+    target = wp.empty_like(source)
+    best = 0.0
+    for _ in range(6):
+        wp.synchronize_device(device)
+        begin = perf_counter()
+        for _ in range(4):
+            wp.copy(target, source)
+        wp.synchronize_device(device)
+        best = max(best, 4 * 8.0 * size / (perf_counter() - begin))
+    return best
+
+
+def table(timings: Iterable[Timing], copied: float, counted: dict[int, float] | None = None) -> str:
+    """The measurements as a markdown table.
+
+    Args:
+        timings: The measurements.
+        copied: Result of `copy_rate`.
+        counted: Results of `arithmetic_rate`, by precision.
+    """
+    lines = [
+        "| points | law | layout | horizon | float | features | step | spread | point-steps/s | bond-steps/s | "
+        "bytes a point | arrays a step / copy rate | multiply-adds / rate | set-up s | compile s |",
+        "|---" * 15 + "|",
+    ]
+    for t in timings:
+        c = t.case
+        features = ", ".join(c.features) or "none"
+        if c.damaged:
+            features += f", {100.0 * c.damaged:g} % damaged"
+        if not c.fast:
+            features += ", reference kernels"
+        share = t.array_bytes / t.step / copied
+        lines.append(
+            f"| {t.points} | {c.law} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
+            f"{100.0 * t.spread:.1f} % | {t.point_steps:.3g} | {t.bond_steps:.3g} | {t.array_bytes / t.points:.0f} | "
+            f"{100.0 * share:.0f} % | {_share(t, counted)} | {t.setup:.2f} | {t.compile:.2f} |"
+        )
+    return "\n".join(lines)
+
+
+def _share(timing: Timing, counted: dict[int, float] | None) -> str:
+    if counted is None:
+        return ""
+    return f"{100.0 * timing.multiply_adds / timing.step / counted[timing.case.precision]:.0f} %"
+
+
+def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[int]) -> list[Case]:
+    """Cases of growing size, points along a side; neither loads nor supports."""
+    return [Case(points, m, bits) for bits in precisions for m in horizons for points in sizes]
+
+
+def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case]:
+    """Every feature alone, all together, damaged sheets, a hole, the cloud, the reference kernels."""
+    alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
+    torn = [Case(points, horizon, precision, features=("rupture",), damaged=share) for share in (0.01, 1.0)]
+    return [
+        Case(points, horizon, precision),
+        *alone,
+        Case(points, horizon, precision, features=FEATURES),
+        *torn,
+        Case(points, horizon, precision, layout="hole"),
+        Case(points, horizon, precision, layout="cloud"),
+        Case(points, horizon, precision, fast=False),
+    ]
+
+
+def _time(seconds: float) -> str:
+    return f"{1e6 * seconds:.1f} us" if seconds < 1e-3 else f"{1e3 * seconds:.3f} ms"
+
+
+def _rough(sheet: Sheet) -> np.ndarray:
+    noise = np.random.default_rng(0).uniform(-0.02, 0.02, (sheet.size, 3)) * sheet.spacing
+    if sheet.frames is not None:
+        return 0.2 * sheet.points + 0.05 * np.sin(7.0 * sheet.points[:, [1, 2, 0]]) + noise
+    x, y = sheet.points.T
+    return np.column_stack([0.3 * x + 0.05 * np.sin(7.0 * y), -0.1 * y, 0.1 * np.sin(5.0 * x * y)]) + noise
+
+
+def chosen_features(names: str) -> tuple[str, ...]:
+    """Features by their names, with commas between them; "all" stands for all."""
+    return FEATURES if names == "all" else tuple(name.strip() for name in names.split(",") if name.strip())
+
+
+def report(cases: Sequence[Case], device: str | None, seconds: float) -> str:
+    """What the cases of one precision cost on a device, and how fast that copies, as text.
+
+    Raises:
+        InputError: for a device that does not exist, or a case that cannot be built.
+    """
+    where, precision = find_device(device), cases[0].precision
+    copied = copy_rate(where, 1024 if where.is_cuda else 64)
+    counted = {precision: arithmetic_rate(where, precision)} if where.is_cuda else None
+    rows = table([measure(case, str(where), seconds) for case in cases], copied, counted)
+    return f"{where.name}: copies {copied / 1e9:.0f} GB/s, read and written\n{rows}"

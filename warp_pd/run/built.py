@@ -1,0 +1,162 @@
+"""Builds a simulation: law, parts and solver of a scene on a device, and their launches by phase."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from ..device.checks import InputError, one_of
+from ..device.fields import Array, in_double
+from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
+from ..interfaces.communicator import Crew
+from ..interfaces.context import State, find_device
+from ..interfaces.exchange import add_exchanges
+from ..interfaces.phases import SETUP, Phase
+from ..parts.clock import Ticking
+from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums
+from ..parts.loads import ExternalForce
+from ..parts.rigid_inclusions import RigidInclusions
+from ..parts.supports import MovedPoints
+from .scene import Scene
+from .scene_context import constraints_here, parts_here, scene_context, shared_state
+
+
+@dataclass(eq=False)
+class Built(System):
+    """A simulation on a device.
+
+    Attributes:
+        simulation: The scene that was built.
+        solver: The solver on the device.
+        checks: Checks of every frame.
+        energy: Energies, work and losses of the history.
+        sums: Sums of the history.
+        contacts: Contacts on the device; `contact` is the first one, or None.
+        rupture: The rupture criterion on the device, or None.
+    """
+
+    simulation: Scene
+    solver: BuiltSolver
+    checks: FrameChecks
+    energy: EnergyBalance
+    sums: Sums
+    contact: BuiltContact | None
+    rupture: BuiltRupture | None
+    contacts: tuple[BuiltContact, ...] = ()
+
+    @property
+    def state(self) -> State:
+        """Shared arrays: displacement, velocity, force, ..."""
+        return self.context.state
+
+    @functools.cached_property
+    def volume(self) -> np.ndarray:
+        """Volume of each point [m^3], shape (N,)."""
+        return self.context.whole.areas * self.context.whole.thickness
+
+    def to_host(self, array: Array) -> np.ndarray:
+        """A copy of a field on the host, in the precision of the device."""
+        return self.context.whole_array(array)
+
+    def to_numpy(self, array: Array) -> np.ndarray:
+        """A copy on the host, as float64 if it holds real numbers."""
+        return in_double(self.context.whole_array(array))
+
+
+def compose(scene: Scene, device: str | None = None, precision: int | None = None, crew: Crew | None = None) -> Built:
+    """Allocate arrays and declare kernels and launches of a scene; compiles nothing yet.
+
+    Args:
+        scene: What to build.
+        device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
+        precision: 32 or 64; by default the solver's.
+        crew: The processes that share the sheet; None: this one alone.
+
+    Raises:
+        InputError: for parts that do not fit together, or a device that does not exist.
+    """
+    scene.check()
+    parts = parts_of(scene)
+    bits = one_of("precision", precision or scene.solver.precision, (32, 64))
+    constraints = tuple(c for part in parts for c in part.constraints(scene.sheet))
+    context = scene_context(scene, parts, constraints, find_device(device), bits, crew or Crew())
+    constraints = constraints_here(constraints, context)
+    law = scene.force.build(context)
+    law.request_fields(scene.fields_of_law())
+    built = [part.build(context, law) for part in parts_here(parts, context)]
+    loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
+    external = ExternalForce(context, cast(list[BuiltLoad], loads))
+    moved = MovedPoints(context, constraints)
+    if scene.solver.dynamic:
+        moved.check_begin(law.families.horizon)
+    does_work = context.features.held or context.features.loaded or any(part.does_work for part in parts)
+    energy = EnergyBalance(context, law, does_work)
+    context.state = shared_state(scene, context, external.constant, energy)
+    solver = scene.solver.build(context, law)
+    context.clock.allocate(context.fields, context.types, context.module)
+    acting = (law, solver, moved, Ticking(context), *built, external, checks := FrameChecks(context))
+    contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
+    made = Built(
+        context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
+        contacts[0] if contacts else None, cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,
+    )  # fmt: skip
+    _check_columns(scene, made)
+    _require_divisible(made)
+    _add_stages(made)
+    add_exchanges(context)
+    return made
+
+
+def _built(wanted: Part | None, parts: list[Part], built: list[BuiltPart]) -> BuiltPart | None:
+    """The built counterpart of a part of the scene."""
+    return next((on_device for part, on_device in zip(parts, built, strict=True) if part is wanted), None)
+
+
+def parts_of(scene: Scene) -> list[Part]:
+    """All parts in the order in which they act: rigid inclusions, supports and loads, contact, rupture.
+
+    Raises:
+        InputError: for parts that cannot be combined.
+    """
+    inclusions: list[Part] = [RigidInclusions(scene.sheet.inclusions)] if scene.sheet.inclusions else []
+    parts = [part for part in (*inclusions, *scene.loads, *scene.contacts, scene.damage) if part is not None]
+    for index, part in enumerate(parts):
+        part.check([*parts[:index], *parts[index + 1 :]])
+    return parts
+
+
+def _require_divisible(built: Built) -> None:
+    """Refuse a solver that several processes cannot run.
+
+    Raises:
+        InputError: for one.
+    """
+    if built.context.share is not None and not built.solver.divides:
+        raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")
+
+
+def _check_columns(scene: Scene, built: Built) -> None:
+    """Refuse measures with the names of other columns of the history.
+
+    Raises:
+        InputError: for the first of them.
+    """
+    taken = {"time", "step", *(column for part in (built.energy, *built.parts) for column in part.column_names())}
+    for name in [*(m.name for m in scene.measures), *(o.name for o in scene.outcomes)]:
+        if name in taken:
+            raise InputError(f"measures: {name!r} is already a column of the history: expected another name")
+
+
+def _add_stages(built: Built) -> None:
+    """Compose the stages common to all solvers, and those of this one."""
+    context = built.context
+    built.add([Phase.START], context.stage("start", "once at the start"))
+    built.add(SETUP, context.stage("setup", "once at the start or a restart"))
+    built.add([Phase.SCHEDULES], context.stage("clock", "whenever the host sets the time or the step"))
+    built.solver.prepare(built)
+    frame = context.stage("frame", "every frame")
+    built.add([Phase.FRAME], frame)
+    built.sums.add(frame)

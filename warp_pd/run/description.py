@@ -1,0 +1,83 @@
+"""Simulations and results in a few lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from ..device.checks import said
+from .built import Built
+from .scene import Scene
+
+# Units of columns that no part speaks for; those of measures come with them.
+UNITS = {"time": "s", "step": "s", "largest_damage": "1", "mean_damage": "1", "pressure": "Pa", "volume": "m^3"}
+
+
+def short(part: Any) -> str:
+    """A part in one line: arrays of points as their number, arguments at their default left out."""
+    if isinstance(part, np.ndarray | range) or (isinstance(part, Sequence) and not isinstance(part, str | tuple)):
+        return f"{len(part)} values"
+    if isinstance(part, float):
+        return f"{part:.6g}"
+    if not is_dataclass(part) or isinstance(part, type):
+        return said(part)
+    shown: list[str] = []
+    for each in fields(part):
+        value = getattr(part, each.name)
+        if not each.init or not each.repr or _same(value, each.default):
+            continue
+        text = f"{len(value)} points" if each.name in ("points", "spared") and np.ndim(value) else short(value)
+        shown.append(text if not shown else f"{each.name}={text}")
+    return f"{type(part).__name__}({', '.join(shown)})"
+
+
+def _same(value: Any, default: Any) -> bool:
+    try:
+        return bool(value == default)
+    except ValueError:
+        return False
+
+
+def scene_rows(scene: Scene) -> list[tuple[str, str]]:
+    """Names and values of what a scene is."""
+    rows = [("sheet", repr(scene.sheet)), ("force", short(scene.force)), ("solver", short(scene.solver))]
+    rows += [("load", short(part)) for part in scene.loads]
+    rows += [("contact", short(part)) for part in scene.contacts]
+    rows += [("damage", short(scene.damage))] if scene.damage is not None else []
+    rows += [("measures", ", ".join(item.name for item in scene.measures))] if scene.measures else []
+    rows += [("outcomes", ", ".join(item.name for item in scene.outcomes))] if scene.outcomes else []
+    return rows + ([("fields", ", ".join(scene.fields))] if scene.fields else [])
+
+
+def result_rows(summary: Mapping[str, Any], folder: Any) -> list[tuple[str, str]]:
+    """Names and values of how a run ended, and its measures beside their references."""
+    rows = [("status", summary["status"] + (f": {summary['message']}" if summary["message"] else ""))]
+    rows.append(("points", f"{summary['points']}, horizon {summary['horizon']:g}, {summary['weights']} weights"))
+    rows.append(("device", f"{summary['device']}, float{summary['precision']}"))
+    rows.append(("steps", f"{summary['steps']} in {summary['wall_s']:.3g} s"))
+    rows += [(name, measured(found)) for name, found in summary["measures"].items()]
+    rows += [("note", note) for note in summary["notes"]]
+    return rows + ([("folder", str(folder))] if folder is not None else [])
+
+
+def measured(found: Mapping[str, Any]) -> str:
+    """A reported number with its unit, reference and error."""
+    unit = "" if found["unit"] == "1" else f" {found['unit']}"
+    if found["value"] is None:
+        return "none"
+    text = f"{found['value']:.6g}{unit}"
+    if found["reference"] is None:
+        return text
+    error = "" if found["error"] is None else f", error {100.0 * found['error']:+.3g} %"
+    return f"{text} (reference {found['reference']:.6g}{unit}{error})"
+
+
+def units_of(built: Built) -> dict[str, str]:
+    """Units of the columns of the history, as far as they are known."""
+    units = dict(UNITS)
+    for part in (built.energy, *built.parts):
+        units |= part.column_units()
+    return units | {item.name: item.unit for item in built.simulation.measures}

@@ -1,0 +1,1 @@
+"""One sheet on several processes, by Torch's distributed package."""

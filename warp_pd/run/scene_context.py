@@ -1,0 +1,129 @@
+"""The context of a scene: what its parts share on a device, and what is here of it if several processes share it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from ..device.clock import Clock
+from ..device.fields import FieldRegister
+from ..families.share import Share, divided, part_of_sheet
+from ..interfaces import Constraint, Part
+from ..interfaces.communicator import Crew
+from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
+from ..kernels.numeric import numeric
+from ..laws import fast_path
+from ..parts.frame_checks import EnergyBalance
+from ..parts.supports import held_components
+from .compile_key import module_name
+from .scene import Scene
+
+OWNER = "Simulation"
+
+
+def scene_context(
+    scene: Scene, parts: list[Part], constraints: Sequence[Constraint], device: wp.Device, bits: int, crew: Crew
+) -> Context:
+    """The context in which the parts of a scene are built; with several processes `crew.share` says what is here."""
+    sheet, solver = scene.sheet, scene.solver
+    held = held_components(sheet, constraints)
+    gradual = scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens
+    start, placement = scene.initial("initial_displacement"), sheet.placement()
+    features = Features(
+        held=bool(held.any()),
+        loaded=any(part.adds_force for part in parts),
+        damped=solver.mass_damping is not None,
+        tracked=scene.track_energy and solver.dynamic,
+        breakable=scene.damage is not None,
+        gradual=gradual,
+        contact=any(part.changes_velocities for part in scene.contacts),
+        half_steps=all(c.half_steps for c in scene.contacts),
+        # The energy that a breaking bond releases has the same bits in every launch only with stored tables.
+        compact=fast_path.compact_tables(scene.force, sheet, device) if solver.dynamic and scene.damage is None else "",
+    )
+    initial = start if placement is None else start + placement
+    made = Context(
+        sheet=sheet.unstretched(), device=device, types=numeric(bits), features=features, held=held,
+        module=module_name(scene, parts, features, bits), initial_displacement=initial, fields=FieldRegister(device),
+        clock=Clock(solver.duration, solver.default_ramp), placement=placement, crew=crew,
+        block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
+    )  # fmt: skip
+    return made if crew.share is None else _context_here(made, crew.share)
+
+
+def share_of(scene: Scene, crew: Crew) -> Share:
+    """What a process of several has of the sheet of a scene.
+
+    Raises:
+        InputError: for more processes than the sheet can be divided into.
+    """
+    scene.check()
+    return divided(scene.sheet.unstretched(), scene.force.horizon, crew.rank, crew.size)
+
+
+def _context_here(whole: Context, share: Share) -> Context:
+    """The context of one of several processes."""
+    whole.crew.bind(whole.fields.stored)
+    placement = whole.placement
+    return replace(
+        whole, sheet=part_of_sheet(whole.sheet, share), undivided=whole.sheet, share=share,
+        held=share.rows(whole.held), initial_displacement=share.rows(whole.initial_displacement),
+        placement=None if placement is None else share.rows(placement),
+    )  # fmt: skip
+
+
+def parts_here(parts: Sequence[Part], context: Context) -> list[Part]:
+    """The parts, for the points that are here.
+
+    Raises:
+        InputError: for a part that several processes cannot yet run.
+    """
+    share = context.share
+    return list(parts) if share is None else [part.divided(context.whole, share) for part in parts]
+
+
+def constraints_here(constraints: Sequence[Constraint], context: Context) -> tuple[Constraint, ...]:
+    """Held and moved components of the points that are here."""
+    share = context.share
+    if share is None:
+        return tuple(constraints)
+    return tuple(replace(constraint, points=share.here(constraint.points)[1]) for constraint in constraints)
+
+
+def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, energy: EnergyBalance) -> State:
+    """The arrays that parts have in common.
+
+    Args:
+        scene: The scene.
+        context: Takes the arrays.
+        constant: Sum of the loads that never change [N], (N, 3); None if there are none.
+        energy: Work and losses.
+    """
+    sheet, types, features, solver = context.sheet, context.types, context.features, scene.solver
+    n, real, vec3 = sheet.size, types.real, types.vec3
+    mass = sheet.areas * sheet.thickness * sheet.density
+    u: np.ndarray | None = context.initial_displacement
+    v = None if scene.initial_velocity is None else scene.initial("initial_velocity")
+    if scene.initial_displacement is None and context.placement is None:
+        u = None
+    if context.share is not None and v is not None:
+        v = context.share.rows(v)
+    return State(
+        displacement=context.array(
+            "displacement", OWNER, vec3, u, shape=n, restart=True, halo=True, output="displacement"
+        ),
+        velocity=context.array("velocity", OWNER, vec3, v, shape=n, restart=True, halo=True, output="velocity"),
+        force=context.array("force", OWNER, vec3, shape=n),
+        mass=context.array("mass", OWNER, real, mass),
+        external=context.array("external", "loads", vec3, constant, shape=n) if features.loaded else None,
+        held_mask=context.array("held", "supports", wp.uint8, context.held) if features.held else None,
+        step=context.array("step", "solver", real, shape=1, per="once") if solver.steps_explicitly else None,
+        damping=None if solver.mass_damping is None else context.array(
+            "damping", "solver", real, np.array([solver.mass_damping]), per="once", restart=True
+        ),
+        work=energy.work,
+        dissipated=energy.dissipated,
+    )  # fmt: skip

@@ -1,0 +1,71 @@
+"""Simulation: a scene that can be built, planned and run."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .built import Built, compose
+from .scene import Measure, Outcome, Scene
+
+if TYPE_CHECKING:
+    from .result import Result
+
+
+@dataclass(eq=False, repr=False)
+class Simulation(Scene):
+    """A sheet and everything that acts on it. Nothing is allocated before `build` or `run`."""
+
+    __doc__ = f"{__doc__}\n{(Scene.__doc__ or '').split(chr(10), 1)[1]}"
+
+    def __repr__(self) -> str:
+        """A line for each part: all arrays of a scene would fill a notebook."""
+        from ..output.notebook import text_table
+        from .description import scene_rows
+
+        return text_table(f"Simulation {self.scene!r}", scene_rows(self))
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        from ..output.notebook import html_table
+        from .description import scene_rows
+
+        return html_table(f"Simulation {self.scene!r}", scene_rows(self))
+
+    def build(self, device: str | None = None, precision: int | None = None) -> Built:
+        """Allocate arrays and declare kernels and launches; compiles nothing yet.
+
+        Args:
+            device: "cpu", "cuda", "cuda:0", ...; by default CUDA where there is one.
+            precision: 32 or 64; by default the solver's.
+
+        Raises:
+            InputError: for parts that do not fit together, or a device that does not exist.
+        """
+        return compose(self, device, precision)
+
+    def plan(self, device: str | None = None, precision: int | None = None) -> str:
+        """Table of the arrays and launches of this simulation."""
+        from .plan import describe
+
+        return describe(self.build(device, precision))
+
+    def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
+        """Draw the sheet before anything runs; no device is touched. See `warp_pd.draw_sheet`."""
+        from ..output.sheet_plot import draw_sheet
+
+        return draw_sheet(self.sheet, path, title=self.scene)
+
+    def run(self, **options: Any) -> Result:
+        """Run to the end; see `warp_pd.run.runner.run` for the options. A notebook shows the progress by default."""
+        from ..output.notebook import in_notebook
+        from ..output.progress import Progress
+        from .runner import run
+
+        if "reporter" not in options and in_notebook():
+            options["reporter"] = Progress()
+        return run(self, **options)
+
+
+__all__ = ["Built", "Measure", "Outcome", "Simulation"]

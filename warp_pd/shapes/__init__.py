@@ -1,1 +1,0 @@
-"""Geometry: points, areas and triangles of sheets of any shape, before thickness and density."""
