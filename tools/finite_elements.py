@@ -212,8 +212,8 @@ class Membrane:
 
     @cached_property
     def _operators(self) -> tuple[csr_matrix, csr_matrix]:
-        """Sparse matrices from values at nodes to gradients, (elements points 2, N), and values, (elements points, N)."""
-        e, q, n, _ = self.gradients.shape
+        """Matrices from values at nodes to gradients, (elements points 2, N), and values, (elements points, N)."""
+        e, _, n, _ = self.gradients.shape
         size = self.nodes.shape[0]
 
         def sparse(entries: Array) -> csr_matrix:

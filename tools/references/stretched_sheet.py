@@ -1,8 +1,8 @@
 """A stretched neo-Hookean or Yeoh sheet with a hole, a crack or a rigid inclusion, by plane finite elements.
 
-The sheet of scene `stretch`, edges on rollers or clamped: a quarter of it with its origin at the centre. The material is
-exactly incompressible and in plane stress, W = mu / 2 (I + c I^2): c = 0 for the neo-Hookean sheet, and c20 / c10 for
-Yeoh's, whose mu is 2 c10 (scenes `visco_hole`, `visco_crack`).
+The sheet of scene `stretch`, edges on rollers or clamped: a quarter of it with its origin at the centre. The material
+is exactly incompressible and in plane stress, W = mu / 2 (I + c I^2): c = 0 for the neo-Hookean sheet, and c20 / c10
+for Yeoh's, whose mu is 2 c10 (scenes `visco_hole`, `visco_crack`).
 
 Elements have nine nodes, those of the hole on its circle. At a crack the rows of elements are graded towards the tip
 with the power 4, which keeps the order 4 of the forces next to the singularity r^1/2. Forces are sums of nodal
@@ -152,7 +152,7 @@ class Quarter:
         self.membrane.solve(*self.supports(stretch), tolerance=1e-11, limit=40)
 
     def quantities(self) -> dict[str, float]:
-        """Forces on the edges of the whole sheet [N], and how far the defect opens along x and y, from the middle [m]."""
+        """Forces on the edges of the whole sheet [N], and how far the defect opens from the middle [m]."""
         reaction = 2.0 * self.membrane.forces()
         found = {"force_x": float(reaction[self.edges[0], 0].sum()), "force_y": float(reaction[self.edges[1], 1].sum())}
         if self.mode == "uniaxial":
