@@ -38,7 +38,7 @@ class _Buffers(NamedTuple):
         response: That on the other side [N], then what the direction becomes, (N,) vec3.
         sums: Sums of blocks of points, (4, blocks).
         scale: One over the largest response, (1,).
-        momentum: Share of the earlier direction, (1,).
+        momentum: Fraction of the earlier direction, (1,).
         reach: Length of the trial displacement [m], (1,).
     """
 
@@ -129,8 +129,8 @@ class StableStep:
         stage.launch(OWNER, sums_of_groups(self.context.module), groups, sums=sums, group=GROUP, shorter=shorter)
         return shorter
 
-    def _with_noise(self, share: float, old: np.ndarray | None) -> np.ndarray:
-        """A share of noise, with something added to it, of the points here, shape (n, 3); zero where they are held."""
+    def _with_noise(self, fraction: float, old: np.ndarray | None) -> np.ndarray:
+        """`old` plus a fraction of noise for the points here, shape (n, 3); zero where they are supported."""
         context, held = self.context, self.context.held
         real = wp.dtype_to_numpy(context.types.real)
         found = np.empty((len(held), 3), real)
@@ -141,7 +141,7 @@ class StableStep:
             noise = of(some)
             for c in range(3):
                 noise[(held[some] & ((1 << c) | RIGID)) != 0, c] = 0.0
-            found[some] = noise if old is None else old[some].astype(np.float64) + share * noise
+            found[some] = noise if old is None else old[some].astype(np.float64) + fraction * noise
 
         for_each_chunk(0, len(held), fill)
         self._noise.bit_generator.advance(3 * size)  # type: ignore[attr-defined]
@@ -176,7 +176,7 @@ class StableStep:
     def omega(self, iterations: int, settle: float = 2e-3) -> float:
         """Estimate of omega_max [rad/s], at least two iterations, at most `iterations`.
 
-        Ends early when five iterations changed it by less than the share `settle`. Zero if nothing resists.
+        Ends early when five iterations changed it by less than the fraction `settle`. Zero if nothing resists.
         """
         self.direction.assign(self._with_noise(0.05, self.direction.numpy()))
         self._earlier.zero_()
