@@ -217,114 +217,111 @@ def everything(s: Any) -> list[Any]:
     ]  # fmt: skip
 
 
-def pressures(*ramped: Any) -> Callable[[Any], list[Any]]:
-    """The right edge fixed, and follower pressures: (value, ramp)."""
-    return lambda s: [w.Fixed(s.edges("right")), *(w.Pressure(p, ramp=ramp) for p, ramp in ramped)]
+def falling(s: Any) -> list[Any]:
+    """The right edge pulled, and gravity."""
+    return [*PULLED(s), w.BodyForce((0.0, 0.0, -500.0), ramp=RAMP)]
 
 
-def ball() -> Any:
-    """A ball that comes down on the sheet."""
-    return w.RigidBall(0.05, (0.06, 0.05, 0.0275), (0.0, 0.0, -0.5))
+def pressures(*ramped: Any, fixed: bool = False) -> Callable[[Any], list[Any]]:
+    """Follower pressures: (value, ramp); with the right edge fixed too."""
+    return lambda s: [*([w.Fixed(s.edges("right"))] if fixed else []), *(w.Pressure(p, ramp=r) for p, r in ramped)]
 
 
-def fixed_step() -> Any:
-    """Explicit dynamics with a given step."""
-    return w.Explicit(2e-2, frames=2, step=2e-4)
+def later(name: str, *values: Any, **more: Any) -> Callable[[], Any]:
+    """A part by its name in `warp_pd`, made in the run: a checkout that lacks it refuses one case."""
+    return lambda: getattr(w, name)(*values, **more)
 
 
-# By name: law, sheet, and the other arguments of `simulation`; those that are functions are called in the run.
+BOUNDARY, BALL = (lambda s: [w.BoundaryForce(1e15)]), later("RigidBall", 0.05, (0.06, 0.05, 0.0275), (0.0, 0.0, -0.5))
+STEPPED, NEWTON = later("Explicit", 2e-2, frames=2, step=2e-4), later("Newton", load_steps=2)
+# By name: law, sheet, and the other arguments of `simulation`.
 PARTS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "motion": ("corrected", "lattice", {"loads": RIGHT}),
     "all loads": ("corrected", "lattice", {"loads": everything, "damping": 3.0}),
-    "pressure": (
-        "corrected", "lattice", {"loads": lambda s: [w.Pressure(5.0), w.Pressure(3.0, ramp=RAMP)], "solver": fixed_step}
-    ),
-    "pressure torn": (
-        "plain", "cut",
-        {"loads": lambda s: [w.Pressure(5.0, ramp=RAMP)], "stretch": 1.21, "solver": fixed_step},
-    ),
-    "boundary force": ("plain", "lattice", {"loads": lambda s: [w.BoundaryForce(1e15)]}),
-    "boundary force torn": ("plain", "lattice", {"loads": lambda s: [w.BoundaryForce(1e15)], "stretch": 1.21}),
-    "ball": ("corrected", "lattice", {"contact": ball, "loads": RIGHT, "damping": 2.0}),
-    "ball torn": ("plain", "cloud", {"contact": ball, "stretch": 1.21}),
-    "untracked": ("corrected", "lattice", {"contact": ball, "loads": everything, "track_energy": False}),
-    "inclusion": (
-        "corrected", "inclusion",
-        {
-            "loads": lambda s: [*PULLED(s), w.BodyForce((0.0, 0.0, -500.0), ramp=RAMP)], "damping": 2.0,
-            "starts_rough": False,
-        },
-    ),
+    "pressure": ("corrected", "lattice", {"loads": pressures((5.0, None), (3.0, RAMP)), "solver": STEPPED}),
+    "pressure torn": ("plain", "cut", {"loads": pressures((5.0, RAMP)), "stretch": 1.21, "solver": STEPPED}),
+    "boundary force": ("plain", "lattice", {"loads": BOUNDARY}),
+    "boundary force torn": ("plain", "lattice", {"loads": BOUNDARY, "stretch": 1.21}),
+    "ball": ("corrected", "lattice", {"contact": BALL, "loads": RIGHT, "damping": 2.0}),
+    "ball torn": ("plain", "cloud", {"contact": BALL, "stretch": 1.21}),
+    "untracked": ("corrected", "lattice", {"contact": BALL, "loads": everything, "track_energy": False}),
+    "inclusion": ("corrected", "inclusion", {"loads": falling, "damping": 2.0, "flat": True}),
     "inclusion torn": (
         "plain", "inclusion",
-        {"loads": PULLED, "stretch": 1.21, "starts_rough": False, "solver": lambda: w.Explicit(0.1, frames=3)},
+        {"loads": PULLED, "stretch": 1.21, "flat": True, "solver": later("Explicit", 0.1, frames=3)},
     ),
     "stiffened": ("corrected", "stiffened", {"loads": RIGHT}),
     "cut": ("corrected", "cut", {"loads": RIGHT}),
-    "spared": ("slow", "lattice", {"damage": lambda: w.CriticalStretch(1.2, spared=range(40))}),
-    "critical energy": ("slow", "lattice", {"damage": lambda: w.CriticalEnergy(2e-3)}),
-    "critical energy visco": ("visco", "cloud", {"damage": lambda: w.CriticalEnergy(2e-3)}),
-    "critical energy bonds": ("visco bonds", "lattice", {"damage": lambda: w.CriticalEnergy(2e-2)}),
+    "spared": ("slow", "lattice", {"damage": later("CriticalStretch", 1.2, spared=range(40))}),
+    "critical energy": ("slow", "lattice", {"damage": later("CriticalEnergy", 2e-3)}),
+    "critical energy visco": ("visco", "cloud", {"damage": later("CriticalEnergy", 2e-3)}),
+    "critical energy bonds": ("visco bonds", "lattice", {"damage": later("CriticalEnergy", 2e-2)}),
     "fields": ("bonds", "lattice", {"fields": ("principal_stress", "wrinkle_level")}),
     "relaxed": (
-        "corrected", "lattice",
-        {"loads": everything, "solver": lambda: w.Relaxation(tolerance=1e-3, load_steps=2)},
+        "corrected", "lattice", {"loads": everything, "solver": later("Relaxation", tolerance=1e-3, load_steps=2)}
     ),
     "relaxed pressure": (
         "corrected", "lattice",
         {
-            "loads": pressures((2.0, None)), "starts_rough": False,
-            "solver": lambda: w.Relaxation(tolerance=1e-3, load_steps=2, ramp_steps=60),
+            "loads": pressures((2.0, None), fixed=True), "flat": True,
+            "solver": later("Relaxation", tolerance=1e-3, load_steps=2, ramp_steps=60),
         },
     ),
     "relaxed torn": (
         "plain", "cut",
-        {
-            "loads": SLOWLY, "stretch": 1.13, "starts_rough": False,
-            "solver": lambda: w.Relaxation(tolerance=1e-2, load_steps=2),
-        },
+        {"loads": SLOWLY, "stretch": 1.13, "flat": True, "solver": later("Relaxation", tolerance=1e-2, load_steps=2)},
     ),
     "relaxed inclusion": (
-        "corrected", "inclusion",
-        {"loads": RIGHT, "starts_rough": False, "solver": lambda: w.Relaxation(tolerance=1e-2)},
+        "corrected", "inclusion", {"loads": RIGHT, "flat": True, "solver": later("Relaxation", tolerance=1e-2)}
     ),
-    "relaxed cloud": (
-        "nodal", "cloud", {"loads": RIGHT, "starts_rough": False, "solver": lambda: w.Relaxation(tolerance=1e-2)}
+    "relaxed cloud": ("nodal", "cloud", {"loads": RIGHT, "flat": True, "solver": later("Relaxation", tolerance=1e-2)}),
+    "newton": ("corrected", "lattice", {"loads": RIGHT, "flat": True, "solver": NEWTON}),
+    "newton cloud": ("corrected", "cloud", {"loads": RIGHT, "flat": True, "solver": NEWTON}),
+    "newton jacobi": (
+        "corrected", "cut", {"loads": RIGHT, "flat": True, "solver": later("Newton", preconditioner="jacobi")}
     ),
-    "newton": ("corrected", "lattice", {"loads": RIGHT, "solver": lambda: w.Newton(load_steps=2)}),
-    "newton cloud": ("corrected", "cloud", {"loads": RIGHT, "solver": lambda: w.Newton(load_steps=2)}),
-    "newton jacobi": ("corrected", "cut", {"loads": RIGHT, "solver": lambda: w.Newton(preconditioner="jacobi")}),
-    "newton loads": ("corrected", "lattice", {"loads": everything, "solver": lambda: w.Newton(load_steps=2)}),
+    "newton loads": ("corrected", "lattice", {"loads": everything, "flat": True, "solver": NEWTON}),
     "newton pressure": (
         "corrected", "cloud",
-        {"loads": pressures((2.0, None), (1.0, ((0.0, 0.0), (1.0, 1.0)))), "solver": lambda: w.Newton(load_steps=1)},
+        {
+            "loads": pressures((2.0, None), (1.0, ((0.0, 0.0), (1.0, 1.0))), fixed=True), "flat": True,
+            "solver": later("Newton"),
+        },
     ),
-    "newton bonds": ("bonds", "lattice", {"loads": RIGHT, "solver": lambda: w.Newton(load_steps=2)}),
+    "newton bonds": ("bonds", "lattice", {"loads": RIGHT, "flat": True, "solver": NEWTON}),
     "newton bonds torn": (
-        "bonds", "cut", {"loads": RIGHT, "stretch": 1.5, "solver": lambda: w.Newton(load_steps=3)}
+        "bonds", "cut", {"loads": RIGHT, "stretch": 1.5, "flat": True, "solver": later("Newton", load_steps=3)}
     ),
     "newton bonds constant": (
         "bonds", "lattice",
-        {"loads": RIGHT, "solver": lambda: w.Newton(stiffness="constant", most_iterations=60, tolerance=1e-4)},
+        {
+            "loads": RIGHT, "flat": True,
+            "solver": later("Newton", stiffness="constant", most_iterations=60, tolerance=1e-4),
+        },
     ),
 }  # fmt: skip
 
 
-def simulation(law: Callable[[], Any], sheet: str = "lattice", **parts: Any) -> Any:
-    """A small sheet, held on the left, that starts stretched and rough; `stretch` is a critical one."""
+def simulation(
+    law: Callable[[], Any], sheet: str = "lattice", loads: Callable[[Any], list[Any]] = lambda s: [],
+    damping: float = 0.0, stretch: float | None = None, flat: bool = False, **more: Any,
+) -> Any:  # fmt: skip
+    """A small sheet, held on the left, that starts stretched and rough unless it is `flat`.
+
+    `stretch` is a critical one. Parts among `more` are functions that make them.
+    """
     found = sheet_of(sheet)
-    loads = parts.pop("loads", lambda s: [])(found)
-    damping, starts_rough = parts.pop("damping", 0.0), parts.pop("starts_rough", True)
-    stretch = parts.pop("stretch", None)
-    given = {name: value() if callable(value) else value for name, value in parts.items()}
+    given = {name: value() if callable(value) else value for name, value in more.items()}
     if stretch is not None:
         given["damage"] = w.CriticalStretch(stretch)
-    solver = given.pop("solver", None) or w.Explicit(2e-2, frames=2, damping=damping)
-    starts_rough = starts_rough and not isinstance(solver, w.Newton)
     return w.Simulation(
-        found, force=law(), solver=solver, loads=[w.Fixed(found.edges("left")), *loads],
-        initial_displacement=rough(found) if starts_rough else None, **given,
-    )  # fmt: skip
+        found,
+        force=law(),
+        solver=given.pop("solver", None) or w.Explicit(2e-2, frames=2, damping=damping),
+        loads=[w.Fixed(found.edges("left")), *loads(found)],
+        initial_displacement=None if flat else rough(found),
+        **given,
+    )
 
 
 def parts() -> dict[str, Callable[[], Any]]:
@@ -335,8 +332,8 @@ def parts() -> dict[str, Callable[[], Any]]:
         if name not in ("hyperelastic both", "visco without terms"):
             made[f"law {name}, cloud, torn"] = partial(simulation, law, "cloud", stretch=1.21, damping=5.0)
     for name, material in MATERIALS.items():
-        of_material = partial(lambda m: w.BondAssociated(m(), 2.015), material)
-        made[f"material {name}"] = partial(simulation, of_material, stretch=1.21)
+        law = partial(lambda m: w.BondAssociated(m(), 2.015), material)
+        made[f"material {name}"] = partial(simulation, law, stretch=1.21)
     return made | {name: partial(simulation, LAWS[law], sheet, **more) for name, (law, sheet, more) in PARTS.items()}
 
 
