@@ -126,8 +126,8 @@ class TearLine:
     def share_at(self, intact: np.ndarray, points: np.ndarray) -> float:
         """Fraction of the sheet's area that hangs at these points through whole faces [-]."""
         label, area = self._joined(intact)
-        held = intact & np.isin(self.sheet.triangles, points).any(axis=1)
-        return float(area[np.unique(label[held])].sum() / self.areas.sum())
+        attached = intact & np.isin(self.sheet.triangles, points).any(axis=1)
+        return float(area[np.unique(label[attached])].sum() / self.areas.sum())
 
     def without_specks(self, intact: np.ndarray) -> np.ndarray:
         """Whole faces, shape (F,), with small torn patches taken as whole and then small whole pieces as torn."""
