@@ -29,7 +29,7 @@ from .weight_tables import MAX_CORRECTED
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 BROKEN = ("redistribute", "drop")
-NO_PRONY = {"prony": None, "strain": None, "overstress": None}
+NO_PRONY: dict[str, Any] = {"prony": None, "strain": None, "overstress": None}
 
 
 @dataclass(frozen=True)
