@@ -94,7 +94,7 @@ class TearingEnergy(BondCriterion):
             InputError: if there is none in the range that the spacing resolves.
         """
         spacing = tearing_spacing(context.sheet, self.spared)
-        width = tip_width(law.horizon, context.features.gradual) * spacing
+        width = tip_width(law.horizon_ratio, context.features.gradual) * spacing
         stretches = np.geomspace(MIN_STRETCH, MAX_STRETCH, 400)
         found = stretch_of_density(law.energy_density, self.energy / width, stretches)
         if np.isnan(found):
