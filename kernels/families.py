@@ -94,7 +94,7 @@ class FamilyFunctions:
     from_frame: wp.Function
 
 
-def flat_functions(layout: Layout, Family: Any) -> dict[str, wp.Function]:
+def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
     """Functions of a sheet in a plane that is its own tangent plane: `rise`, `tilt`, `to_frame` and `from_frame`."""
     types, module = layout.types, layout.module
     real, vec2, vec3 = types.real, types.vec2, types.vec3

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..geometry.sheet import Sheet
-from .build import checked_horizon
 from .cloud import find_neighbours, point_rows, refuse_lone_points
+from .horizon import checked_horizon
 from .share import Share
 from .tables import Families, InfluenceFunction, WholeFamilies, influence_function
 
@@ -35,10 +35,10 @@ def share_families(
     Raises:
         InputError: for a horizon that the sheet does not allow, or a point without neighbours.
     """
-    function, length = influence_function(influence), checked_horizon(sheet, horizon) * sheet.spacing
+    function, checked = influence_function(influence), checked_horizon(sheet, horizon)
     # Members are in the order of the user's points, on any number of processes.
     among = np.sort(share.points)
-    neighbours, reverses, incomplete = find_neighbours(sheet, among, length)
+    neighbours, reverses, incomplete = find_neighbours(sheet, among, checked)
     place = np.searchsorted(among, share.points)
     neighbours, reverses = neighbours[place], reverses[place]
     neighbours[~share.near], reverses[~share.near] = -1, 0
@@ -47,10 +47,10 @@ def share_families(
     # All processes refuse the same point.
     first = min(gathered(int(lone.min(initial=sheet.size))))
     if first < sheet.size:
-        refuse_lone_points(sheet, np.array([first]), np.full((1, 1), -1), length)
+        refuse_lone_points(sheet, np.array([first]), np.full((1, 1), -1), checked)
     members = max(gathered(int(sizes.max())))
     neighbours, reverses = _wide(neighbours, members, -1), _wide(reverses, members, 0)
-    made = point_rows(sheet, share.points, neighbours, reverses, incomplete[place], length, function, True)
+    made = point_rows(sheet, share.points, neighbours, reverses, incomplete[place], checked, function, True)
     bonds = sum(gathered(int(sizes[share.own].sum())))
     local = np.full(neighbours.shape, -1, np.int32)
     there = neighbours >= 0

@@ -83,7 +83,7 @@ class BuiltLaw(BuiltPart, Protocol):
     Attributes:
         weights: Weights in use, for the summary.
         has_energy: Whether its force is minus the gradient of an energy, or at least reports one.
-        horizon: Horizon in spacings of the sheet [-].
+        horizon_ratio: Horizon in spacings of the sheet [-].
         families: The families on the host.
         struct: The families on the device, a Warp struct (kernels/families.py).
         intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break.
@@ -100,7 +100,7 @@ class BuiltLaw(BuiltPart, Protocol):
 
     weights: str
     has_energy: bool
-    horizon: float
+    horizon_ratio: float
     families: Families
     struct: Any
     intact: Array | None

@@ -27,7 +27,7 @@ from .variational import Key
 from .weight_tables import MAX_CORRECTED
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
-NO_PRONY = {"prony": None, "strain": None, "overstress": None}
+NO_PRONY: dict[str, Any] = {"prony": None, "strain": None, "overstress": None}
 
 
 @dataclass(frozen=True)

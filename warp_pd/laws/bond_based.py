@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -117,7 +117,7 @@ class BondBasedForce(FamilyLaw):
         if law.fast and context.layout.kind == "lattice" and not context.device.is_cuda:
             members = families.members
             module = f"{context.module}_once_{members}"
-            pull = pull_of_bond("lattice", law.material.pairwise)
+            pull = pull_of_bond(replace(context.layout, module=module), law.material.pairwise)
             self.once = bonds_once(context.bits, members, breakable, pull, module)
         self._shown: dict[str, Array] = {}
 

@@ -131,7 +131,7 @@ class CriticalEnergy(BondCriterion):
         )
         if context.sheet.spacings is not None:
             raise InputError("damage = CriticalEnergy: expected a sheet of one spacing, got a graded one")
-        values.critical = self.energy / crossing_bonds(law.horizon)
+        values.critical = self.energy / crossing_bonds(law.horizon_ratio)
         return found, values
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
