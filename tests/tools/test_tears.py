@@ -5,7 +5,7 @@ from tears import SCENES, found, run, scenes_table, strips, strips_table
 
 
 class Options:
-    rows, horizons, stretches, grids, set = [8], [2.015], [3.0], ["45"], ["duration=0.2"]
+    rows, horizons, energies, grids, set = [8], [2.015], [2.0], ["45"], ["duration=0.2"]
 
 
 def test_a_strip_has_an_onset_and_a_balance():

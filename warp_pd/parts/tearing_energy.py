@@ -26,8 +26,7 @@ DEFAULT_LENGTH = 2.0
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
 # A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
-# horizon.
-# Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
+# horizon. Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
 BIAS = 0.16
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
@@ -226,7 +225,7 @@ class DamageField(Damaged):
         over = ~(law.energy_density(shorter, shorter) <= allowed)
         low = float(shorter[max(int(np.argmax(over)) - 1, 0)]) if over.any() else 0.0
         first, second = np.meshgrid(np.geomspace(1.0, 30.0, 400), np.append(np.linspace(low, 1.0, 60), np.inf))
-        second = np.where(np.isinf(second), first, np.minimum(second, first))
+        second = np.asarray(np.where(np.isinf(second), first, np.minimum(second, first)))
         high = ~(law.energy_density(first.ravel(), second.ravel()).reshape(first.shape) <= allowed)
         along = np.cos(np.pi / 8.0) ** 2
         if steps is not None and self.context.layout.kind == "lattice":
@@ -262,7 +261,8 @@ class DamageField(Damaged):
             source, target = target, source
         given.pop("horizon")
         stage.launch(
-            self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at, damage=self.field, before=self._before,
+            self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
+            damage=self.field, before=self._before,
             **given, **shared,
         )  # fmt: skip
 
