@@ -4,9 +4,9 @@
     python tools/tears.py strips --rows 20 --energies 1 4 --grids 0 45 --horizons 2.015     a few, on a CPU
     python tools/tears.py scenes --device cuda:0 --jobs 3 --out runs/tears.json             five minutes on an H200
 
-`strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact. A row holds G / Gc when the tip has moved by
-1, 3, 6 and 12 spacings. `scenes` are all others with a tear: their load or G / Gc on grids of five kinds and at several spacings.
-A file keeps the rows of earlier calls; a row of the same settings is replaced.
+`strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact. A row holds G / Gc when the tip has moved
+by 1, 3, 6 and 12 spacings. `scenes` are all others with a tear: their load or G / Gc on grids of five kinds and at
+several spacings. A file keeps the rows of earlier calls; a row of the same settings is replaced.
 """
 
 from __future__ import annotations
@@ -47,7 +47,10 @@ SCENES: tuple[tuple[str, str, dict[str, Any], int, tuple[int, ...]], ...] = (
     ),
     ("precut_tear", "largest_pull", {"frames": 100, "tearing_energy": 2.43}, 120, (60, 120, 240)),
     ("puncture", "puncture_force", {}, 61, (31, 61, 121, 241)),
-    ("ball_penetration", "largest_ball_force", {"tearing_energy": 60.0, "damage_length": 0.05, "horizon": 2.015}, 101, (51, 101, 201)),
+    (
+        "ball_penetration", "largest_ball_force",
+        {"tearing_energy": 60.0, "damage_length": 0.05, "horizon": 2.015}, 101, (51, 101, 201),
+    ),
     ("running_crack", "released_ratio", {"overload": 1.5}, 80, (40, 80, 120)),
 )  # fmt: skip
 
