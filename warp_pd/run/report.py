@@ -1,4 +1,4 @@
-"""What the command line says of a run that is over."""
+"""What the command line says of a run that is over, and its exit codes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .runner import Result
+    from .result import Result
+
+WRONG_INPUT, DIVERGED, LOST, INTERRUPTED = 2, 3, 4, 130
 
 
 def report(result: Result) -> Iterator[str]:

@@ -15,7 +15,6 @@ from typing import Any
 
 from ..device.checks import InputError, kind_and_text, one_of, user_code
 from .arguments import converted, is_plain, plain
-from .scene import Scene
 
 
 def scene_names() -> list[str]:
@@ -69,6 +68,8 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     Raises:
         InputError: for a name that the scene does not know, or a value that does not fit.
     """
+    from .scene import Scene
+
     scene = load_scene(name)
     parameters = inspect.signature(scene.build).parameters
     values = {key: converted(key, value, parameters) for key, value in settings.items()}

@@ -12,7 +12,7 @@ from ..device.checks import InputError
 from ..geometry.picture_files import Drawing, drawing
 from ..interfaces.communicator import LostError
 from ..output.sweep_plot import draw_sweep
-from . import exit_codes
+from . import report
 from .divergence import DivergedError
 from .folder import run_summary, writable_folder
 from .processes import launch
@@ -61,12 +61,12 @@ def _arguments(task: Task, options: Mapping[str, Any]) -> list[str]:
 
 def _summary(folder: Path, code: int) -> Mapping[str, Any]:
     """The summary of a run of other processes, which have said themselves what went wrong."""
-    if code == exit_codes.WRONG_INPUT:
+    if code == report.WRONG_INPUT:
         raise InputError("refused, see above")
-    if code == exit_codes.LOST:
+    if code == report.LOST:
         raise LostError("a process of the run ended; the same command continues")
     summary = run_summary(folder)
-    if summary is None and code == exit_codes.INTERRUPTED:
+    if summary is None and code == report.INTERRUPTED:
         raise KeyboardInterrupt
     if summary is None:
         raise DivergedError("no frame was written, see above")
@@ -118,5 +118,5 @@ def run_sweep(
     ends = {row.status for row in rows}
     if STOPPED in ends:
         click.echo("warp-pd: interrupted: the same command continues", err=True)
-        return exit_codes.INTERRUPTED
-    return exit_codes.DIVERGED if ends - {FINISHED, REFUSED} else exit_codes.WRONG_INPUT if REFUSED in ends else 0
+        return report.INTERRUPTED
+    return report.DIVERGED if ends - {FINISHED, REFUSED} else report.WRONG_INPUT if REFUSED in ends else 0
