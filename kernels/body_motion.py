@@ -32,10 +32,10 @@ mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 def turned_by(turn: wp.vec3d, rotation: wp.quatd):
     """A rotation after which comes another one, about `turn` by its length [rad]."""
     angle = wp.length(turn)
-    share = wp.float64(0.5)
+    scale = wp.float64(0.5)
     if angle > wp.float64(1e-8):
-        share = wp.sin(wp.float64(0.5) * angle) / angle
-    by = wp.quatd(share * turn[0], share * turn[1], share * turn[2], wp.cos(wp.float64(0.5) * angle))
+        scale = wp.sin(wp.float64(0.5) * angle) / angle
+    by = wp.quatd(scale * turn[0], scale * turn[1], scale * turn[2], wp.cos(wp.float64(0.5) * angle))
     return wp.normalize(by * rotation)
 
 
@@ -47,10 +47,10 @@ def turn_between(begin: wp.quatd, end: wp.quatd):
     if by[3] < wp.float64(0.0):
         axis = -axis
     sine = wp.length(axis)
-    share = wp.float64(2.0)
+    scale = wp.float64(2.0)
     if sine > wp.float64(1e-12):
-        share = wp.float64(2.0) * wp.atan2(sine, wp.abs(by[3])) / sine
-    return share * axis
+        scale = wp.float64(2.0) * wp.atan2(sine, wp.abs(by[3])) / sine
+    return scale * axis
 
 
 @wp.func
@@ -85,9 +85,9 @@ def path_motion(module: str) -> Kernel:
         else:
             for k in range(last):
                 if soon >= times[k] and soon < times[k + 1]:
-                    share = (soon - times[k]) / (times[k + 1] - times[k])
-                    there = places[k] + share * (places[k + 1] - places[k])
-                    turned = wp.normalize(wp.quat_slerp(rotations[k], rotations[k + 1], share))
+                    fraction = (soon - times[k]) / (times[k + 1] - times[k])
+                    there = places[k] + fraction * (places[k + 1] - places[k])
+                    turned = wp.normalize(wp.quat_slerp(rotations[k], rotations[k + 1], fraction))
         here = place[0]
         was = rotation[0]
         place[1] = here

@@ -189,12 +189,12 @@ def rigid_contact(
                 if approach < real(0.0):
                     change = -approach * normal
                     if wp.static(tracked):
-                        share = half_loss(a.step, a.damping)
+                        loss = half_loss(a.step, a.damping)
                         kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                        start = (real(1.0) + share) * a.velocity[i] - kick
+                        start = (real(1.0) + loss) * a.velocity[i] - kick
                         if wp.static(half_steps):
-                            mean = a.velocity[i] - real(0.5) * share * change
-                            works_at_half_steps(i, change, mean, start, real(1.0) + share, a)
+                            mean = a.velocity[i] - real(0.5) * loss * change
+                            works_at_half_steps(i, change, mean, start, real(1.0) + loss, a)
                         else:
                             works(i, change, start, a)
                     strike(i, change, a)

@@ -4,7 +4,8 @@
     f_a = p dV/dx_a = p/6 sum over triangles of a (x_b - x_a) x (x_c - x_a)
 
 with the corners of triangles counter-clockwise seen from outside (the divergence theorem, exact for the triangulated
-surface). Where rectangles are cut along both diagonals in turn, V is the mean of both volumes: `share` is 1/12 then.
+surface). Where rectangles are cut along both diagonals in turn, V is the mean of both volumes: `coefficient` is then
+1/12.
 Volumes are summed in float64, in blocks of triangles in a fixed order, so they repeat bit for bit.
 """
 
@@ -110,8 +111,8 @@ def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
     """Kernels `sum_open` and `lose_gas`, for a gas that flows out between the edges of cracks.
 
     sum_open fills row 0 of `sums` [2, blocks] with the deformed area of the triangles that cracks have cut [m^2]: they
-    span what is open. lose_gas changes the share of the gas that is left, `left` [1], by the flow through an orifice,
-    dm/dt = -C A rho sqrt(2 p / rho), in a step; it stops where inside and outside have one pressure.
+    span what is open. lose_gas changes the fraction of the gas that is left, `left` [1], by the flow through an
+    orifice, dm/dt = -C A rho sqrt(2 p / rho), in a step; it stops where inside and outside have one pressure.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -155,7 +156,7 @@ def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
         first: int,
         left: wp.array(dtype=wp.float64),
     ):
-        """`discharge` is the coefficient times the share of each triangle; `density` [kg/m^3] at ambient pressure."""
+        """`discharge`: coefficient times the fraction of each triangle; `density` [kg/m^3] at ambient pressure."""
         area = wp.float64(0.0)
         for b in range(sums.shape[1]):
             area += sums[0, b]
@@ -187,7 +188,7 @@ def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
 def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool, module: str) -> Kernel:
     """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the change of the pressure.
 
-    With `leaks` the factor of the law is multiplied by the share of the gas that is left, `left` [1].
+    With `leaks` the factor of the law is multiplied by the fraction of the gas that is left, `left` [1].
     """
     vec3 = numeric(bits).vec3
     pressure_at = law(module)
@@ -195,7 +196,7 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool,
     @kernel(module, per="once")
     def set_pressure(
         sums: wp.array2d(dtype=wp.float64),
-        share: wp.float64,
+        coefficient: wp.float64,
         chamber: wp.float64,
         constants: wp.vec4d,
         factors: wp.array(dtype=vec3),
@@ -209,7 +210,7 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool,
         for b in range(sums.shape[1]):
             volume += sums[0, b]
             change += sums[1, b]
-        volume = share * volume + chamber
+        volume = coefficient * volume + chamber
         factor = wp.float64(1.0)
         if wp.static(scheduled):
             factor = wp.float64(factors[schedule][0])
@@ -218,7 +219,7 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool,
         found = pressure_at(volume, factor, constants)
         enclosed[0] = found[0]
         enclosed[1] = volume
-        enclosed[2] = found[1] * share * change
+        enclosed[2] = found[1] * coefficient * change
 
     return set_pressure
 
@@ -245,7 +246,7 @@ def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, 
         intact_faces: wp.array(dtype=wp.uint8)
         positions: wp.array(dtype=wp.vec3d)
         displacement: wp.array(dtype=vec3)
-        share: wp.float64
+        coefficient: wp.float64
         enclosed: wp.array(dtype=wp.float64)
         external: wp.array(dtype=vec3)
 
@@ -264,7 +265,7 @@ def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, 
                     side = single(a.positions[b] - X) + (a.displacement[b] - u)
                     other = single(a.positions[c] - X) + (a.displacement[c] - u)
                     total += wp.cross(side, other)
-            a.external[i] = a.external[i] + real(a.share * a.enclosed[0]) * total
+            a.external[i] = a.external[i] + real(a.coefficient * a.enclosed[0]) * total
 
     @kernel(module, gathers=("displacement", "positions", "direction"))
     def add_enclosed_tangent(
@@ -273,7 +274,7 @@ def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, 
         positions: wp.array(dtype=wp.vec3d),
         displacement: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
-        share: wp.float64,
+        coefficient: wp.float64,
         enclosed: wp.array(dtype=wp.float64),
         first: int,
         change: wp.array(dtype=vec3),
@@ -288,6 +289,6 @@ def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, 
             other = single(positions[c] - X) + (displacement[c] - displacement[i])
             area += wp.cross(side, other)
             turn += wp.cross(direction[b] - direction[i], other) + wp.cross(side, direction[c] - direction[i])
-        change[i] = change[i] + real(share * enclosed[2]) * area + real(share * enclosed[0]) * turn
+        change[i] = change[i] + real(coefficient * enclosed[2]) * area + real(coefficient * enclosed[0]) * turn
 
     return add_enclosed_force, add_enclosed_tangent

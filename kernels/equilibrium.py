@@ -17,7 +17,7 @@ class EquilibriumKernels:
     """Kernels of one configuration.
 
     Attributes:
-        advance: displacement = base + share x direction.
+        advance: displacement = base + step length x direction.
         hold: Turns the change of the force into the stiffness product: minus it, held components zero.
         smooth: One sweep of block Jacobi, x += omega D^-1 (b - K x).
         combine: z = alpha x + beta y.
@@ -67,12 +67,12 @@ def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
     def advance(
         base: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
-        share: wp.array(dtype=real),
+        step_length: wp.array(dtype=real),
         first: int,
         displacement: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        displacement[i] = base[i] + share[0] * direction[i]
+        displacement[i] = base[i] + step_length[0] * direction[i]
 
     @kernel(module)
     def hold(held_mask: wp.array(dtype=wp.uint8), first: int, change: wp.array(dtype=vec3)):

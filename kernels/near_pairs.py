@@ -52,7 +52,7 @@ def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
         piece: wp.array(dtype=wp.int32)
         area: wp.array(dtype=real)
         distance: real
-        share: real
+        fraction: real
         stiffness: real
 
     @wp.func(module=module)
@@ -66,7 +66,7 @@ def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
         if wp.static(pieces):
             apart = points.piece[i] == points.piece[j]
         if apart:
-            kept = wp.min(kept, points.share * real(wp.length(points.reference[j] - points.reference[i])))
+            kept = wp.min(kept, points.fraction * real(wp.length(points.reference[j] - points.reference[i])))
         return kept
 
     @wp.func(module=module)

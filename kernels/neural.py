@@ -23,7 +23,7 @@ lambda (and its square), so that the force remains finite and pushes the bond ba
 Broken bonds are removed from F and C33 but not from tr K, so that the intact bonds keep their stiffness.
 
 With `corrected` weights, h W_ik 2 / |X| takes the place of h a_i c_k |X| 2 / tr K_i. The published force is that of
-W_ik = a_i c_k |X|^2 / tr K_i, of which a uniform stress is in balance inside a lattice only (warp_pd/weights).
+W_ik = a_i c_k |X|^2 / tr K_i, of which a uniform stress is in balance inside a lattice only (warp_pd/families/weights).
 """
 
 import functools

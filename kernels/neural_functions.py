@@ -160,12 +160,12 @@ def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
         a = real(1.0) + alpha
         # C33 det^2 = 1 + z
         thinning = (z - area * (real(2.0) + area)) / (det * det)
-        share = b * b / det
+        sheared = b * b / det
         # tr U - 2, for g: the other diagonal entry of U in the frame of the bond is (det + b^2) / a.
         other = (area - alpha + b * b) / a
         trace = alpha * (real(2.0) + alpha) + other * (real(2.0) + other) + real(2.0) * b * b
         g = shear(trace, thinning, z, constants)
-        along = g * (alpha * (real(2.0) + alpha) - thinning * (real(1.0) + share) - share) / a
+        along = g * (alpha * (real(2.0) + alpha) - thinning * (real(1.0) + sheared) - sheared) / a
         across = g * b * (real(1.0) + (real(1.0) + thinning) / det)
         return vec2(along * cosine + across * sine, across * cosine - along * sine)
 

@@ -99,8 +99,8 @@ def row_sums(
                             sizes += wp.sqrt(g1 * g1 + g2 * g2)
                     centre = wp.sqrt(c1 * c1 + c2 * c2)
                     sizes += centre
-                    share = weight * bound * sizes
-                    centre_row += share * centre
+                    contribution = weight * bound * sizes
+                    centre_row += contribution * centre
                     for word in range(family.words):
                         members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
                         while members != wp.uint32(0):
@@ -110,7 +110,7 @@ def row_sums(
                             xi = f.bond(family, i, k)
                             g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
                             g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
-                            gained = share * wp.sqrt(g1 * g1 + g2 * g2)
+                            gained = contribution * wp.sqrt(g1 * g1 + g2 * g2)
                             row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
         scale = unit_stiffness * family_scale(family, i, undamaged, total)
         own[i] = scale * centre_row

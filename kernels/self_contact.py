@@ -5,7 +5,7 @@ Points i and j at a distance r < d_ij have the energy (after Silling and Askari 
     E_ij = 1/2 k_ij (d_ij - r)^2,      force on i: -k_ij (d_ij - r) (x_j - x_i) / r,      k_ij = k a_i a_j / a^2,
 
 with the areas a_i of the points and the reference area a, so that the stiffness per area depends on no spacing. d_ij
-is the distance that points keep, but no more than a share of their reference distance, unless they belong to two
+is the distance that points keep, but no more than a fraction of their reference distance, unless they belong to two
 pieces. Both ends compute the same bits, so momentum is conserved to the rounding of the sums.
 
 Pairs outside the family come from a list [entries, points], sorted by index; bonds that broke come from the family.
@@ -193,9 +193,9 @@ def repulsion(
             pressed = stiffness * depth * wp.max(wp.dot(direction, normal), real(0.0))
             speed = wp.length(slip)
             # With all its contacts, a point loses its slip at most once: this cannot gain energy.
-            share = (mass[i] * mass[j]) / ((mass[i] + mass[j]) * real(wp.max(contacts[i], contacts[j])))
+            reduced = (mass[i] * mass[j]) / ((mass[i] + mass[j]) * real(wp.max(contacts[i], contacts[j])))
             if speed > real(0.0):
-                impulse = wp.min(share, most * pressed / speed) * slip
+                impulse = wp.min(reduced, most * pressed / speed) * slip
         return impulse
 
     @kernel(
@@ -252,21 +252,21 @@ def repulsion(
         for i in range(begin, end):
             before = a.velocity[i]
             change = a.impulse[i] / a.mass[i]
-            share = half_loss(a.step, a.damping)
+            loss = half_loss(a.step, a.damping)
             if wp.static(held):
                 for c in range(3):
                     if (wp.int32(a.held_mask[i]) & ((1 << c) | rigid)) != 0:
                         if wp.static(tracked):
                             # The support balances the impulse.
-                            a.work[i] = a.work[i] - wp.float64((real(1.0) + share) * a.impulse[i][c] * before[c])
+                            a.work[i] = a.work[i] - wp.float64((real(1.0) + loss) * a.impulse[i][c] * before[c])
                         change[c] = real(0.0)
             a.velocity[i] = before + change
             if wp.static(tracked):
-                mean = before + real(0.5) * (real(1.0) - share) * change
-                a.rubbed[i] = a.rubbed[i] - wp.float64((real(1.0) + share) * wp.dot(a.impulse[i], mean))
+                mean = before + real(0.5) * (real(1.0) - loss) * change
+                a.rubbed[i] = a.rubbed[i] - wp.float64((real(1.0) + loss) * wp.dot(a.impulse[i], mean))
                 if wp.static(damped):
                     # `half_step` in kernels/integrate.py has the exact statement.
-                    slowed = (real(1.0) + share) * before - half_kick(i, a.step, a.mass, a.force, a.external)
-                    a.dissipated[i] = a.dissipated[i] + wp.float64(share * a.mass[i] * wp.dot(change, slowed))
+                    slowed = (real(1.0) + loss) * before - half_kick(i, a.step, a.mass, a.force, a.external)
+                    a.dissipated[i] = a.dissipated[i] + wp.float64(loss * a.mass[i] * wp.dot(change, slowed))
 
     return RepulsionKernels(add_contact_force, contact_energy, friction_impulse, rub)

@@ -1,8 +1,8 @@
 """Power iteration for the largest natural frequency, by finite differences of the force.
 
 trial(s) = u + s e v, with e such that the largest component of v moves by `reach`; the stiffness times v is the central
-difference of the force; v <- M^-1 K v - b v', with v' the direction before and b = (SHARE lambda / 2)^2, lambda the
-estimate so far. What has an eigenvalue of at most SHARE lambda then grows at one rate, and lambda's own direction 1.15
+difference of the force; v <- M^-1 K v - b v', with v' the direction before and b = (DAMPED lambda / 2)^2, lambda the
+estimate so far. What has an eigenvalue of at most DAMPED lambda then grows at one rate, and lambda's own direction 1.15
 times as fast as that; without momentum, b = 0, a neighbour at 0.99 lambda falls behind by a hundredth an iteration.
 Source: De Sa, He, Mitliagkas, Re, Xu, "Accelerated stochastic power iteration", AISTATS 2018 (without its sampling). A
 thread of `respond` sums one block of points, in order, so the sums repeat bit for bit.
@@ -17,9 +17,9 @@ from .effects import Kernel, kernel
 from .integrate import RIGID
 from .numeric import numeric
 
-# Eigenvalues up to this share of the largest found so far are damped alike. A larger one would come nearer to lambda,
-# and more slowly.
-SHARE = 0.99
+# Eigenvalues up to this fraction of the largest found so far are damped alike. A larger one would come nearer to
+# lambda, and more slowly.
+DAMPED = 0.99
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
-    quarter = wp.constant(wp.float64(0.25 * SHARE**2))
+    quarter = wp.constant(wp.float64(0.25 * DAMPED**2))
 
     @kernel(module)
     def trial(

@@ -96,7 +96,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     duration = history[-1]["time"]
-    shown = plots.frames_at(folder, [share * duration for share in (0.25, 0.5, 0.75, 1.0)])
+    shown = plots.frames_at(folder, [fraction * duration for fraction in (0.25, 0.5, 0.75, 1.0)])
     plots.surfaces(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.surfaces(folder / "deflection.png", shown, field="u3")
     plots.from_above(folder / "torn_from_above.png", shown[-1:], field="damage", limits=(0.0, 1.0))

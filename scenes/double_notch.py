@@ -123,7 +123,7 @@ def pictures(history, folder):
 
     begin = time_above("crack_length", 0.0)(history) or history[-1]["time"]
     end = time_above("pieces", 1.5)(history) or history[-1]["time"]
-    shown = plots.frames_at(folder, [begin + share * (end - begin) for share in (0.0, 0.33, 0.67, 1.0)])
+    shown = plots.frames_at(folder, [begin + fraction * (end - begin) for fraction in (0.0, 0.33, 0.67, 1.0)])
     plots.from_above(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.curves(folder / "load.png", history, ["load"], ylabel="load (N)", against="extension", xlabel="extension (m)")
     names = ["crack_length", "left_crack_length", "right_crack_length"]

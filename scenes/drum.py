@@ -83,8 +83,8 @@ def first_zero(history):
     """Time at which the centre first comes down to zero [s], linear between frames; None before that."""
     for before, after in itertools.pairwise(history):
         if after["height"] < 0.0:
-            share = before["height"] / (before["height"] - after["height"])
-            return before["time"] + share * (after["time"] - before["time"])
+            fraction = before["height"] / (before["height"] - after["height"])
+            return before["time"] + fraction * (after["time"] - before["time"])
     return None
 
 

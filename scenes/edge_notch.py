@@ -110,9 +110,9 @@ def release_rate(material, stretch, notch):
     return 6.0 / np.sqrt(stretch) * notch * tension_energy_density(material, stretch)
 
 
-def width_factor(share):
-    """G of a notch in a strip of finite width over that of a short one, in linear elasticity; `share` is a / w."""
-    form = 1.12 - 0.231 * share + 10.55 * share**2 - 21.72 * share**3 + 30.39 * share**4
+def width_factor(ratio):
+    """G of a notch in a strip of finite width over that of a short one, in linear elasticity; `ratio` is a / w."""
+    form = 1.12 - 0.231 * ratio + 10.55 * ratio**2 - 21.72 * ratio**3 + 30.39 * ratio**4
     return (form / 1.12) ** 2
 
 

@@ -98,7 +98,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     duration = history[-1]["time"]
-    shown = plots.frames_at(folder, [share * duration for share in (0.0, 0.4, 0.7, 1.0)])
+    shown = plots.frames_at(folder, [fraction * duration for fraction in (0.0, 0.4, 0.7, 1.0)])
     plots.surfaces(folder / "folded.png", shown, field="u3")
     plots.curves(folder / "height.png", history, ["height"], ylabel="height (m)")
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

@@ -123,7 +123,7 @@ def _stress(frame):
 
 
 def _slack(frame):
-    """Wrinkle level of the points: share of compressed bonds, or 0 taut, 0.5 wrinkled and 1 slack."""
+    """Wrinkle level of the points: fraction of compressed bonds, or 0 taut, 0.5 wrinkled and 1 slack."""
     fields = frame.point_data
     return fields["wrinkle_level"] if "wrinkle_level" in fields else 0.5 * fields["wrinkle_state"]
 

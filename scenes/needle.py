@@ -73,6 +73,6 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     last = history[-1]["time"]
-    shown = plots.frames_at(folder, [share * last for share in (0.25, 0.5, 0.75, 1.0)])
+    shown = plots.frames_at(folder, [fraction * last for fraction in (0.25, 0.5, 0.75, 1.0)])
     plots.surfaces(folder / "needle.png", shown, field="damage", limits=(0.0, 1.0))
     plots.curves(folder / "force.png", history, ["needle_force_z"], ylabel="force on the needle (N)")

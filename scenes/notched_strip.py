@@ -166,7 +166,7 @@ def _with_slow(duration: float, frames: int, begin: float, end: float) -> list[f
 
 
 def _slack(frame):
-    """Wrinkle level of the points: share of compressed bonds, or 0 taut, 0.5 wrinkled and 1 slack."""
+    """Wrinkle level of the points: fraction of compressed bonds, or 0 taut, 0.5 wrinkled and 1 slack."""
     fields = frame.point_data
     return fields["wrinkle_level"] if "wrinkle_level" in fields else 0.5 * fields["wrinkle_state"]
 
@@ -191,5 +191,5 @@ def _shown(history):
     )
     across = reach.max()
     if across > 0.0 and reach[np.argmin(np.abs(ends - SHOWN[0]))] == across:
-        return [float(times[np.argmax(reach >= share * across)]) for share in (0.05, 0.33, 0.67, 1.0)]
+        return [float(times[np.argmax(reach >= fraction * across)]) for fraction in (0.05, 0.33, 0.67, 1.0)]
     return [float(times[np.argmin(np.abs(ends - end))]) for end in SHOWN]

@@ -83,7 +83,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     end = history[-1]["time"]
-    shown = plots.frames_at(folder, [share * end for share in (0.2, 0.4, 0.6, 1.0)])
+    shown = plots.frames_at(folder, [fraction * end for fraction in (0.2, 0.4, 0.6, 1.0)])
     plots.surfaces(folder / "sheet.png", shown, field="u3", view=(25.0, -115.0))
     names = ["edge_distance", "corner_distance"]
     plots.curves(folder / "distance.png", history, names, ylabel="distance from the local plane (spacings)")

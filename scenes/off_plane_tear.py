@@ -113,7 +113,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     begin, end = time_above("crack_length", 0.0)(history) or 0.0, history[-1]["time"]
-    shown = plots.frames_at(folder, [begin + share * (end - begin) for share in (0.0, 0.33, 0.67, 1.0)])
+    shown = plots.frames_at(folder, [begin + fraction * (end - begin) for fraction in (0.0, 0.33, 0.67, 1.0)])
     plots.surfaces(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.surfaces(folder / "deflection.png", shown, field="u3")
     plots.reference(folder / "crack_path.png", shown[-1:], field="damage", limits=(0.0, 1.0))

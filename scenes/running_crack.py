@@ -105,7 +105,7 @@ def pictures(history, folder):
     from warp_pd.output import plots
 
     last = next((row["time"] for row in history if row["tip"] > END), history[-1]["time"])
-    shown = plots.frames_at(folder, [share * last for share in (0.25, 0.6, 1.0)])
+    shown = plots.frames_at(folder, [fraction * last for fraction in (0.25, 0.6, 1.0)])
     plots.from_above(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.curves(folder / "tip.png", history, ["tip"], ylabel="advance of the tip (m)")
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

@@ -123,7 +123,7 @@ def build(
 def pictures(history, folder):
     from warp_pd.output import plots
 
-    shown = plots.frames_at(folder, [share * history[-1]["time"] for share in (0.25, 0.5, 0.75, 1.0)])
+    shown = plots.frames_at(folder, [fraction * history[-1]["time"] for fraction in (0.25, 0.5, 0.75, 1.0)])
     plots.surfaces(folder / "damage.png", shown, field="damage", limits=(0.0, 1.0))
     plots.curves(folder / "release.png", history, ["release_ratio"], ylabel="G / Gc", against="tip", xlabel="tip (m)")
     plots.curves(folder / "energy.png", history, plots.ENERGIES, ylabel="energy (J)")

@@ -66,11 +66,11 @@ def build(
         "explicit": Explicit(duration, frames=frames, damping=50.0),
     }
     bottom, top = sheet.edges("bottom"), sheet.edges("top")
-    share = np.linspace(0.0, 1.0, 101)
-    a, b = 1.0 + (positive("around", around) - 1.0) * share, 1.0 + (positive("along", along) - 1.0) * share
+    fraction = np.linspace(0.0, 1.0, 101)
+    a, b = 1.0 + (positive("around", around) - 1.0) * fraction, 1.0 + (positive("along", along) - 1.0) * fraction
     # Of the polygon that the points around form.
     empty = len(bottom) / 2.0 * RADIUS**2 * np.sin(2.0 * np.pi / len(bottom)) * LENGTH
-    times = duration * share
+    times = duration * fraction
     stiffness = 10.0 * MU * THICKNESS / RADIUS / empty
     # The volume falls short by pressure / stiffness.
     wanted = empty * a**2 * b + exact_pressure(a, b) / stiffness

@@ -124,10 +124,10 @@ class TearLine:
         return int((area >= least_share * self.areas.sum()).sum())
 
     def share_at(self, intact: np.ndarray, points: np.ndarray) -> float:
-        """Share of the sheet's area that hangs at these points through whole faces [-]."""
+        """Fraction of the sheet's area that hangs at these points through whole faces [-]."""
         label, area = self._joined(intact)
-        held = intact & np.isin(self.sheet.triangles, points).any(axis=1)
-        return float(area[np.unique(label[held])].sum() / self.areas.sum())
+        attached = intact & np.isin(self.sheet.triangles, points).any(axis=1)
+        return float(area[np.unique(label[attached])].sum() / self.areas.sum())
 
     def without_specks(self, intact: np.ndarray) -> np.ndarray:
         """Whole faces, shape (F,), with small torn patches taken as whole and then small whole pieces as torn."""
@@ -295,7 +295,7 @@ def distance_from_local_plane(built: Built, frame: Frame, points: Any) -> np.nda
     """Distance of points from the plane fitted through the deformed positions of their family members.
 
     The plane is that of least squared distances of the members, all alike, the point itself left out. On a
-    smooth surface the distance is about its curvature times a share of the horizon squared. Where bonds can
+    smooth surface the distance is about its curvature times a fraction of the horizon squared. Where bonds can
     break, the members are those whose bonds stand now, which fits the newest frame alone.
 
     Args:

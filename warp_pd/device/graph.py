@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import gc
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -62,9 +64,21 @@ class LaunchSequence:
         body = functools.partial(run_once, self.device, self.items)
         if calls:
             return calls[0].capture(self.device, functools.partial(_run_calls, calls), body)
-        with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
+        with no_collection(), wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
             body()
         return functools.partial(wp.capture_launch, capture.graph)
+
+
+@contextlib.contextmanager
+def no_collection() -> Iterator[None]:
+    """Keep the garbage collector off: it may free the graph of an earlier run, which CUDA forbids during a capture."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _run_calls(calls: Iterable[Call]) -> None:

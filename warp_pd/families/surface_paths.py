@@ -12,7 +12,7 @@ LONGEST_PATH = 1.5
 # A pair of points is looked at if its normals turn by more than 60 degrees, or if it leaves a tangent plane by more
 # than 30 degrees.
 LEAST_COSINE, MOST_RISE = 0.5, 0.5
-# Entries of the table of distances that is held at once.
+# Entries of the table of distances that is in memory at a time.
 BLOCK = 4_000_000
 
 

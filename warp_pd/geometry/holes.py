@@ -19,7 +19,7 @@ def square_grid(lattice: Lattice) -> np.ndarray | None:
 def triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """The triangles that keep all corners when the points of a mask, shape (N,), go, and the areas of all points.
 
-    A cell of a lattice goes as a whole, and so does one of a grid whose points stand for their shares of its cells.
+    A cell of a lattice goes as a whole, and so does one of a grid whose points stand for parts of its cells.
     """
     if shape.lattice is not None:
         intact_cells = whole_cells(shape.lattice, removed)

@@ -88,7 +88,7 @@ def filled(
     count("seed", seed, 0)
     square = rectangle(width, height, points, origin, layers, False)
     if not 0.0 <= finite("jitter", jitter) < 0.5:
-        raise InputError(f"jitter = {jitter!r}: expected shares of the spacing from 0 up to below 0.5")
+        raise InputError(f"jitter = {jitter!r}: expected a fraction of the spacing from 0 up to below 0.5")
     if finite("turn", turn) % 90.0 == 0.0 and jitter == 0.0:
         return square
     assert square.lattice is not None

@@ -339,8 +339,8 @@ class Sheet(SelectableShape):
         members = self.within(centre, radius)
         offset = self.points[members] - self.points[members[:1]]
         if len(members) < 3 or np.linalg.matrix_rank(offset, tol=1e-6 * self.spacing) < 2:
-            held = f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points"
-            raise InputError(f"{held}: expected three or more that are not on one line")
+            inclusion = f"inclusion at {centre!r} of radius {radius!r} holds {len(members)} points"
+            raise InputError(f"{inclusion}: expected three or more that are not on one line")
         return replace(self, inclusions=(*self.inclusions, members))
 
     def stiffened(self, points: np.ndarray, factor: float) -> Sheet:

@@ -60,13 +60,13 @@ def tube(radius: float, length: float, points: int | tuple[int, int]) -> Shape:
     nothing = np.zeros_like(turn)
     e1, e2 = np.column_stack([-sine, cosine, nothing]), np.column_stack([nothing, nothing, nothing + 1.0])
     index = np.arange(around * along, dtype=np.int32)
-    share = np.where((index < around) | (index >= around * (along - 1)), 0.5, 1.0)
+    fraction = np.where((index < around) | (index >= around * (along - 1)), 0.5, 1.0)
     # One column more than there are points around: the last one is the first.
     cells = cell_triangles(np.ones((along - 1, around), bool))
     row, column = np.divmod(cells, around + 1)
     return Shape(
         points=np.column_stack([radius * cosine, radius * sine, height]),
-        areas=share * dx * dz,
+        areas=fraction * dx * dz,
         triangles=(row * around + column % around).astype(np.int32),
         spacing=float(np.sqrt(dx * dz)),
         frames=np.stack([e1, e2], axis=-1),
@@ -110,17 +110,17 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     Source: Max, Weights for computing vertex normals from facet normals, J. Graphics Tools 4 (1999) 1-6.
     """
     p = points[triangles]
-    shares = np.empty((len(triangles), 3, 3))
+    corner_values = np.empty((len(triangles), 3, 3))
     for corner in range(3):
         a, b = p[:, (corner + 1) % 3] - p[:, corner], p[:, (corner + 2) % 3] - p[:, corner]
-        shares[:, corner] = np.cross(a, b) / ((a * a).sum(axis=1) * (b * b).sum(axis=1))[:, None]
-    return _point_sums(shares, triangles, len(points))
+        corner_values[:, corner] = np.cross(a, b) / ((a * a).sum(axis=1) * (b * b).sum(axis=1))[:, None]
+    return _point_sums(corner_values, triangles, len(points))
 
 
-def _point_sums(shares: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
+def _point_sums(corner_values: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
     """Sums at the points of what each corner of each triangle, shape (F, 3, ...), gives; shape (N, ...)."""
-    corners, inner = triangles.ravel(), shares.shape[2:]
-    columns = shares.reshape(len(corners), -1).T
+    corners, inner = triangles.ravel(), corner_values.shape[2:]
+    columns = corner_values.reshape(len(corners), -1).T
     return np.stack([np.bincount(corners, column, points) for column in columns], axis=-1).reshape(points, *inner)
 
 
@@ -159,9 +159,9 @@ def _geodesic_grid(parts: int) -> tuple[np.ndarray, np.ndarray]:
     corners, faces = _icosahedron()
     steps = [(a, b) for a in range(parts + 1) for b in range(parts + 1 - a)]
     index = {step: k for k, step in enumerate(steps)}
-    share = np.array([(parts - a - b, a, b) for a, b in steps]) / parts
+    weights = np.array([(parts - a - b, a, b) for a, b in steps]) / parts
     # Equal arcs along the edges.
-    weight = np.sin(share * EDGE_ARC)
+    weight = np.sin(weights * EDGE_ARC)
     points = np.einsum("sk,fkc->fsc", weight, corners[faces]).reshape(-1, 3)
     points /= np.linalg.norm(points, axis=1)[:, None]
     local = []

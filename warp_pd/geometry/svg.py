@@ -214,7 +214,7 @@ def _angle(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _along(points: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Points on a polyline by the share of its length, 0 to 1."""
+    """Points on a polyline by the fraction of its length, 0 to 1."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
     def at(t: np.ndarray) -> np.ndarray:

@@ -107,8 +107,8 @@ def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
 
     above, below = height(tail), height(head)
     differ = (above >= 0.0) != (below >= 0.0)
-    share = above / np.where(differ, above - below, 1.0)
-    meeting = tail + share[..., None] * (head - tail) - start
+    fraction = above / np.where(differ, above - below, 1.0)
+    meeting = tail + fraction[..., None] * (head - tail) - start
     place = (meeting @ along) / length_squared
     return np.asarray(differ & (place >= -1e-12) & (place <= 1.0 + 1e-12))
 

@@ -71,12 +71,12 @@ def published_stress(material: Yeoh, prony: Sequence[Prony], time: np.ndarray, s
 def _relaxing(term: Prony, time: np.ndarray, change: np.ndarray, driven: np.ndarray) -> np.ndarray:
     """The integral of exp(-(t - t') / theta) d driven, with |dC| of each interval for theta."""
     _, _, relaxation, exponent = term.constants
-    share = np.diff(time) / relaxation * (change / np.diff(time)) ** exponent
-    kept = np.where(share > 1e-12, -np.expm1(-share) / np.maximum(share, 1e-12), 1.0)
-    decay, gain = np.exp(-share), kept * np.diff(driven)
+    exponents = np.diff(time) / relaxation * (change / np.diff(time)) ** exponent
+    kept = np.where(exponents > 1e-12, -np.expm1(-exponents) / np.maximum(exponents, 1e-12), 1.0)
+    decay, gain = np.exp(-exponents), kept * np.diff(driven)
     result = np.empty_like(driven)
     result[0] = driven[0]
-    for n in range(len(share)):
+    for n in range(len(exponents)):
         result[n + 1] = decay[n] * result[n] + gain[n]
     return result
 

@@ -183,9 +183,9 @@ class UsdAnimation:
         """Drop the frames from `first` on, and take up where the frame before it left off."""
         stage = self._open_stage()
         mesh = UsdGeom.Mesh.Get(stage, _SHEET)
-        held = len(mesh.GetPointsAttr().GetTimeSamples()) if mesh else 0
-        if not 0 < first <= held:
-            raise ValueError(f"append_from is {first}; expected 0 to {held}, the number of frames in {self.path}")
+        written = len(mesh.GetPointsAttr().GetTimeSamples()) if mesh else 0
+        if not 0 < first <= written:
+            raise ValueError(f"append_from is {first}; expected 0 to {written}, the number of frames in {self.path}")
         points = np.asarray(mesh.GetPointsAttr().Get(0))
         if len(points) != len(self.surface.points):
             raise ValueError(

@@ -105,12 +105,12 @@ class BodyPath(BodyMotion):
         k = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, max(last - 1, 0)))
         if last == 0:
             return place, self.rotations[0]
-        share = float(np.clip((time - self.times[k]) / (self.times[k + 1] - self.times[k]), 0.0, 1.0))
+        fraction = float(np.clip((time - self.times[k]) / (self.times[k + 1] - self.times[k]), 0.0, 1.0))
         begin, end = self.rotations[k], self.rotations[k + 1]
         angle = np.arccos(np.clip(begin @ end, -1.0, 1.0))
         if angle < 1e-9:
             return place, begin
-        return place, (np.sin((1.0 - share) * angle) * begin + np.sin(share * angle) * end) / np.sin(angle)
+        return place, (np.sin((1.0 - fraction) * angle) * begin + np.sin(fraction * angle) * end) / np.sin(angle)
 
     def speed(self, radius: float) -> float:
         """Largest speed of a point at a distance [m] from the centre [m/s]."""

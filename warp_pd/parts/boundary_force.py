@@ -145,6 +145,6 @@ def near_edges(sheet: Sheet, distance: float) -> np.ndarray:
     side = np.repeat(np.arange(len(close)), [len(points) for points in close])
     point = np.concatenate([np.asarray(points, dtype=np.int64) for points in close])
     arm = sheet.points[point] - tail[side]
-    share = np.clip((arm * along[side]).sum(axis=1) / length[side] ** 2, 0.0, 1.0)
-    apart = np.linalg.norm(arm - share[:, None] * along[side], axis=1)
+    fraction = np.clip((arm * along[side]).sum(axis=1) / length[side] ** 2, 0.0, 1.0)
+    apart = np.linalg.norm(arm - fraction[:, None] * along[side], axis=1)
     return np.unique(point[apart < distance * (1.0 - 1e-9)]).astype(np.int32)

@@ -219,7 +219,7 @@ class BuiltEnclosed(BuiltLoad):
         faces = np.concatenate(cuts)
         triangles = np.concatenate([faces, *caps * len(cuts)])
         volume = volume_of(positions + context.initial_displacement, triangles) / len(cuts)
-        self._share = 1.0 / (6.0 * len(cuts))
+        self._coefficient = 1.0 / (6.0 * len(cuts))
         pressure_law, constants = load.law(load.extra + (volume if abs(volume) > TOLERANCE * extent**3 else 0.0))
         self._constants = wp.vec4d(*constants, *[0.0] * (4 - len(constants)))
         self._schedule = context.clock.register(load.schedule())
@@ -311,7 +311,7 @@ class BuiltEnclosed(BuiltLoad):
         stage.launch(self.owner, sum_sums, self._sums.shape[1], blocks=self._blocks, sums=self._sums)
         stage.launch(
             self.owner, self._set_pressure, 1,
-            sums=self._sums, share=self._share, chamber=self._extra, constants=self._constants,
+            sums=self._sums, coefficient=self._coefficient, chamber=self._extra, constants=self._constants,
             factors=context.clock.scheduled, schedule=self._schedule or 0, left=self._left, enclosed=self.enclosed,
         )  # fmt: skip
 
@@ -350,13 +350,14 @@ class BuiltEnclosed(BuiltLoad):
         stage.launch(self.owner, sum_sums, self._open.shape[1], blocks=self._open_blocks, sums=self._open)
         stage.launch(
             self.owner, lose_gas, 1,
-            sums=self._open, enclosed=self.enclosed, discharge=6.0 * self._share * self._outflow[0],
+            sums=self._open, enclosed=self.enclosed, discharge=6.0 * self._coefficient * self._outflow[0],
             density=self._outflow[1], constants=self._constants, step=context.state.step,
             factors=context.clock.scheduled, schedule=self._schedule or 0, left=self._left,
         )  # fmt: skip
 
     def _arguments(self, displacement: Array) -> dict[str, Any]:
-        return {**self._table, "displacement": displacement, "share": self._share, "enclosed": self.enclosed}
+        given = {"displacement": displacement, "coefficient": self._coefficient, "enclosed": self.enclosed}
+        return {**self._table, **given}
 
     def add_tangent(self, stage: Stage, displacement: Array, direction: Array, out: Array) -> bool:
         """Add the launches of the change of pressure and of the surface along a direction."""

@@ -94,7 +94,7 @@ class BodyForce(Load):
 
 @dataclass(frozen=True, eq=False)
 class PointForce(Load):
-    """A constant force, shared by the given points in proportion to their areas.
+    """A constant force, distributed over the given points in proportion to their areas.
 
     Attributes:
         points: Point indices.

@@ -25,9 +25,9 @@ OWNER = "SelfContact"
 _FRESH = np.array([1, 0, 0, 0], np.int32)
 # Distance that points keep and skin of the lists, in spacings.
 DISTANCE, SKIN = 1.5, 0.3
-# Points of one piece keep no more than this share of their reference distance: rubber that tears at a stretch of 2
+# Points of one piece keep no more than this fraction of their reference distance: rubber that tears at a stretch of 2
 # is as narrow as that across.
-SHARE = 0.7
+KEPT_FRACTION = 0.7
 # Stiffness of a pair over thickness times the modulus of pure shear.
 STIFFNESS = 0.1
 # Layers of sheet that may lie within the reach of a point.
@@ -137,7 +137,7 @@ class BuiltSelfContact(BuiltContact):
             points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)
         relative = sheet.areas / sheet.spacing**2
         points.area = context.array("relative_areas", OWNER, context.types.real, relative)
-        points.distance, points.share, points.stiffness = self.distance, SHARE, self.stiffness
+        points.distance, points.fraction, points.stiffness = self.distance, KEPT_FRACTION, self.stiffness
         self._points = points
 
     def _allocate_lists(self, capacity: int) -> None:

@@ -15,14 +15,15 @@ from .level import dot
 if TYPE_CHECKING:
     from .search import Search
 
-# A step is accepted unless the work of the unbalanced force along it turned to less than minus this share.
+# A step is accepted unless the work of the unbalanced force along it turned to less than minus this
+# fraction of its start.
 MAX_OVERSHOOT = 0.5
 MAX_TRIALS = 12
 # Nor may the unbalanced force become so many times larger: beyond an energy barrier that work has no sign to trust.
 MAX_GROWTH = 10.0
 # Added tension over the mean modulus: at a slack start, after a failed step, where it is given up and dropped.
 SLACK_TENSION, FIRST_TENSION, MAX_TENSION, MIN_TENSION = 0.1, 1e-3, 100.0, 1e-7
-# A linear solve reaches this share of the residual at most, and no further than the tolerance asks.
+# A linear solve reaches this fraction of the residual at most, and no further than the tolerance asks.
 LOOSEST, TIGHTEST = 0.05, 1e-6
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
@@ -48,7 +49,7 @@ class Descent:
         self._kept = False
         self.tolerance = search.tolerance if index == 0 else max(search.tolerance, COARSE_TOLERANCE)
         self.residuals: list[float] = []
-        self.shares: list[float] = []
+        self.step_lengths: list[float] = []
 
     def run(self) -> dict[str, Any]:
         """Steps until equilibrium or failure, as an entry of the report."""
@@ -60,7 +61,7 @@ class Descent:
             relative = self.search.relative(norm, scale) if self.index == 0 else ratio(norm, scale)
             self.residuals.append(relative)
             if self.index == 0:
-                self.sink.progress(len(self.shares), relative, self.search.tolerance)
+                self.sink.progress(len(self.step_lengths), relative, self.search.tolerance)
             if not math.isfinite(norm):
                 break
             converged = relative <= self.tolerance and not self.lifting
@@ -76,7 +77,7 @@ class Descent:
             "points": self.level.points,
             "converged": converged,
             "residuals": self.residuals,
-            "shares": self.shares,
+            "shares": self.step_lengths,
             "products": self.solver.products - before,
         }
 
@@ -129,17 +130,17 @@ class Descent:
             assign(level.direction, level.direction.numpy() + self.lift)
 
     def _search_line(self, work: float, norm: float) -> tuple[float, float] | None:
-        """Accept a share of the direction; None, and back to the base, if there is none."""
-        level, share = self.level, 1.0
+        """Accept a part of the direction; None, and back to the base, if there is none."""
+        level, step_length = self.level, 1.0
         for _ in range(MAX_TRIALS):
-            level.step_to(share)
+            level.step_to(step_length)
             new_norm, scale = level.evaluate()
             left = dot(level.direction, level.residual)
             settled = left >= -MAX_OVERSHOOT * work and new_norm < MAX_GROWTH * norm
             if math.isfinite(new_norm) and (self.lifting or settled or new_norm < norm):
-                self._accept(share, ratio(new_norm, scale))
+                self._accept(step_length, ratio(new_norm, scale))
                 return new_norm, scale
-            share *= min(0.5, max(0.1, work / (work - left))) if math.isfinite(left) else 0.25
+            step_length *= min(0.5, max(0.1, work / (work - left))) if math.isfinite(left) else 0.25
         level.step_to(0.0)
         level.evaluate()
         return None
@@ -151,13 +152,13 @@ class Descent:
         self._accept(1.0, ratio(norm, scale))
         return norm, scale
 
-    def _accept(self, share: float, relative: float) -> None:
+    def _accept(self, step_length: float, relative: float) -> None:
         wp.copy(self.level.base, self.level.displacement)
-        self.shares.append(share)
+        self.step_lengths.append(step_length)
         if self.lifting:
-            self.lift *= 1.0 - share
+            self.lift *= 1.0 - step_length
             self.lifting = bool(self.lift.any())
-        if share == 1.0:
+        if step_length == 1.0:
             self.tension = min(0.1 * self.tension, relative * self.search.modulus)
             if self.tension < MIN_TENSION * self.search.modulus:
                 self.tension = 0.0

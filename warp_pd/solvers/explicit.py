@@ -27,7 +27,7 @@ STEPS_BETWEEN = 400
 # Step over the stable step: unless bonds can break, any stable step is accurate for what moves slowly. A bond that
 # breaks moves within a few steps, and the energy balance of tears needs shorter ones (docs/tearing.md).
 SAFETY, RUPTURE_SAFETY = 0.9, 0.5
-# Share of the velocity that mass damping takes in a step, at most.
+# Fraction of the velocity that mass damping takes in a step, at most.
 MAX_DAMPED = 0.2
 # Power iteration approaches omega_max from below; it was found up to 1.1 % short of it (docs/stability.md).
 SHORTFALL = 0.02
@@ -35,7 +35,7 @@ SHORTFALL = 0.02
 
 @dataclass(frozen=True)
 class Explicit:
-    """Central differences in time, dt a share of the stable step, estimated anew as the sheet stiffens.
+    """Central differences in time, dt a fraction of the stable step, estimated anew as the sheet stiffens.
 
     Attributes:
         duration: Time to simulate [s].

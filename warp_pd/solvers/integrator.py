@@ -17,7 +17,7 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
     Args:
         phase: Of these two; nothing in another one.
         stage: Where to add them.
-        context: With the shared state.
+        context: With the state that parts have in common.
         inertia: What resists acceleration [kg], or what a static solver puts in its place, (N,).
     """
     if phase not in (Phase.DRIFT, Phase.KICK):

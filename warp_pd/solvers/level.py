@@ -51,10 +51,10 @@ class Level:
         self.vector = context.array("vector", OWNER, t.vec3, shape=n, halo=True)
         self.image = context.array("image", OWNER, t.vec3, shape=n)
         self._tension = context.array("tension", OWNER, t.real, shape=1, per="once")
-        self._share = context.array("share", OWNER, t.real, shape=1, per="once")
+        self._step_length = context.array("step_length", OWNER, t.real, shape=1, per="once")
         context.stage("advance", "every trial step of Newton").launch(
             OWNER, self.kernels.advance, n,
-            base=self.base, direction=self.direction, share=self._share, displacement=self.displacement,
+            base=self.base, direction=self.direction, step_length=self._step_length, displacement=self.displacement,
         )  # fmt: skip
         tangent.add_linearise(context.stage("linearise", "every tangent of Newton"), self.displacement, self._tension)
         self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
@@ -121,9 +121,9 @@ class Level:
         assign(self._tension, np.array([tension]))
         self.run("linearise")
 
-    def step_to(self, share: float) -> None:
-        """Set displacement = base + share direction."""
-        assign(self._share, np.array([share]))
+    def step_to(self, step_length: float) -> None:
+        """Set displacement = base + step length x direction."""
+        assign(self._step_length, np.array([step_length]))
         self.run("advance")
 
 

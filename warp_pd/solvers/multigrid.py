@@ -24,7 +24,7 @@ from .level import OWNER, Level
 # The coarsest lattice has at most this many points, and every lattice this many along each side.
 MAX_COARSEST = 300
 MIN_SIDE = 7
-# Chebyshev sweeps before and after the coarse correction, over this share of the spectrum of D^-1 K.
+# Chebyshev sweeps before and after the coarse correction, over this fraction of the spectrum of D^-1 K.
 SWEEPS = 2
 SPECTRUM_SHARE = 5.0
 POWER_ITERATIONS = 12

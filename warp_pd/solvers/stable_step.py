@@ -37,7 +37,7 @@ class _Buffers(NamedTuple):
         response: That on the other side [N], then what the direction becomes, (N,) vec3.
         sums: Sums of blocks of points, (4, blocks).
         scale: One over the largest response, (1,).
-        momentum: Share of the earlier direction, (1,).
+        momentum: Fraction of the earlier direction, (1,).
         reach: Length of the trial displacement [m], (1,).
     """
 
@@ -129,7 +129,7 @@ class StableStep:
         return shorter
 
     def _with_noise(self, fraction: float, old: np.ndarray | None) -> np.ndarray:
-        """A fraction of noise, with something added, of the points here, shape (n, 3); no noise where they are held."""
+        """`old` plus a fraction of noise for the points here, shape (n, 3); no noise where they are supported."""
         held, noise = self.context.held, self._draw()
         for c in range(3):
             noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
@@ -160,7 +160,7 @@ class StableStep:
     def omega(self, iterations: int, settle: float = 2e-3) -> float:
         """Estimate of omega_max [rad/s], at least two iterations, at most `iterations`.
 
-        Ends early when five iterations changed it by less than the share `settle`. Zero if nothing resists.
+        Ends early when five iterations changed it by less than the fraction `settle`. Zero if nothing resists.
         """
         self.direction.assign(self._with_noise(0.05, self.direction.numpy()))
         self._earlier.zero_()

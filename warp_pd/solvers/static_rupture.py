@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..interfaces import System
 from ..interfaces.phases import Phase
 
-# A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this share of what it
+# A sheet torn in two or gone slack carries nothing: its unbalanced force is compared with this fraction of what it
 # carried before.
 MIN_LOAD = 1e-3
 # Rounds of rupture at one load step after which the tear counts as running through.

@@ -17,7 +17,7 @@ from .dual import BALANCED, closest_balanced
 
 # Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
 FLOOR = 0.05
-# Entries of the dense (points, members, members) blocks that are held at once.
+# Entries of the dense (points, members, members) blocks that are in memory at a time.
 BLOCK = 2_000_000
 
 

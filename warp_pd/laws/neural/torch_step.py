@@ -15,6 +15,7 @@ import warp as wp
 
 from ...device.checks import InputError
 from ...device.fields import Array
+from ...device.graph import no_collection
 from .networks import Network
 from .torch_network import check_network, torch_module
 
@@ -92,7 +93,7 @@ def capture(device: wp.Device, warm_up: Callable[[], None], body: Callable[[], N
     stream: Any = torch.cuda.Stream(device=wp.device_to_torch(device))
     graph = torch.cuda.CUDAGraph()
     _graphs.add(graph)
-    with wp.ScopedStream(wp.stream_from_torch(stream)), torch.cuda.graph(graph, stream=stream):
+    with no_collection(), wp.ScopedStream(wp.stream_from_torch(stream)), torch.cuda.graph(graph, stream=stream):
         wp.capture_begin(device=device, force_module_load=False, external=True)
         try:
             body()
