@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import functools
-import itertools
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.on_demand import CHUNK, OnDemand, Stored
 from ..geometry.sheet import Sheet
 
 # Sums over points go by whole blocks, and then are the same on any number of processes.
@@ -138,31 +134,8 @@ def divided(sheet: Sheet, horizon: float, rank: int, processes: int) -> Share:
 
 def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
     """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
-    triangles, lattice = sheet.stored("triangles"), sheet.lattice
-    assert lattice is not None
-    number = len(triangles)
-    first, last = (0, 0), (0, number)
-    if isinstance(triangles, OnDemand):
-        # Two for each cell, row by row, some of which cuts may have taken: those between belong to this process.
-        row = 2 * (lattice.columns - 1)
-        lost = row * (lattice.rows - 1) - number
-        low, high = row * (begin // lattice.columns), row * (end // lattice.columns)
-        first = max(low - lost, 0), min(low + row, number)
-        last = min(max(high - lost, first[1]), number), min(high + row, number)
-    found = []
-    for start, stop in (first, last):
-        for at in range(start, stop, CHUNK):
-            lowest = triangles[np.arange(at, min(at + CHUNK, stop))].min(axis=1)
-            found.append(at + np.flatnonzero((lowest >= begin) & (lowest < end)))
-        if first[1] and start == first[0]:
-            found.append(np.arange(first[1], last[0]))
-    some = [each for each in found if len(each)]
-    if not some:
-        return np.zeros(0, np.int64)
-    rising = all(a[-1] < b[0] for a, b in itertools.pairwise(some))
-    if rising and int(some[-1][-1]) + 1 - int(some[0][0]) == sum(map(len, some)):
-        return np.arange(some[0][0], some[-1][-1] + 1)
-    return np.sort(np.concatenate(some), kind="stable")
+    lowest = sheet.triangles.min(axis=1)
+    return np.flatnonzero((lowest >= begin) & (lowest < end))
 
 
 def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
@@ -267,37 +240,14 @@ def part_of_sheet(sheet: Sheet, share: Share) -> Sheet:
 
     It carries what parts and laws ask of points. Families are built of the whole sheet.
     """
-    points = share.points
-    stored = {name: sheet.stored(name) for name in ("points", "areas", "triangles")}
-    if sheet.lattice is not None and not isinstance(stored["triangles"], np.ndarray):
-        arrays: dict[str, Any] = _rows_of(stored, points, share.faces)
-    else:
-        arrays = {name: values[points] for name, values in stored.items() if name != "triangles"}
-        corners = stored["triangles"][share.faces]
-        arrays["triangles"] = share.here(corners.ravel())[1].reshape(-1, 3)
 
     def of(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else share.rows(values)
 
     return replace(
         sheet,
-        **arrays,
+        points=share.rows(sheet.points), areas=share.rows(sheet.areas),
+        triangles=share.here(sheet.triangles[share.faces].ravel())[1].reshape(-1, 3),
         grid=of(sheet.grid), spacings=of(sheet.spacings), frames=of(sheet.frames), bodies=of(sheet.bodies),
         pieces=of(sheet.pieces), stiffness=of(sheet.stiffness), barriers=None, cuts=(), parts={}, inclusions=(),
     )  # fmt: skip
-
-
-def _moved(values: Stored, by: int) -> Callable[[int, int], np.ndarray] | None:
-    """What computes consecutive entries from another first one."""
-    return (lambda begin, end: values.run(begin + by, end + by)) if isinstance(values, OnDemand) else None
-
-
-def _rows_of(stored: Mapping[str, Stored], points: np.ndarray, faces: np.ndarray) -> dict[str, Stored]:
-    """Points that follow each other in a lattice whose arrays are computed on demand."""
-    first = int(points[0])
-    places, areas, triangles = stored["points"], stored["areas"], stored["triangles"]
-    return {
-        "points": OnDemand(len(points), lambda i: places[i + first], _moved(places, first)),
-        "areas": OnDemand(len(points), lambda i: areas[i + first], _moved(areas, first)),
-        "triangles": OnDemand(len(faces), lambda i: triangles[faces[i]] - np.int32(first)),
-    }

@@ -12,7 +12,7 @@ from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces.frame import Frame
 from ..run.built import Built
-from ..run.frame_points import AllPoints, snapshot
+from ..run.frame_points import FramePoints
 from ..run.simulation import Simulation
 from ..solvers.search import Search
 
@@ -158,7 +158,7 @@ class Equilibrium:
     def frame(self) -> Frame:
         """The present state as measures see it."""
         self.built.context.run("frame")
-        return snapshot(AllPoints(self.built), 1, self.factor * self.duration).in_double()
+        return FramePoints(self.built).frame(1, self.factor * self.duration).in_double()
 
     def bare_frame(self) -> Frame:
         """The displacement of the present state alone, for probes."""

@@ -7,9 +7,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..device.fields import Array, Stored, to_host
+from ..device.fields import Array, Stored
 from ..device.launches import Call
 from ..families.share import Share
+from ..geometry.triangulation import CoarseLattice
 
 T = TypeVar("T")
 
@@ -77,15 +78,16 @@ class Crew:
         """Know the fields that the first process may ask for."""
         return None
 
-    def whole(self, stored: Stored, index: int, share: Share | None) -> np.ndarray:
+    def whole(self, stored: Stored, index: int, share: Share, coarse: CoarseLattice | None) -> np.ndarray:
         """A copy of a field of the whole sheet on the host; within `lead` only.
 
         Args:
             stored: The field here.
             index: Its number in the register.
             share: What is here.
+            coarse: The points to copy, of a field of points; None: all.
         """
-        return to_host(stored.array)
+        raise NotImplementedError("one process alone has all fields")
 
     def exchange(self, fields: Sequence[Stored], share: Share) -> Call:
         """A call that fills the halo of some fields with what its owners have."""

@@ -19,6 +19,7 @@ from ..device.launches import Launch, Stage, compile_launches
 from ..families.share import BLOCK as SUM_BLOCK
 from ..families.share import Share
 from ..geometry.sheet import Sheet
+from ..geometry.triangulation import CoarseLattice
 from ..kernels.effects import Kernel
 from ..kernels.families import COMPACT, CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
@@ -249,12 +250,17 @@ class Context:
         stage.call(self.crew.gather_blocks(sums, everything, self.share))
         return everything
 
-    def whole_array(self, array: Array) -> np.ndarray:
-        """A copy of a field on the host, of the whole sheet; with several processes within `Crew.lead` only."""
+    def whole_array(self, array: Array, coarse: CoarseLattice | None = None) -> np.ndarray:
+        """A copy of a field on the host, of the whole sheet; with several processes within `Crew.lead` only.
+
+        Args:
+            array: The field.
+            coarse: The points to copy, of a field of points; None: all.
+        """
         if self.share is None:
-            return to_host(array)
+            return to_host(array, None if coarse is None else coarse.points())
         index, stored = next((k, s) for k, s in enumerate(self.fields) if s.array is array)
-        return self.crew.whole(stored, index, self.share)
+        return self.crew.whole(stored, index, self.share, coarse)
 
     def total(self, array: Array) -> float:
         """Sum of an array of points of the whole sheet, in one order on any number of processes."""

@@ -12,8 +12,6 @@ VERSION = (2, 2)
 # The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
 KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 POLYGONS = KINDS.index("Polygons")
-# Folder of the files of the processes, beside the file that joins them.
-FOLDER = "parts"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,23 +37,3 @@ class SeriesInfo:
 
 class NotASeriesError(Exception):
     """The file is HDF5, but what it holds does not fit together as a series of frames."""
-
-
-@dataclass(frozen=True)
-class Segment:
-    """The files of the frames from `first` on, one for each process.
-
-    Attributes:
-        first: Index of the first frame in them.
-        files: Their names, relative to the folder of the run.
-        own: Number of own points in each: the first ones.
-    """
-
-    first: int
-    files: tuple[str, ...]
-    own: tuple[int, ...]
-
-
-def file_of(first: int, rank: int) -> str:
-    """Name of the file of a process, relative to the folder of the run, for the frames from `first` on."""
-    return f"{FOLDER}/frames.{first}.{rank}.vtkhdf"

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from ..device.checks import InputError
 from ..interfaces.frame import Body, Frame, Surface
 from .hdf_columns import add_rows, columns, create_column, shorten
-from .partitions import is_joined, joined_info, read_joined_frame
 from .point_fields import plain_value, point_fields, same_arrays
 from .series import KINDS, POLYGONS, VERSION, NotASeriesError, SeriesInfo
 from .shapes import require_writable
@@ -195,7 +194,7 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
         raise FileNotFoundError(f"path is {path}; expected a file that exists")
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return joined_info(file) if is_joined(file) else _read_info(file)
+            return _read_info(file)
     except (OSError, KeyError, IndexError, RuntimeError, NotASeriesError) as error:
         reason = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: expected a whole file of frames in VTKHDF ({reason})") from error
@@ -218,8 +217,6 @@ def read_frame(
     if not 0 <= index < info.frames:
         raise ValueError(f"index is {index}; expected 0 to {info.frames - 1}, the frames of {path}")
     with h5py.File(path, "r", locking=False) as file:
-        if is_joined(file):
-            return read_joined_frame(file, index)
         root = file["VTKHDF"]
         rows = slice(index * info.points, (index + 1) * info.points)
         begin = int(root["Steps/ConnectivityIdOffsets"][index, POLYGONS])

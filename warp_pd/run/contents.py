@@ -29,18 +29,16 @@ class Files:
     view: bool = True
     restarts: bool = True
 
-    def require_same(self, folder: Path, divided: bool = False) -> None:
+    def require_same(self, folder: Path) -> None:
         """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.
 
         Args:
             folder: The folder.
-            divided: Whether every process writes frames of its own points; then there is no animation.
 
         Raises:
             InputError: for a file that is there and should not be, or the other way.
         """
-        usd = self.usd and not divided
-        for name, option, wanted in (("animation.usd", "usd", usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
+        for name, option, wanted in (("animation.usd", "usd", self.usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
             begun = (folder / name).is_file()
             # Frames that are gone are told by their writer.
             if begun != wanted and (begun or name != "frames.vtkhdf"):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 from ..device.checks import InputError, kind_and_text, user_code
 from ..interfaces import FrameReport, History, Reporter, Writer
@@ -15,29 +15,13 @@ from .built import Built
 from .divergence import Soundness
 from .energy_balance import balance_error
 from .fine_history import FineHistory
-from .frame_points import AllPoints, Pictured, snapshot
+from .frame_points import FramePoints
 from .scene import Measure, Outcome
 
 # Restart files of a run, about: each makes the writers bring their files to the disk.
 RESTARTS = 40
 # Seconds that a frame may take to end after the user asked to stop.
 PATIENCE = 5.0
-
-
-class Joint(Protocol):
-    """Writes what every process has a part of; all call the same methods."""
-
-    def write(self, frame: Frame | None) -> None:
-        """Write a frame of the own points, where processes have one."""
-        ...
-
-    def save(self) -> None:
-        """Save the state for a restart."""
-        ...
-
-    def close(self) -> None:
-        """The run is over."""
-        ...
 
 
 @dataclass(eq=False)
@@ -56,8 +40,7 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
-        pictured: The points that frames hold.
-        joint: Writes frames that every process holds a part of, and their restart files; or None.
+        points: The points that frames hold.
     """
 
     built: Built
@@ -77,13 +60,12 @@ class Recorder:
     step_seconds: float = 0.0
     fine: FineHistory | None = None
     stop_asked: bool = False
-    pictured: Pictured = field(init=False)
-    joint: Joint | None = None
+    points: FramePoints = field(init=False)
 
     def __post_init__(self) -> None:
         """Begin to look at the state."""
         self.soundness = Soundness(self.built)
-        self.pictured = AllPoints(self.built)
+        self.points = FramePoints(self.built)
         if getattr(self.built.simulation.solver, "history_every", None) is not None:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
@@ -123,56 +105,47 @@ class Recorder:
         self.stop_asked = crew.any(self.stop_asked)
         self.built.context.run("frame")
         self.step_seconds += perf_counter() - self._clock
-        row = crew.lead(lambda: self._look(index, now, dt))
-        frame = self.pictured.take(index, now)
-        measured = frame if self.pictured.whole or not self.built.simulation.measures else self._whole(index, now)
+        taken = crew.lead(lambda: self._take(index, now, dt))
         for part in self.built.parts:
             part.end_frame()
-        crew.lead(lambda: None if row is None else self._judge(measured, row, index, dt))
-        if self.joint is not None:
-            self.joint.write(frame)
-        crew.lead(lambda: None if frame is None or row is None else self._record(frame, row, index, steps, dt))
-        if self.joint is not None and self._restart_due(index):
-            self.joint.save()
+        crew.lead(lambda: None if taken is None else self._record(*taken, steps, dt))
         if self.fine is not None and not crew.leads:
             self.fine.forget()
-        self.accept(frame)
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
         if self.stop_asked:
             raise KeyboardInterrupt
 
-    def _look(self, index: int, now: float, dt: float) -> dict[str, float]:
-        """The row of the history without measures, of a state that is sound."""
-        built = self.built
-        totals = built.sums.totals()
+    def _take(self, index: int, now: float, dt: float) -> tuple[dict[str, float], Frame, Frame]:
+        """The row of the history without measures, the frame, and that of all points, which measures get."""
+        totals = self.built.sums.totals()
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
-        return self._row(now, totals, now - self.time, dt)
+        row = self._row(now, totals, now - self.time, dt)
+        frame = measured = self.points.frame(index, now)
+        if self.built.simulation.measures and not self.points.all:
+            measured = FramePoints(self.built).frame(index, now)
+        return row, frame, measured
 
-    def _whole(self, index: int, now: float) -> Frame | None:
-        """A frame of all points, for measures, in the first process."""
-        return self.built.context.crew.lead(lambda: snapshot(AllPoints(self.built), index, now))
+    def _record(self, row: dict[str, float], frame: Frame, measured: Frame, steps: int, dt: float) -> None:
+        """Measure, hand the frame to the writers, and save it for a restart.
 
-    def _judge(self, frame: Frame | None, row: dict[str, float], index: int, dt: float) -> None:
-        """Measure, and refuse a frame that holds more energy than was put in."""
-        if frame is not None:
-            self._measure(frame, row)
-        self.soundness.require_no_gain(row, index, dt)
-
-    def _record(self, frame: Frame, row: dict[str, float], index: int, steps: int, dt: float) -> None:
-        """Hand a frame to the writers, and save it for a restart."""
+        Raises:
+            DivergedError: for a frame that holds more energy than was put in.
+        """
+        self._measure(measured, row)
+        self.soundness.require_no_gain(row, frame.index, dt)
         self.history.append(row)
-        self.frame_index, self.time, self.dt = index, frame.time, dt
+        self.frame_index, self.time, self.dt = frame.index, frame.time, dt
         self.steps += steps
         for writer in self.writers:
             writer.write(frame)
         self.accept(frame)
         if self.kept is not None:
             self.kept(self.history)
-        if self.saved is not None and self._restart_due(index):
+        if self.saved is not None and self._restart_due(frame.index):
             self.saved()
         if self.reporter is not None:
             self.reporter.frame(self._report(row))
@@ -184,10 +157,9 @@ class Recorder:
         when = format_time(self.time, scene.load_duration)
         return FrameReport(when, share, rate, scene.solver.frame_count, row)
 
-    def accept(self, frame: Frame | None) -> None:
-        """Take a sound frame as the last one; None where another process has it."""
-        if frame is not None:
-            self.last, self.soundness.last_time = frame, frame.time
+    def accept(self, frame: Frame) -> None:
+        """Take a sound frame as the last one."""
+        self.last, self.soundness.last_time = frame, frame.time
 
     def _restart_due(self, index: int) -> bool:
         """At the first and last frame, when the user stops the run, and some forty times in between."""

@@ -27,8 +27,7 @@ class Result:
         history: One row per frame: time (load time of a static solver), energies, ball reaction, largest damage,
             measures.
         built: The simulation as it ended.
-        frame: The last frame, of the points that frames hold (`run(stride=)`); of a large sheet on several processes,
-            whose frames are written in parallel, what this process has of it.
+        frame: The last frame, of the points that frames hold (`run(stride=)`).
         folder: Where the files are, or None.
         fine_history: Rows between frames as well, of `Explicit(history_every=)`: time, energies, losses, contact
             forces and those of `Reaction`. Otherwise empty.

@@ -17,14 +17,14 @@ from typing import Any
 from ..device.checks import InputError, count, kind_and_text, one_of, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
-from ..output.series import Segment
 from . import restart
 from .built import Built, compose
 from .contents import Files, held_fields
 from .divergence import DivergedError
-from .files import add_files, begun_segments, is_divided, notes_of_divided, pictured
+from .files import add_files, require_gatherable
 from .fine_history import with_fine_history
 from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
+from .frame_points import FramePoints
 from .processes import crew_here
 from .recorder import Recorder
 from .result import Result
@@ -123,25 +123,26 @@ def _run(
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene, crew = built.simulation, built.context.crew
-    held = held_fields(built)
+    held, points = held_fields(built), FramePoints(built, stride)
+    crew.together(lambda: require_gatherable(points, folder is not None and files.restarts))
     known = None if folder is None else restart.identity(scene, built)
-    saved, begun = crew.spread(crew.together(lambda: _saved(built, folder, known, resume, files)))
+    saved = crew.spread(crew.together(lambda: _saved(folder, known, resume, files)))
     if reporter is not None:
         reporter.begin(headline(built))
     compile_seconds = crew.in_turn(built.context.compile)
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
-    recorder.pictured = crew.together(lambda: pictured(built, begun, stride))
+    recorder.points = points
     crew.together(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
-    add_files(recorder, folder, known, files, held, append_from, begun)
+    crew.lead(lambda: add_files(recorder, folder, known, files, held, append_from))
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
         message = "the run had finished already: nothing was left to do"
-    last = recorder.last if recorder.pictured.divided else crew.spread(recorder.last)
+    last = crew.spread(recorder.last)
     if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
@@ -150,8 +151,7 @@ def _run(
         result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
         if folder is not None:
-            result.summary["notes"] += notes_of_divided(recorder, files)
-            _finish(result, folder, replace(files, pictures=(), usd=False) if recorder.pictured.divided else files)
+            _finish(result, folder, files)
         return result.summary, result.history, result.fine_history, folder
 
     summary, history, fine, folder = crew.spread(crew.lead(finish)) or ({}, [], [], None)
@@ -160,26 +160,23 @@ def _run(
     return result
 
 
-def _saved(
-    built: Built, folder: Path | None, known: restart.Identity | None, resume: bool, files: Files
-) -> tuple[dict[str, Any] | None, list[Segment] | None]:
-    """What the restart file of a run that goes on holds, or None, and the files of its frames if there are several.
+def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, files: Files) -> dict[str, Any] | None:
+    """What the restart file of a run that goes on holds, or None.
 
     Clears what must not be mistaken for this run's.
     """
     if folder is None or known is None:
-        return None, None
+        return None
     saved = restart.load(folder / restart.NAME, known) if resume else None
-    begun = begun_segments(folder, resume)
     if saved is not None:
-        files.require_same(folder, divided=is_divided(built, begun))
+        files.require_same(folder)
         # They tell of a run that is over, which this one is not.
         for name in ("summary.json", PAGE):
             (folder / name).unlink(missing_ok=True)
     else:
         clear(folder)
     clear_unfinished(folder)
-    return saved, begun
+    return saved
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
@@ -202,7 +199,9 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         recorder.start_clock()
         if resumed:
             built.context.run("frame")
-            recorder.accept(recorder.pictured.take(recorder.frame_index, recorder.time))
+            frame = built.context.crew.lead(lambda: recorder.points.frame(recorder.frame_index, recorder.time))
+            if frame is not None:
+                recorder.accept(frame)
         else:
             recorder.frame(0, 0.0, 0, 0.0)
         recorder.start_clock()
@@ -215,7 +214,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         status, message = STOPPED, "interrupted: --resume goes on from here"
     finally:
         restore_signal()
-        for writer in [*recorder.writers, *([recorder.joint] if recorder.joint else [])]:
+        for writer in recorder.writers:
             writer.close()
         if recorder.reporter is not None:
             recorder.reporter.close()

@@ -11,8 +11,6 @@ from warp_pd.families import Families, build_families
 from warp_pd.families.cloud_share import made_by_share, share_families
 from warp_pd.families.rows_here import rows_here
 from warp_pd.families.share import BLOCK, divided, part_of_sheet
-from warp_pd.geometry import on_demand, rectangles
-from warp_pd.solvers import stable_step
 
 NAMES = ("torn", "cloud", "scattered", "hole", "tube")
 
@@ -93,38 +91,12 @@ def test_an_outline_is_divided_between_its_rows():
         assert len(share.points) < 1.5 * sheet.size / 3
 
 
-@pytest.mark.parametrize("name", ["loads", "torn", "slits"])
-def test_a_lattice_on_demand_is_divided_like_a_stored_one(name, monkeypatch):
-    def sheet():
-        made = sheet_of("torn" if name == "torn" else "loads", 33)
-        return made if name != "slits" else made.cut((-0.1, 0.2), (0.4, 0.33)).cut((0.61, 0.1), (0.61, 1.2))
-
-    stored = sheet()
-    monkeypatch.setattr(rectangles, "STORED_POINTS", 0)
-    monkeypatch.setattr(on_demand, "CHUNK", 100)
-    computed = sheet()
-    assert not any(isinstance(computed.stored(name), np.ndarray) for name in ("points", "areas", "triangles"))
-    np.testing.assert_array_equal(stored.triangles, computed.triangles)
-    made = [build_families(each, 2.015, "linear") for each in (stored, computed)]
-    for field in fields(made[0]):
-        np.testing.assert_array_equal(*(getattr(each, field.name) for each in made), err_msg=field.name)
-    for rank in range(3):
-        one, other = (divided(each, 2.015, rank, 3) for each in (stored, computed))
-        np.testing.assert_array_equal(one.faces, other.faces)
-        parts = part_of_sheet(stored, one), part_of_sheet(computed, other)
-        for array in ("points", "areas", "triangles"):
-            assert getattr(parts[0], array).dtype == getattr(parts[1], array).dtype
-            np.testing.assert_array_equal(*(getattr(part, array) for part in parts))
-
-
 @pytest.mark.parametrize("name", ["cloud", "torn"])
-def test_noise_of_some_points_is_that_of_all(name, monkeypatch):
-    """Each process draws its own, chunk by chunk, and its generator goes on like that of one process."""
+def test_noise_of_some_points_is_that_of_all(name):
+    """Each process draws its own, and its generator goes on like that of one process."""
     made = scene(name)
     expected = np.random.default_rng(0)
     alone, several = made.build(device="cpu"), [composed(made, rank, 2) for rank in range(2)]
-    monkeypatch.setattr(stable_step, "CHUNK", 100)
-    monkeypatch.setattr(on_demand, "CHUNK", 100)
     free = alone.context.held[:, None] & np.array([1, 2, 4]) == 0
     expected.uniform(-1.0, 1.0, (made.sheet.size, 3))
     for _ in range(2):

@@ -22,6 +22,7 @@ from ...device.cores import start_warp
 from ...device.fields import Array, Stored, to_host
 from ...device.launches import Call, Touched
 from ...families.share import BLOCK, Share
+from ...geometry.triangulation import CoarseLattice
 from ...interfaces.communicator import Crew, LostError
 from ...laws.neural.torch_step import capture, release_graphs
 from .torch_messages import Exchange, Kept, Message, stream_of, talking
@@ -112,10 +113,10 @@ class TorchCrew(Crew):
                 if value is not None:
                     raise pickle.loads(value)
                 return
-            index, name = value
+            index, name, coarse = value
             if self.share is None or self.register[index].name != name:
                 raise RuntimeError(f"field {name!r}: expected the same fields in all processes")
-            self._send_own(self.register[index], self.share)
+            self._send_own(self.register[index], self.share, coarse)
 
     def divide(self, share: Share) -> None:
         """Take a share of the sheet, and tell the others."""
@@ -126,18 +127,22 @@ class TorchCrew(Crew):
         """Know the fields that the first process may ask for."""
         self.register = register
 
-    def whole(self, stored: Stored, index: int, share: Share | None) -> np.ndarray:
+    def whole(self, stored: Stored, index: int, share: Share, coarse: CoarseLattice | None) -> np.ndarray:
         """A copy of a field of the whole sheet on the host; within `lead` only."""
-        if share is None or stored.field.per not in ("point", "bond", "face", "block"):
+        if stored.field.per not in ("point", "bond", "face", "block"):
             return to_host(stored.array)
-        self._tell(("field", (index, stored.name)))
-        return self._send_own(stored, share)
+        self._tell(("field", (index, stored.name, coarse)))
+        return self._send_own(stored, share, coarse)
 
-    def _send_own(self, stored: Stored, share: Share) -> np.ndarray:
+    def _send_own(self, stored: Stored, share: Share, coarse: CoarseLattice | None) -> np.ndarray:
         """Bring the own parts of a field together in the first process, which returns the whole."""
-        per, values = stored.field.per, to_host(stored.array)
+        per, chosen = stored.field.per, None
         places: Any = None
-        if per in ("point", "bond"):
+        if coarse is not None:
+            first, own = int(share.points[0]), share.own
+            chosen = coarse.points(first + own.start, first + own.stop) - first
+        values = to_host(stored.array, chosen)
+        if per in ("point", "bond") and coarse is None:
             values = values[share.own] if per == "point" else values[:, share.own]
             if share.owners is not None:
                 places = share.points[share.own]
