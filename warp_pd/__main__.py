@@ -246,7 +246,7 @@ def sweep_values(
     start = here(options)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1:
         start = apart(scene, options, gpus, processes)
-    sys.exit(run_sweep(scene, choices, folder, start, precision, overwrite, quiet))
+    sys.exit(run_sweep(scene, choices, folder, start, device, precision, overwrite, quiet))
 
 
 @main.command(cls=SceneCommand)

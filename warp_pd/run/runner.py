@@ -150,7 +150,8 @@ def _run(
     def finish() -> tuple[dict[str, Any], History, History, Path | None]:
         result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
-        if folder is not None:
+        if folder is not None and known is not None:
+            result.summary["identity"] = {"parts": known.parts, "sources": scene.sources}
             _finish(result, folder, files)
         return result.summary, result.history, result.fine_history, folder
 

@@ -110,6 +110,7 @@ class Scene:
             the default ones.
         notes: What a scene decided for the user, one line each; the summary and the command line repeat them.
         settings: Arguments of the scene's `build`, for the summary and restart files.
+        sources: Hashes of the code of the scene's file and of the modules beside it that it uses, by file name.
     """
 
     sheet: Sheet
@@ -131,6 +132,7 @@ class Scene:
     pictures: Callable[[History, Path], None] | None = None
     notes: Sequence[str] = ()
     settings: dict[str, Any] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
