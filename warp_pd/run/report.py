@@ -13,10 +13,11 @@ WRONG_INPUT, DIVERGED, LOST, INTERRUPTED = 2, 3, 4, 130
 
 def report(result: Result) -> Iterator[str]:
     """Notes, reported numbers and files, one line each."""
-    yield from result.summary["notes"]
+    notes: list[str] = result.summary["notes"]
+    yield from notes
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
-            wrong = next((note for note in result.summary["notes"] if note.startswith(f"Outcome {name!r}")), None)
+            wrong = any(note.startswith((f"Measure {name!r}: missing", f"Outcome {name!r}: ")) for note in notes)
             yield f"{name} = none: {'see above' if wrong else 'it did not happen'}"
             continue
         line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")

@@ -24,9 +24,9 @@ from .recorder import Recorder
 from .scene import Scene
 
 NAME = "restart.npz"
-VERSION = 4
+VERSION = 5
 # Numbers of the recorder that a restart keeps.
-NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history")
+NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history", "missing")
 # What a scene says that changes nothing of the state of a run; of measures the names count all the same.
 REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
 # Longer values are kept as their hash; a message names so many that differ.

@@ -71,6 +71,9 @@ class Outcome:
         value: Function of the history, one row per frame, in order; None where there is no such number yet.
         reference: What it is compared with, in the same unit, or None.
         source: Where the reference comes from.
+        fine: Whether it reads the rows between frames, too, where the run has them (`Explicit(history_every=)`): a
+            peak between frames is then not lost. They hold energies, losses, forces of bodies and of `Reaction`, and
+            no measures.
     """
 
     name: str
@@ -78,6 +81,7 @@ class Outcome:
     value: Callable[[History], float | None]
     reference: float | None = None
     source: str = ""
+    fine: bool = False
 
     def __post_init__(self) -> None:
         check_reference("Outcome", self.name, self.unit, self.reference)
