@@ -17,10 +17,11 @@ from typing import Any
 from ..device.checks import InputError, count, kind_and_text, one_of, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
+from ..interfaces.frame import format_time
 from . import restart
 from .built import Built, compose
 from .contents import Files, held_fields
-from .divergence import DivergedError
+from .divergence import DivergedError, free_motions
 from .files import add_files, require_gatherable
 from .fine_history import with_fine_history
 from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
@@ -209,6 +210,10 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         status = built.solver.run(recorder)
         if status == NOT_CONVERGED:
             message = _not_converged(recorder)
+        elif status == DIVERGED:
+            when = format_time(recorder.time, built.simulation.load_duration)
+            cause = recorder.soundness.cause(recorder.dt)
+            message = f"diverged: the residual is {recorder.residual} beyond {when}; likely cause: {cause}"
     except DivergedError as error:
         status, message = DIVERGED, str(error)
     except KeyboardInterrupt:
@@ -292,6 +297,12 @@ def _not_converged(recorder: Recorder) -> str:
         f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
         f"the last good load step is at load factor {reached:.4g}"
     )
+    free = free_motions(recorder.built) if reached == 0.0 else 0
+    if free:
+        return (
+            f"{text}; likely cause: the sheet can move freely, in {free} of 6 ways as a rigid body; expected supports "
+            "(Fixed, Motion) that hold it"
+        )
     return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
 
 

@@ -23,6 +23,9 @@ from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
 FINISHED, NOT_CONVERGED = "finished", "not converged"
+# A note tells of a load step that moves the sheet so many times as far as each of the last few. Towards a maximum of
+# the load, where the displacement has a square root, equal load steps move it 2.4 times as far at most.
+JUMP, COMPARED = 4.0, 3
 
 
 class Search:
@@ -68,6 +71,9 @@ class Search:
         self._earlier_factor: float | None = None
         self._kept_factor: float | None = None
         self._resumed = False
+        # Lengths of the last load steps, and how far they moved the sheet [m]; load steps that moved it much farther.
+        self._moved: list[tuple[float, float]] = []
+        self.jumps: list[dict[str, float]] = []
 
     def _preconditioner(self, tangent: Tangent) -> str:
         wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
@@ -96,6 +102,7 @@ class Search:
         return {
             "modulus": self.modulus, "largest": self.largest, "size": self._size, "cutbacks": self._cutbacks,
             "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor,
+            "moved": self._moved, "jumps": self.jumps,
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -103,6 +110,7 @@ class Search:
         self.modulus, self.largest = state["modulus"], state["largest"]
         self._size, self._cutbacks = state["size"], state["cutbacks"]
         self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
+        self._moved, self.jumps = state["moved"], state["jumps"]
         self._resumed = True
 
     # Load steps ----------------------------------------------------------------------------------------
@@ -134,6 +142,7 @@ class Search:
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
             converged, sink.residual = self._equilibrium(factor, sink)
             if converged:
+                self._compare(reached, factor)
                 reached = factor
                 intact = self._keep(reached)
                 if factor == goal:
@@ -153,6 +162,16 @@ class Search:
                 sink.solve = self._summary(reached)
                 return NOT_CONVERGED
         return FINISHED
+
+    def _compare(self, before: float, reached: float) -> None:
+        """Remember a load step that moved the sheet much farther than those before it, and than its supports moved."""
+        here, good = (array.numpy().astype(np.float64) for array in (self.levels[0].displacement, self.good))
+        moved, length = np.abs(here - good), reached - before
+        far, prescribed = float(moved.max()), float(moved[self.levels[0].held].max(initial=0.0))
+        usual = max((m * max(1.0, length / earlier) for earlier, m in self._moved), default=0.0)
+        if 0.0 < usual < far / JUMP and prescribed < far / JUMP:
+            self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
+        self._moved = [*self._moved, (length, far)][-COMPARED:]
 
     def _keep(self, reached: float) -> np.ndarray | None:
         """Remember the state as the last good load step; its intact bonds, if any can break."""
