@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -13,12 +15,12 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import FrameSink, System, Tangent
-from .descent import Descent, ratio
+from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import NewtonSettings, Report
-from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture
+from .static_rupture import MAX_ROUNDS, StaticRupture
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
@@ -35,8 +37,7 @@ class Search:
         levels: The sheet itself, then coarser lattices over it.
         good: Displacement of the last good load step [m], (N,) vec3.
         earlier: Displacement of the one before [m], (N,) vec3.
-        modulus: How stiff the sheet is [Pa]; 0 before the first linearisation.
-        largest: Largest norm of loads and reactions in equilibrium so far [N].
+        sizes: How stiff and how loaded the sheet is.
     """
 
     def __init__(self, settings: NewtonSettings, system: System, tangent: Tangent) -> None:
@@ -66,7 +67,7 @@ class Search:
         ]
         self.report = Report(self.preconditioner)
         self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
-        self.modulus = self.largest = self._begin = 0.0
+        self.sizes, self._begin = Sizes(), 0.0
         self._size, self._cutbacks = 1.0 / settings.load_steps, 0
         self._earlier_factor: float | None = None
         self._kept_factor: float | None = None
@@ -100,14 +101,13 @@ class Search:
     def host_state(self) -> dict[str, Any]:
         """Where the search stands, for a restart that goes on bit for bit."""
         return {
-            "modulus": self.modulus, "largest": self.largest, "size": self._size, "cutbacks": self._cutbacks,
-            "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor,
-            "moved": self._moved, "jumps": self.jumps,
+            **asdict(self.sizes), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
+            "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor, "jumps": self.jumps,
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Put back what `host_state` gave."""
-        self.modulus, self.largest = state["modulus"], state["largest"]
+        self.sizes = Sizes(state["modulus"], state["largest"])
         self._size, self._cutbacks = state["size"], state["cutbacks"]
         self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
         self._moved, self.jumps = state["moved"], state["jumps"]
@@ -121,7 +121,7 @@ class Search:
             return self._load_step(factor, sink)[0]
         self.set_loads(factor)
         assign(self.levels[0].displacement, guess)
-        return bool(Descent(self, 0, factor, sink).run()["converged"])
+        return bool(self._descend(0, factor, sink)["converged"])
 
     def set_loads(self, factor: float) -> None:
         """Set the loads of the sheet itself to a load factor."""
@@ -226,12 +226,24 @@ class Search:
             if index < last and self.hierarchy and entry["lattices"][-1]["converged"]:
                 self.hierarchy.start(index)
                 self._prescribe(index, factor)
-            found = Descent(self, index, factor, sink).run()
+            found = self._descend(index, factor, sink)
             entry["lattices"].append(found)
             if not found["converged"] and index > 0:
                 wp.copy(level.displacement, level.base)
         entry["converged"] = found["converged"]
         return found["converged"], found["residuals"][-1]
+
+    def _descend(self, index: int, factor: float, sink: FrameSink) -> dict[str, Any]:
+        """Newton steps on a lattice at a load factor, as an entry of the report."""
+        tolerance = self.tolerance if index == 0 else max(self.tolerance, COARSE_TOLERANCE)
+
+        def told(steps: int, residual: float) -> None:
+            sink.progress(steps, residual, tolerance)
+
+        return Descent(
+            self.settings, self.levels[index], self.solvers[index], partial(self.linearise, index),
+            self.target(index, factor), self.sizes, tolerance, told if index == 0 else None,
+        ).run()  # fmt: skip
 
     def _set_loads(self, index: int, factor: float) -> None:
         duration = self.settings.duration
@@ -261,8 +273,3 @@ class Search:
             return self.hierarchy.usable
         self.levels[0].linearise(tension)
         return self.solvers[0].prepare()
-
-    def relative(self, norm: float, scale: float) -> float:
-        """Unbalanced force over loads and reactions, these at least MIN_LOAD of the largest in equilibrium so far."""
-        scale = max(scale, MIN_LOAD * self.largest)
-        return ratio(norm, scale)
