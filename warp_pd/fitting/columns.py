@@ -11,9 +11,8 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..run.simulation import Simulation
-from .data import DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, read_table
+from .data import DIMENSIONS, DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, dimension_of, read_table
 from .model import require_arguments
-from .units import DIMENSIONS, dimension_of
 
 CONTROLS = ("time", "load_factor")
 

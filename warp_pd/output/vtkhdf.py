@@ -24,11 +24,17 @@ from numpy.typing import NDArray
 
 from ..device.checks import InputError
 from ..interfaces.frame import Body, Frame, Surface
-from .hdf_columns import add_rows, columns, create_column, shorten
 from .point_fields import plain_value, point_fields, same_arrays
 from .series import KINDS, POLYGONS, VERSION, NotASeriesError, SeriesInfo
 from .shapes import require_writable
-from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies, outlines_in
+
+# HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
+# file. Chunks of many frames make splits rare.
+_CHUNK_BYTES = 2**20
+# HDF5 takes no chunk of 4 GB.
+_MOST_BYTES = 2**30
+# What the names of columns with the position and quaternion of a body begin with.
+POSE = "pose_"
 
 
 class VtkHdfSeries:
@@ -347,3 +353,86 @@ def _cut(root: h5py.Group, frames: int) -> None:
         shorten(cells["NumberOfConnectivityIds"], parts)
         shorten(cells["Offsets"], int(np.sum(cells["NumberOfCells"])) + parts)
         shorten(cells["Connectivity"], int(np.sum(cells["NumberOfConnectivityIds"])))
+
+
+def create_column(
+    group: Any,
+    name: str,
+    dtype: Any,
+    row_shape: tuple[int, ...] = (),
+    rows_per_frame: int = 1,
+) -> None:
+    """A column without rows that can grow."""
+    row_bytes = np.dtype(dtype).itemsize * int(np.prod(row_shape, dtype=int))
+    # A whole number of frames, at most 16 of them, so that a short run of a small sheet makes a small file.
+    frames = min(max(_CHUNK_BYTES // (row_bytes * max(rows_per_frame, 1)), 1), 16)
+    rows = min(max(frames * rows_per_frame, 64), _MOST_BYTES // row_bytes)
+    group.create_dataset(name, (0, *row_shape), dtype, maxshape=(None, *row_shape), chunks=(rows, *row_shape))
+
+
+def add_rows(column: Any, rows: Any) -> None:
+    """Add rows at the end."""
+    held = len(column)
+    column.resize(held + len(rows), axis=0)
+    column[held:] = rows
+
+
+def columns(group: Any) -> list[Any]:
+    """All columns in a group and in the groups inside it."""
+    found: list[Any] = []
+    for member in group.values():
+        found.extend(columns(member) if hasattr(member, "values") else [member])
+    return found
+
+
+def shorten(column: Any, rows: int) -> None:
+    """Remove all but the first rows."""
+    if len(column) > rows:
+        column.resize(rows, axis=0)
+
+
+def lay_out_bodies(root: Any, steps: Any, own: Any, surface: Surface) -> None:
+    """Store the outlines, and create the columns of poses."""
+    for body in surface.bodies:
+        column = f"{POSE}{body.name}"
+        create_column(root.require_group("FieldData"), column, np.float64, (7,))
+        create_column(steps.require_group("FieldDataOffsets"), column, np.int64)
+        create_column(steps.require_group("FieldDataSizes"), column, np.int64, (2,))
+        stored = own.create_group(body.name)
+        stored.attrs["kind"], stored.attrs["sizes"] = body.kind, body.sizes
+        stored["vertices"], stored["triangles"] = body.vertices, body.triangles
+
+
+def add_poses(root: Any, steps: Any, surface: Surface, frame: Frame) -> None:
+    """Add the poses of a frame."""
+    poses = () if frame.bodies is None else frame.bodies
+    for body, pose in zip(surface.bodies, poses, strict=True):
+        column = f"{POSE}{body.name}"
+        add_rows(root["FieldData"][column], [pose])
+        add_rows(steps["FieldDataOffsets"][column], [frame.index])
+        add_rows(steps["FieldDataSizes"][column], [[7, 1]])
+
+
+def bodies_in(file: Any, index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
+    """Vertices [m], shape (V, 3), and triangles of each body in a frame."""
+    found = []
+    for name, stored in file["warp_pd"].items():
+        body = Body(name, str(stored.attrs["kind"]), (), stored["vertices"][:], stored["triangles"][:])
+        found.append((body.placed(file["VTKHDF/FieldData"][f"{POSE}{name}"][index]), body.triangles))
+    return found
+
+
+def outlines_in(file: Any) -> list[tuple[Body, NDArray[np.float64]]]:
+    """The ball, a sphere without vertices, and each body, with its position [m] and quaternion, shape (frames, 7)."""
+    found = []
+    own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
+    if "ball_diameter" in own.attrs:
+        centres = columns["ball_center"][:]
+        poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
+        radius = 0.5 * float(own.attrs["ball_diameter"])
+        found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
+    for name, stored in own.items():
+        kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
+        body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
+        found.append((body, columns[f"{POSE}{name}"][:]))
+    return found

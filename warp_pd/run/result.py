@@ -93,7 +93,7 @@ class Result:
         Raises:
             InputError: for a column that the history does not have, or no column at all.
         """
-        from ..output.history_plot import plot_history
+        from ..output.curves import plot_history
 
         scene = self.built.simulation
         shown = names or tuple(measure.name for measure in scene.measures)

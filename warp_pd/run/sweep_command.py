@@ -11,7 +11,7 @@ import click
 from ..device.checks import InputError
 from ..geometry.picture_files import Drawing, drawing
 from ..interfaces.communicator import LostError
-from ..output.sweep_plot import draw_sweep
+from ..output.curves import draw_sweep
 from . import report
 from .divergence import DivergedError
 from .folder import run_summary, writable_folder

@@ -111,7 +111,10 @@ def test_supports_that_jump_are_no_jump_of_the_sheet():
     assert result.status == "finished" and not result.summary["notes"]
 
 
-@pytest.mark.parametrize(("loads", "free"), [([], 6), ([("left", "xz")], 2), ([("left", "xyz")], 1), ([("left", "xyz"), ("right", "z")], 0)])
+@pytest.mark.parametrize(
+    ("loads", "free"),
+    [([], 6), ([("left", "xz")], 2), ([("left", "xyz")], 1), ([("left", "xyz"), ("right", "z")], 0)],
+)
 def test_a_sheet_that_can_move_freely_is_named_as_the_cause(loads, free):
     sheet = square(7)
     supports = [Fixed(sheet.edges(side), components) for side, components in loads]
