@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -25,9 +26,12 @@ from numpy.typing import NDArray
 from ..device.checks import InputError
 from ..interfaces.frame import Body, Frame, Surface
 from .point_fields import plain_value, point_fields, same_arrays
-from .series import KINDS, POLYGONS, VERSION, NotASeriesError, SeriesInfo
 from .shapes import require_writable
 
+VERSION = (2, 2)
+# The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
+KINDS = ("Vertices", "Lines", "Polygons", "Strips")
+POLYGONS = KINDS.index("Polygons")
 # HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
 # file. Chunks of many frames make splits rare.
 _CHUNK_BYTES = 2**20
@@ -35,6 +39,31 @@ _CHUNK_BYTES = 2**20
 _MOST_BYTES = 2**30
 # What the names of columns with the position and quaternion of a body begin with.
 POSE = "pose_"
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesInfo:
+    """What a VTKHDF file of frames holds.
+
+    Attributes:
+        frames: Number of frames.
+        times: Simulated time of each frame [s], shape (frames,).
+        points: Number of points of the sheet.
+        faces: Number of intact triangles at each frame, shape (frames,).
+        fields: Names of the point data.
+        metadata: Configuration, version, units, as given with the surface.
+    """
+
+    frames: int
+    times: NDArray[np.float64]
+    points: int
+    faces: NDArray[np.int64]
+    fields: tuple[str, ...]
+    metadata: dict[str, Any]
+
+
+class NotASeriesError(Exception):
+    """The file is HDF5, but what it holds does not fit together as a series of frames."""
 
 
 class VtkHdfSeries:
