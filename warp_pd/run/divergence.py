@@ -73,10 +73,10 @@ class Soundness:
             return "the initial displacement strains the sheet more than its material bears"
         if self.built.simulation.load_duration is not None:
             ramp = getattr(self.built.simulation.solver, "ramp_steps", None)
-            slower = "" if ramp is None else f"more ramp_steps, over which a load step is applied (here {ramp}), "
+            slower = "" if ramp is None else f", or more ramp_steps, over which a load step is applied (here {ramp})"
             return (
                 "no equilibrium near the last good load step, or the load rose faster than the solver followed; "
-                f"try {slower}more load_steps, or a smaller load"
+                f"try a smaller load, or more load_steps{slower}"
             )
         if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
             return f"the step {dt:.4g} s is above the stable step {self.stable_dt:.4g} s"

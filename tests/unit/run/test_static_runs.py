@@ -140,5 +140,8 @@ def test_an_infinite_residual_is_divergence_that_more_ramp_steps_cure(ramp_steps
         assert result.status == "finished"
         return
     assert result.status == "diverged" and len(result.history) == 2
-    assert "the residual is inf beyond load factor 0.5" in message and "try more ramp_steps" in message
+    assert (
+        "the residual is inf beyond load factor 0.5" in message
+        and "more ramp_steps, over which a load step is applied (here 1)" in message
+    )
     assert "prescribe" not in message
