@@ -31,11 +31,11 @@ from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, MooneyRivl
 from warp_pd.device.cores import start_warp
 from warp_pd.device.launches import Call
 from warp_pd.interfaces import exchange
-from warp_pd.run import files
+from warp_pd.run import restart
 from warp_pd.run.built import compose
-from warp_pd.run.processes import crew_here, is_first, processes_here
+from warp_pd.run.processes import communicator_here, is_first, processes_here
 from warp_pd.run.recorder import Recorder
-from warp_pd.run.scene_context import share_of
+from warp_pd.run.scene_context import partition_of
 from warp_pd.solvers.explicit import BuiltExplicit
 from warp_pd.solvers.stable_step import StableStep
 
@@ -57,7 +57,7 @@ def measure(arguments: argparse.Namespace) -> None:
     """Time the steps in this process, one of those that torchrun started; the first prints a line of JSON."""
     if arguments.in_line:
         exchange.has_streams = lambda device: False
-    crew, device = crew_here(arguments.device)
+    communicator, device = communicator_here(arguments.device)
     start_warp()
     begun = _most_memory()
     many = processes_here()
@@ -65,9 +65,9 @@ def measure(arguments: argparse.Namespace) -> None:
     made = scene(arguments.points, rows, arguments.horizon, arguments.tears, arguments.cloud)
     begin = perf_counter()
     if many > 1:
-        crew.divide(crew.together(lambda: share_of(made, crew)))
-    built = compose(made, device, crew=crew)
-    crew.in_turn(built.context.compile)
+        communicator.set_partition(communicator.barrier(lambda: partition_of(made, communicator)))
+    built = compose(made, device, communicator=communicator)
+    communicator.root_first(built.context.compile)
     setup, memory = perf_counter() - begin, _most_memory() - begun
     built.context.run("setup")
     built.solver._set_step(1e-6, 0.0)  # type: ignore[attr-defined]
@@ -77,7 +77,7 @@ def measure(arguments: argparse.Namespace) -> None:
     calls = [item for item in built.context.stages["step"] if isinstance(item, Call)]
     best, busy, talking = [], [], []
     for _ in range(arguments.repeats):
-        crew.any(False)
+        communicator.any(False)
         begin, cpu = perf_counter(), process_time()
         for _ in range(arguments.steps // 10):
             steps.run()
@@ -90,17 +90,18 @@ def measure(arguments: argparse.Namespace) -> None:
                 for call in calls:
                     call.function()
             talking.append((perf_counter() - begin) / arguments.steps)
-    share = built.context.share
+    partition = built.context.partition
     row = {
         "processes": many, "points": made.sheet.size, "horizon": arguments.horizon, "step_us": 1e6 * min(best),
-        "cpu_us": -1e6 * crew.least(-min(busy)), "exchange_us": 1e6 * min(talking, default=0.0), "setup_s": setup,
+        "cpu_us": -1e6 * communicator.minimum(-min(busy)), "exchange_us": 1e6 * min(talking, default=0.0),
+        "setup_s": setup,
         "bytes": sum(getattr(call.function, "nbytes", 0) for call in calls),
-        "own": made.sheet.size if share is None else share.own.stop - share.own.start,
+        "own": made.sheet.size if partition is None else partition.owned.stop - partition.owned.start,
         "here": built.context.sheet.size, "device_bytes": built.context.fields.nbytes,
         # On a CPU with the arrays of the device.
-        "host_bytes": -crew.least(-memory),
+        "host_bytes": -communicator.minimum(-memory),
     }  # fmt: skip
-    found = crew.lead(lambda: built.to_host(built.state.displacement))
+    found = communicator.root(lambda: built.to_host(built.state.displacement))
     if found is not None:
         row["bits"] = hashlib.sha1(found.tobytes()).hexdigest()[:12]
         print(json.dumps(row), flush=True)
@@ -108,7 +109,7 @@ def measure(arguments: argparse.Namespace) -> None:
 
 def largest(arguments: argparse.Namespace) -> None:
     """Run a large sheet in this process, one of those that torchrun started; the first prints a line of JSON."""
-    crew, _ = crew_here(arguments.device)
+    communicator, _ = communicator_here(arguments.device)
     start_warp()
     side = round(arguments.largest**0.5)
     # A quarter of the stable step.
@@ -117,7 +118,7 @@ def largest(arguments: argparse.Namespace) -> None:
     made = scene(side, side, arguments.horizon, arguments.tears, False)
     made.solver = Explicit(step * arguments.steps, frames=2, step=step)
     seconds: dict[str, list[float]] = {"frame": [], "save": [], "omega": [], "_take": []}
-    calls = ((Recorder, "frame"), (files.DividedFiles, "save"), (StableStep, "omega"), (BuiltExplicit, "_take"))
+    calls = ((Recorder, "frame"), (restart, "save"), (StableStep, "omega"), (BuiltExplicit, "_take"))
     for kind, name in calls:
         _timed(kind, name, seconds[name])
     result = made.run(
@@ -141,9 +142,9 @@ def largest(arguments: argparse.Namespace) -> None:
         "step_s": each, "estimate_s": seconds["omega"], "frame_s": seconds["frame"],
         "restart_s": seconds["save"], "wall_s": perf_counter() - begin, "stable_step_s": result.summary["stable_dt"],
         "step_given_s": step,
-        **{name: round(-crew.least(-value) / size, 2) for name, value in most.items()},
+        **{name: round(-communicator.minimum(-value) / size, 2) for name, value in most.items()},
     }  # fmt: skip
-    if crew.leads:
+    if communicator.is_root:
         files_bytes = sum(p.stat().st_size for p in Path(arguments.out).rglob("*") if p.is_file())
         print(json.dumps({**row, "files_bytes_a_point": round(files_bytes / size, 2)}), flush=True)
 

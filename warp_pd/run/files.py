@@ -122,7 +122,7 @@ def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
 def _restart_bytes(built: Built) -> int:
     """Size of a restart file [bytes]."""
     kept = built.context.fields.kept().values()
-    return int(sum(array.capacity for array in kept)) * built.context.crew.size
+    return int(sum(array.capacity for array in kept)) * built.context.communicator.size
 
 
 def _require_room(folder: Path, needed: int) -> None:

@@ -1,4 +1,4 @@
-"""Whether torchrun started this process as one of several, and the crew that they are."""
+"""Whether torchrun started this process as one of several, and the communicator that they are."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import warp as wp
 
 from ..device.checks import InputError
 from ..device.cores import available_cores, start_warp
-from ..interfaces.communicator import Crew
+from ..interfaces.communicator import Communicator
 
 # More would wait for each other, and fill the memory with copies of Torch.
 PROCESSES_PER_CORE = 4
@@ -25,18 +25,18 @@ def is_first() -> bool:
     return processes_here() == 1 or os.environ.get("RANK", "0") == "0"
 
 
-def crew_here(device: str | None) -> tuple[Crew, str | None]:
-    """The crew of this process, and the device that it takes.
+def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
+    """The communicator of this process, and the device that it takes.
 
     Args:
         device: What the user asked for: "cuda" and None are a GPU each.
     """
     if processes_here() == 1:
-        return Crew(), device
-    from .distributed.torch_processes import TorchCrew, own_device
+        return Communicator(), device
+    from .distributed.torch_processes import TorchCommunicator, own_device
 
     mine = own_device(device)
-    return TorchCrew(cuda=mine is not None and mine.startswith("cuda")), mine
+    return TorchCommunicator(cuda=mine is not None and mine.startswith("cuda")), mine
 
 
 def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[str]) -> int:

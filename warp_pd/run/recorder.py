@@ -76,7 +76,7 @@ class Recorder:
 
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
         """Report a static solver on its way; stops it if the user asked for that."""
-        if self.built.context.crew.any(self.stop_asked):
+        if self.built.context.communicator.any(self.stop_asked):
             raise KeyboardInterrupt
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance)
@@ -92,7 +92,7 @@ class Recorder:
 
     def keep_going(self) -> None:
         """End a frame that takes long after the user asked to stop; what it computed is repeated when resumed."""
-        if self.built.context.crew.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
+        if self.built.context.communicator.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
             raise KeyboardInterrupt
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
@@ -101,15 +101,15 @@ class Recorder:
         Raises:
             DivergedError: if it is NaN or Inf; nothing of it is written.
         """
-        crew = self.built.context.crew
-        self.stop_asked = crew.any(self.stop_asked)
+        communicator = self.built.context.communicator
+        self.stop_asked = communicator.any(self.stop_asked)
         self.built.context.run("frame")
         self.step_seconds += perf_counter() - self._clock
-        taken = crew.lead(lambda: self._take(index, now, dt))
+        taken = communicator.root(lambda: self._take(index, now, dt))
         for part in self.built.parts:
             part.end_frame()
-        crew.lead(lambda: None if taken is None else self._record(*taken, steps, dt))
-        if self.fine is not None and not crew.leads:
+        communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
+        if self.fine is not None and not communicator.is_root:
             self.fine.forget()
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
