@@ -13,8 +13,7 @@ import click
 from .device.checks import InputError, OutputError, count, one_of
 from .fitting.command import fit_command
 from .interfaces.communicator import LAUNCHER_REPORTS, LostError
-from .run.exit_codes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT
-from .run.processes import communicator_here, is_first, launch, processes_here
+from .run.processes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT, communicator_here, is_first, launch, processes_here
 from .run.scene_files import build_scene, load_scene, scene_names
 from .run.scene_help import SceneCommand
 
@@ -166,7 +165,7 @@ def run(
     quiet = quiet or not is_first()
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
-    from .run.report import report
+    from .run.result import report
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 

@@ -23,7 +23,7 @@ class LostError(RuntimeError):
 
 
 class Communicator:
-    """One process alone, which does everything itself. Several: see run/distributed/torch_processes.py.
+    """One process alone, which does everything itself. Several: see run/distributed/communicator.py.
 
     Every process calls the same methods in the same order.
 

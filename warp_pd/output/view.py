@@ -19,8 +19,7 @@ from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packing import Arrays
 from .quantities import choices, column_unit, curves
-from .series import SeriesInfo
-from .vtkhdf import read_frame, read_outlines, read_series
+from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
 
 STYLES = ("vendor.css", "page.css")
 # The library of others, and the scripts of the page, which it loads in this order.

@@ -126,3 +126,23 @@ class Result:
         if self.folder is None:
             raise InputError(f"{what}: expected a run with a folder, such as run(out='runs/mine')")
         return self.folder
+
+
+def report(result: Result) -> Iterator[str]:
+    """Notes, reported numbers and files, one line each, for the command line."""
+    yield from result.summary["notes"]
+    for name, m in result.summary["measures"].items():
+        if m["value"] is None:
+            wrong = next((note for note in result.summary["notes"] if note.startswith(f"Outcome {name!r}")), None)
+            yield f"{name} = none: {'see above' if wrong else 'it did not happen'}"
+            continue
+        line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
+        if m["reference"] is not None:
+            unit = "" if m["unit"] == "1" else f" {m['unit']}"
+            line += f"   reference {m['reference']:.6g}{unit} ({m['source']}), error {100 * m['error']:+.3f} %"
+        yield line
+    if result.folder is None:
+        return
+    yield f"results in {result.folder}"
+    for path in sorted(result.folder.iterdir()):
+        yield f"  {path.name}"

@@ -19,10 +19,8 @@ from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
 from . import restart
 from .built import Built, compose
-from .contents import Files, held_fields
 from .divergence import DivergedError
-from .files import add_files, require_gatherable
-from .fine_history import with_fine_history
+from .files import Files, add_files, held_fields, require_gatherable
 from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
 from .frame_points import FramePoints
 from .processes import communicator_here
@@ -115,6 +113,22 @@ def run(
             communicator.set_partition(communicator.barrier(lambda: partition_of(scene, communicator)))
         built = communicator.barrier(lambda: compose(scene, device, precision, communicator))
         return _run(built, folder, begin, resume, files, shown, given, stride)
+
+
+def with_fine_history(scene: Scene, every: float) -> Scene:
+    """A scene whose solver records rows between frames.
+
+    Args:
+        scene: The scene.
+        every: Time between rows [s].
+
+    Raises:
+        InputError: for a solver whose frames are its rows, or a time that is not above zero.
+    """
+    solver: Any = scene.solver
+    if not hasattr(solver, "history_every"):
+        raise InputError(f"history_every = {every!r}: expected the solver Explicit, got {type(solver).__name__}")
+    return replace(scene, solver=replace(solver, history_every=every))
 
 
 def _run(

@@ -25,7 +25,7 @@ from ...families.partition import BLOCK, Partition
 from ...geometry.triangulation import CoarseLattice
 from ...interfaces.communicator import Communicator, LostError
 from ...laws.neural.torch_step import capture, release_graphs
-from .torch_messages import Exchange, LocalCopy, Message, lost_processes_reported, stream_of
+from .messages import Exchange, LocalCopy, Message, lost_processes_reported, stream_of
 
 T = TypeVar("T")
 
