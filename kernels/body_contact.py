@@ -203,13 +203,16 @@ def body_contact(
                     arm = x + shift - a.place[0]
                     relative = wide(a.velocity[i]) - surface_velocity(arm, a)
                     change = shift / dt
+                    kick = half_kick(i, a.step, a.mass, a.force, a.external)
+                    start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
                     if wp.static(rubs):
                         # Of a point at rest the shift has the digits that its place has lost.
                         pressed = wp.length(change)
                         if gap < a.skin:
                             pressed = wp.max(-wp.dot(relative, n), wp.float64(0.0))
                         lost = arrest(relative + change, pressed, n, a.friction)
-                        warm(i, relative + change, lost, real(1.0), a)
+                        # A point that sticks gets its velocity back at the end of the step: no heat.
+                        warm(i, start - surface_velocity(arm, a), lost, real(1.0), a)
                         shift += dt * lost
                         q = a.rotation[0]
                         reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
@@ -220,8 +223,6 @@ def body_contact(
                         arm = x + shift - a.place[0]
                         change = shift / dt
                     a.displacement[i] = a.displacement[i] + narrow(shift)
-                    kick = half_kick(i, a.step, a.mass, a.force, a.external)
-                    start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
                     strike(i, change, start, start, real(1.0), arm, a)
                     if wp.static(tracked and loaded):
                         # The drift took the load along the way that the point did not go.

@@ -99,6 +99,26 @@ def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision, friction):
         assert rows[-1]["body_spin_y"] < 30.0
 
 
+def rubbing(shape, speed, safety):
+    sheet = square(15)
+    edge = sheet.where(lambda x, y: (abs(x - 0.05) > 0.0499) | (abs(y - 0.05) > 0.0499))
+    body = RigidBody(shape, falling(velocity=(speed, 0.0, -0.5)), friction=0.5)
+    return run(sheet, Explicit(0.05, frames=5, safety=safety), precision=64, contact=body, loads=[Fixed(edge)]).history
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0])
+@pytest.mark.parametrize("shape", [Sphere(0.03), Box((0.03, 0.03, 0.03))], ids=["sphere", "box"])
+def test_friction_takes_no_more_than_contact_loses(shape, speed):
+    rows = rubbing(shape, speed, 0.3)
+    assert rows[-1]["body_rubbed"] > 0.0
+    assert all(0.0 <= row["body_rubbed"] <= row["body_loss"] for row in rows)
+
+
+def test_heat_of_friction_does_not_depend_on_the_step():
+    coarse, fine = (rubbing(Sphere(0.03), 1.0, safety)[-1]["body_rubbed"] for safety in (0.3, 0.1))
+    assert abs(coarse - fine) < 0.1 * fine
+
+
 def test_both_precisions_agree():
     bodies = [
         run(square(15), Explicit(0.03, frames=6, safety=0.2), precision=p, contact=RigidBody(Sphere(0.03), falling()))
