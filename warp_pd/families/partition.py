@@ -158,8 +158,8 @@ def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> P
     mine = owners == rank
     own = np.flatnonzero(mine)
     faces = np.flatnonzero(mine[sheet.triangles.min(axis=1)])
-    near, held = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
-    halo = np.flatnonzero(held & ~mine)
+    near, reached = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
+    halo = np.flatnonzero(reached & ~mine)
     apart = _apart(sheet, horizon, own, halo)
     if cloud:
         own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]

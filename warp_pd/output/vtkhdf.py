@@ -94,8 +94,8 @@ class VtkHdfSeries:
         self._chosen = fields
         self._frames = 0
         self._fields: tuple[str, ...] = ()
-        self._held_faces: NDArray[np.integer] | None = None
-        self._held_intact: NDArray[np.bool_] | None = None
+        self._last_faces: NDArray[np.integer] | None = None
+        self._last_intact: NDArray[np.bool_] | None = None
         self._closed = False
         if append_from:
             self._continue_from(append_from)
@@ -168,10 +168,10 @@ class VtkHdfSeries:
         root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
         # What an earlier call began and did not finish is not part of any frame.
         _cut(root, frame.index)
-        faces = self._held_faces
-        if faces is None or not same_arrays(frame.intact_faces, self._held_intact):
+        faces = self._last_faces
+        if faces is None or not same_arrays(frame.intact_faces, self._last_intact):
             faces = frame.faces(self.surface)
-            if not same_arrays(faces, self._held_faces):
+            if not same_arrays(faces, self._last_faces):
                 _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
         _add_rows(root["Points"], frame.positions(self.surface))
@@ -192,8 +192,8 @@ class VtkHdfSeries:
         _add_rows(steps["Values"], [frame.time])
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
-        self._held_faces = faces
-        self._held_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
+        self._last_faces = faces
+        self._last_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
 
     def _continue_from(self, first: int) -> None:
         """Drop the frames from `first` on, and take up where the frame before it left off."""
@@ -213,7 +213,7 @@ class VtkHdfSeries:
             file.flush()
             _cut(root, first)
             begin = root["Steps/ConnectivityIdOffsets"][first - 1, POLYGONS]
-            self._held_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
+            self._last_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
         self._fields = info.fields
         self._frames = first
 
@@ -448,9 +448,9 @@ def _create_column(
 
 def _add_rows(column: Any, rows: Any) -> None:
     """Add rows at the end."""
-    held = len(column)
-    column.resize(held + len(rows), axis=0)
-    column[held:] = rows
+    before = len(column)
+    column.resize(before + len(rows), axis=0)
+    column[before:] = rows
 
 
 def _columns(group: Any) -> list[Any]:

@@ -61,7 +61,7 @@ class Files:
                 raise InputError(f"resume in {str(folder)!r}: it {there} {name}; expected {expected}, as it began")
 
 
-def held_fields(built: Built) -> frozenset[str] | None:
+def stored_fields(built: Built) -> frozenset[str] | None:
     """Names of the point fields that files hold besides the displacement; None: all of a frame.
 
     Raises:
@@ -108,7 +108,7 @@ def require_gatherable(points: FramePoints, restarts: bool, most: int = MOST_POI
 
 def add_files(
     recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
-    held: frozenset[str] | None, append_from: int | None,
+    fields: frozenset[str] | None, append_from: int | None,
 ) -> None:  # fmt: skip
     """Let the recorder of the first process write frames, history and restart files.
 
@@ -119,7 +119,7 @@ def add_files(
         folder: Of its files; None writes none.
         known: What its restart files belong to.
         chosen: Which files are wanted.
-        held: Names of the fields that frames.vtkhdf holds; None for all.
+        fields: Names of the fields that frames.vtkhdf holds; None for all.
         append_from: Number of the first frame that a run which goes on writes; None for a new one.
 
     Raises:
@@ -134,7 +134,7 @@ def add_files(
     _require_same_stride(recorder.points, folder / FRAMES, append_from)
     writers = file_writers(
         folder, recorder.points.surface, usd=chosen.usd, seconds_per_frame=equal, append_from=append_from,
-        vtkhdf=chosen.vtkhdf, fields=held,
+        vtkhdf=chosen.vtkhdf, fields=fields,
     )  # fmt: skip
     files = Background(writers, room)
     others = list(recorder.writers)
@@ -154,9 +154,9 @@ def _require_same_stride(points: FramePoints, path: Path, append_from: int | Non
     from ..output.vtkhdf import read_series
 
     if append_from is not None and path.is_file():
-        held, given = read_series(path).metadata.get("stride", 1), points.surface.metadata.get("stride", 1)
-        if held != given:
-            raise InputError(f"stride = {given}: expected {held}, as the run in {str(path.parent)!r} began")
+        begun, given = read_series(path).metadata.get("stride", 1), points.surface.metadata.get("stride", 1)
+        if begun != given:
+            raise InputError(f"stride = {given}: expected {begun}, as the run in {str(path.parent)!r} began")
 
 
 def _add_history(recorder: Recorder, folder: Path, append_from: int | None) -> None:

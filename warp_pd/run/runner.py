@@ -20,7 +20,7 @@ from ..interfaces import History, Reporter, Writer
 from . import restart
 from .built import Built, compose
 from .divergence import DivergedError
-from .files import Files, add_files, held_fields, require_gatherable
+from .files import Files, add_files, require_gatherable, stored_fields
 from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
 from .frame_points import FramePoints
 from .processes import communicator_here
@@ -137,7 +137,7 @@ def _run(
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
     scene, communicator = built.simulation, built.context.communicator
-    held, points = held_fields(built), FramePoints(built, stride)
+    fields, points = stored_fields(built), FramePoints(built, stride)
     communicator.barrier(lambda: require_gatherable(points, folder is not None and files.restarts))
     known = None if folder is None else restart.identity(scene, built)
     saved = communicator.broadcast(communicator.barrier(lambda: _saved(folder, known, resume, files)))
@@ -150,7 +150,7 @@ def _run(
     recorder.points = points
     communicator.barrier(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
-    communicator.root(lambda: add_files(recorder, folder, known, files, held, append_from))
+    communicator.root(lambda: add_files(recorder, folder, known, files, fields, append_from))
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
