@@ -191,6 +191,14 @@ class BuiltContact(BuiltPart, Protocol):
         """Position of its centre [m] and unit quaternion (x, y, z, w) at a frame, shape (7,), or None."""
         return None
 
+    def thickness(self) -> float | None:
+        """Least extent of the body [m]; None if it is unbounded or has no outline."""
+        return None
+
+    def distance_from(self, points: np.ndarray) -> np.ndarray | None:
+        """Signed distance of points [m], shape (N, 3), from its surface at a frame, shape (N,); None without a body."""
+        return None
+
 
 @runtime_checkable
 class Contact(Part, Protocol):

@@ -140,18 +140,20 @@ class BuiltBody(BuiltContact):
             InputError: for the deepest point inside it.
         """
         part, context = self.part, self.context
-        place, q = part.motion.pose(0.0)
-        arms = context.sheet.positions + context.initial_displacement - place
-        axis = np.cross(-q[:3], arms)
-        depth = -signed_distances(
-            part.shape, arms + 2.0 * (q[3] * axis + np.cross(-q[:3], axis)), context.device
-        )[:, 3]  # fmt: skip
+        depth = -self._distances(context.sheet.positions + context.initial_displacement, *part.motion.pose(0.0))
         deepest = int(depth.argmax())
         if depth[deepest] > TOUCHING * min(part.shape.thinnest(), context.sheet.spacing):
             raise InputError(
                 f"RigidBody {part.name!r}: expected a body outside the sheet at the start; point "
                 f"{context.number(deepest)} is {depth[deepest]:.3g} m inside it"
             )
+
+    def _distances(self, points: np.ndarray, place: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        """Signed distances of points [m] from the surface of the body at a place and unit quaternion."""
+        arms, back = points - place, -rotation[:3]
+        axis = np.cross(back, arms)
+        arms = arms + 2.0 * (rotation[3] * axis + np.cross(back, axis))
+        return signed_distances(self.part.shape, arms, self.context.device)[:, 3]
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of the motion, and the pointwise stages of contact."""
@@ -269,3 +271,12 @@ class BuiltBody(BuiltContact):
     def pose(self) -> np.ndarray:
         """Position of its centre [m] and quaternion (x, y, z, w), shape (7,)."""
         return np.concatenate([self.motion.place.numpy()[0], self.motion.rotation.numpy()[0]])
+
+    def thickness(self) -> float | None:
+        """Least extent of a bounded body [m]."""
+        return self.part.shape.thinnest() if self.part.shape.bounded else None
+
+    def distance_from(self, points: np.ndarray) -> np.ndarray:
+        """Signed distance of points [m], shape (N, 3), from its surface at a frame, shape (N,)."""
+        pose = self.pose()
+        return self._distances(points, pose[:3], pose[3:])

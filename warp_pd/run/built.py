@@ -15,6 +15,7 @@ from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, find_device
 from ..interfaces.exchange import add_exchanges
 from ..interfaces.phases import SETUP, Phase
+from ..parts.body_checks import body_checks
 from ..parts.clock import Ticking
 from ..parts.frame_checks import EnergyBalance, FrameChecks, Sums
 from ..parts.loads import ExternalForce
@@ -99,8 +100,9 @@ def compose(
     context.state = shared_state(scene, context, external.constant, energy)
     solver = scene.solver.build(context, law)
     context.clock.allocate(context.fields, context.types, context.module)
-    acting = (law, solver, moved, Ticking(context), *built, external, checks := FrameChecks(context))
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
+    bodies = body_checks(context, law, contacts)
+    acting = (law, solver, moved, Ticking(context), *built, external, *bodies, checks := FrameChecks(context))
     made = Built(
         context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
         contacts[0] if contacts else None, cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,

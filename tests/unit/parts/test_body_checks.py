@@ -1,0 +1,45 @@
+"""Notes on bodies that do what contact does not prevent."""
+
+import pytest
+from helpers import NEO, square
+
+from warp_pd import BodyPath, BondAssociated, Capsule, Explicit, Fixed, Free, RigidBody, Simulation, Sphere
+
+
+def notes(contact, duration=0.04, points=11):
+    sheet = square(points)
+    edge = sheet.where(lambda x, y: (abs(x - 0.05) > 0.0499) | (abs(y - 0.05) > 0.0499))
+    scene = Simulation(
+        sheet,
+        force=BondAssociated(NEO, horizon=2.015),
+        loads=[Fixed(edge)],
+        contact=contact,
+        solver=Explicit(duration=duration, frames=8),
+    )
+    return [note for note in scene.run(device="cpu").summary["notes"] if "RigidBody" in note]
+
+
+def pin(x, y):
+    path = BodyPath([0.0, 0.2], [(x, y, 0.03), (x, y, -0.2)])
+    return RigidBody(Capsule(0.0145, 0.03), path, name="pin")
+
+
+def test_a_pin_between_stretched_points_is_noted_with_its_passage():
+    thin, passed = notes(pin(0.055, 0.055))
+    assert "'pin' is 0.0145 m thick and may pass between points" in thin
+    assert "'pin' passed through the sheet without breaking it" in passed
+    assert passed.endswith("s") and " at 0.0" in passed
+
+
+def test_a_pin_beside_the_sheet_is_not_noted():
+    assert notes(pin(0.15, 0.055)) == []
+
+
+@pytest.mark.parametrize(("apart", "overlap"), [(0.02, True), (0.05, False)])
+def test_bodies_that_overlap_are_noted(apart, overlap):
+    balls = [RigidBody(Sphere(0.03), Free(0.01, (0.03 + apart * k, 0.05, 0.02)), name=f"b{k}") for k in range(2)]
+    found = notes(balls, duration=0.01)
+    assert len(found) == overlap
+    assert all(
+        "'b0' and contact = RigidBody 'b1' do not feel each other: they overlap by 0.01 m" in note for note in found
+    )
