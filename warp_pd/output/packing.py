@@ -45,8 +45,8 @@ class Arrays:
         low = float(values.min(where=finite, initial=np.inf)) if finite.any() else 0.0
         high = float(values.max(where=finite, initial=-np.inf)) if finite.any() else 0.0
         span = high - low if high > low else 1.0
-        share = np.where(finite, (values.astype(np.float64) - low) / span, 0.0)
-        levels = np.where(finite, np.round(1.0 + share * (LEVELS - 1)), 0.0).astype(np.uint16)
+        fraction = np.where(finite, (values.astype(np.float64) - low) / span, 0.0)
+        levels = np.where(finite, np.round(1.0 + fraction * (LEVELS - 1)), 0.0).astype(np.uint16)
         levels[1:] -= levels[:-1].copy()
         apart = np.stack([levels & 0xFF, levels >> 8]).astype(np.uint8)
         return {**self._entry(apart, "series", values.shape), "low": low, "high": high, "span": span}

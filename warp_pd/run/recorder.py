@@ -191,9 +191,9 @@ class Recorder:
     def _report(self, row: dict[str, float]) -> FrameReport:
         scene = self.built.simulation
         rate = self.steps / self.step_seconds if self.step_seconds > 0.0 else 0.0
-        share = min(1.0, self.time / scene.solver.duration)
+        fraction = min(1.0, self.time / scene.solver.duration)
         when = format_time(self.time, scene.load_duration)
-        return FrameReport(when, share, rate, scene.solver.frame_count, row)
+        return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
 
     def accept(self, frame: Frame) -> None:
         """Take a sound frame as the last one."""
