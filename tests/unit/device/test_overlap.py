@@ -114,7 +114,7 @@ def displacements(name, size, monkeypatch, widened=0):
         )
         set_partition(self, replace(partition, inner=inner))
 
-    monkeypatch.setattr(Played, "divide", widen)
+    monkeypatch.setattr(Played, "set_partition", widen)
     everyone = [process(scene(name), rank, size) for rank in range(size)]
     assert any(item.beside for item in everyone[0].context.stages["step"])
     for _ in range(STEPS):
