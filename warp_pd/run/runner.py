@@ -319,7 +319,8 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
         if recorder.stop_asked and recorder.built.context.communicator.size == 1:
             raise KeyboardInterrupt
         recorder.ask_to_stop()
-        if recorder.reporter is not None:
+        # By SIGTERM torchrun ends those that are left when one is killed; the launcher says why.
+        if recorder.reporter is not None and number == signal.SIGINT:
             os.write(sys.stderr.fileno(), b"\nstopping at the next frame, or soon; once more stops at once\n")
 
     def undo() -> None:
