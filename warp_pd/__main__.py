@@ -14,7 +14,6 @@ from typing import Any
 import click
 
 from .device.checks import InputError, OutputError, count, one_of
-from .run.report import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT
 from .run.scene_files import build_scene, load_scene, scene_names
 from .run.scene_help import SceneCommand
 
@@ -28,26 +27,34 @@ class OneLineGroup(click.Group):
             return super().invoke(ctx)
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "warp-pd"
-            _say(f"{error.format_message()} (see {where} --help)")
-            ctx.exit(WRONG_INPUT)
+            ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))
         except RuntimeError as error:
-            from .interfaces.communicator import SPEAKS, LostError
+            from .interfaces.communicator import LAUNCHER_REPORTS, LostError
+            from .run.processes import LOST
 
             if not isinstance(error, LostError):
                 raise
-            if SPEAKS not in os.environ:
+            if LAUNCHER_REPORTS not in os.environ:
                 click.echo(f"warp-pd: {error}", err=True)
             sys.stderr.flush()
             # What still waits for the other process would hang.
             os._exit(LOST)
         except (InputError, MemoryError) as error:
-            _say(str(error))
+            code = _refused(str(error))
             if isinstance(error, OutputError):
                 # HDF5 crashes at the exit of a process in which a file could not be written.
                 sys.stdout.flush()
                 sys.stderr.flush()
-                os._exit(WRONG_INPUT)
-            ctx.exit(WRONG_INPUT)
+                os._exit(code)
+            ctx.exit(code)
+
+
+def _refused(text: str) -> int:
+    """Say why input is refused; the exit code."""
+    from .run.processes import WRONG_INPUT
+
+    _say(text)
+    return WRONG_INPUT
 
 
 def _say(text: str) -> None:
@@ -160,20 +167,20 @@ def run(
     stride: int, no_restart: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
-    from .run.processes import crew_here, is_first, launch, processes_here
+    from .run.processes import DIVERGED, INTERRUPTED, communicator_here, is_first, launch, processes_here
 
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
     quiet = quiet or not is_first()
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
-    from .run.report import report
+    from .run.result import report
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
     settings = _settings(assignments, named)
-    crew, _ = crew_here(device)
-    simulation = crew.together(lambda: build_scene(scene, settings))
+    communicator, _ = communicator_here(device)
+    simulation = communicator.barrier(lambda: build_scene(scene, settings))
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
         folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))

@@ -144,6 +144,6 @@ def _near_cuts(points: np.ndarray, cuts: Sequence[Segment], reach: float) -> np.
     near = np.zeros(len(points), bool)
     for start, end in cuts:
         a, b = np.array(start), np.array(end)
-        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        near |= np.linalg.norm(points - a - share[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
+        fraction = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        near |= np.linalg.norm(points - a - fraction[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
     return near

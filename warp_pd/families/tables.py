@@ -321,8 +321,8 @@ def remaining_inverse(shape: np.ndarray, undamaged: np.ndarray) -> tuple[np.ndar
         undamaged: Inverse shape tensors of the undamaged intersections, zero where degenerate, shape (..., 3).
     """
     determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
-    share = determinant * (undamaged[..., 0] * undamaged[..., 2] - undamaged[..., 1] ** 2)
-    usable = share >= SAMPLE
+    ratio = determinant * (undamaged[..., 0] * undamaged[..., 2] - undamaged[..., 1] ** 2)
+    usable = ratio >= SAMPLE
     inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
     inverse /= np.where(usable, determinant, 1.0)[..., None]
     return np.where(usable[..., None], inverse, 0.0), usable

@@ -16,7 +16,7 @@ from ..run.frame_points import FramePoints
 from ..run.simulation import Simulation
 from ..solvers.search import Search
 
-# Linear solves end at this share of their right side; those of a fit need no more than its states have.
+# Linear solves end at this fraction of their right side; those of a fit need no more than its states have.
 ACCURACY = {64: 1e-9, 32: 1e-5}
 FIT_ACCURACY = {64: 1e-6, 32: 1e-4}
 # A load factor that is not reached in one step is approached in steps this many times halved at most.
@@ -77,7 +77,7 @@ class Equilibrium:
     Attributes:
         built: The simulation on a device.
         factor: Load factor of the present state.
-        accuracy: Share of the right side at which linear solves end.
+        accuracy: Fraction of the right side at which linear solves end.
     """
 
     def __init__(self, scene: Simulation, device: str | None = None, precision: int | None = None) -> None:

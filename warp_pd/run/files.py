@@ -1,18 +1,19 @@
-"""The files of a run that grow with its frames: frames, history, restart files. The first process writes them."""
+"""The files of a run: which formats and fields they hold, and how they grow with its frames. The root writes them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from ..device.checks import InputError
 from ..interfaces import History, Writer
 from ..interfaces.frame import Surface
+from ..laws.point_fields import GROUPS
 from ..output.background import Background
 from . import restart
 from .built import Built
-from .contents import Files
 from .folder import FINE, read_history, require_room, write_history
 from .frame_points import FramePoints
 from .recorder import Recorder
@@ -22,6 +23,65 @@ FRAMES = "frames.vtkhdf"
 MOST_POINTS = 2**27
 # Bytes that a frame takes per point, in both formats, and those of history and summary.
 BYTES_OF_POINT, SMALL_FILES = 400, 1_000_000
+
+
+@dataclass(frozen=True)
+class Files:
+    """What a run writes besides history, summary and restart files.
+
+    Attributes:
+        usd: Whether to write animation.usd.
+        vtkhdf: Whether to write frames.vtkhdf.
+        pictures: Formats of the pictures; empty for none.
+        view: Whether to write view.html.
+        restarts: Whether to write restart files.
+    """
+
+    usd: bool = True
+    vtkhdf: bool = True
+    pictures: tuple[str, ...] = ()
+    view: bool = True
+    restarts: bool = True
+
+    def require_same(self, folder: Path) -> None:
+        """Refuse to resume with other files than the run began with: they would hold a part of it and look whole.
+
+        Args:
+            folder: The folder.
+
+        Raises:
+            InputError: for a file that is there and should not be, or the other way.
+        """
+        for name, option, wanted in (("animation.usd", "usd", self.usd), ("frames.vtkhdf", "vtkhdf", self.vtkhdf)):
+            begun = (folder / name).is_file()
+            # Frames that are gone are told by their writer.
+            if begun != wanted and (begun or name != "frames.vtkhdf"):
+                there = "holds" if begun else "lacks"
+                expected = f"{option} = {begun}, {'without ' if begun else ''}--no-{option}"
+                raise InputError(f"resume in {str(folder)!r}: it {there} {name}; expected {expected}, as it began")
+
+
+def stored_fields(built: Built) -> frozenset[str] | None:
+    """Names of the point fields that files hold besides the displacement; None: all of a frame.
+
+    Raises:
+        InputError: for a name that the frames of this scene do not have.
+    """
+    scene = built.simulation
+    there = [stored.field.output for stored in built.context.fields.shown()]
+    if built.rupture is not None:
+        there.append("damage")
+    asked = [*scene.fields, *(scene.chosen_fields or ())]
+    for name in asked:
+        if name not in there and name not in GROUPS:
+            known = ", ".join(sorted({*there, *built.law.field_names()}))
+            raise InputError(f"fields = {name!r}: the frames of this scene have none; expected one of {known}")
+    return None if scene.chosen_fields is None else frozenset(arrays_of(asked))
+
+
+def arrays_of(names: Sequence[str]) -> list[str]:
+    """Names of the arrays that names stand for: "stretch" for "stretch_1" and "stretch_2"."""
+    return [array for name in names for array in GROUPS.get(name, (name,))]
 
 
 def require_gatherable(points: FramePoints, restarts: bool, most: int = MOST_POINTS) -> None:
@@ -48,7 +108,7 @@ def require_gatherable(points: FramePoints, restarts: bool, most: int = MOST_POI
 
 def add_files(
     recorder: Recorder, folder: Path | None, known: restart.Identity | None, chosen: Files,
-    held: frozenset[str] | None, append_from: int | None,
+    fields: frozenset[str] | None, append_from: int | None,
 ) -> None:  # fmt: skip
     """Let the recorder of the first process write frames, history and restart files.
 
@@ -59,7 +119,7 @@ def add_files(
         folder: Of its files; None writes none.
         known: What its restart files belong to.
         chosen: Which files are wanted.
-        held: Names of the fields that frames.vtkhdf holds; None for all.
+        fields: Names of the fields that frames.vtkhdf holds; None for all.
         append_from: Number of the first frame that a run which goes on writes; None for a new one.
 
     Raises:
@@ -74,7 +134,7 @@ def add_files(
     _require_same_stride(recorder.points, folder / FRAMES, append_from)
     writers = file_writers(
         folder, recorder.points.surface, usd=chosen.usd, seconds_per_frame=equal, append_from=append_from,
-        vtkhdf=chosen.vtkhdf, fields=held,
+        vtkhdf=chosen.vtkhdf, fields=fields,
     )  # fmt: skip
     files = Background(writers, room)
     others = list(recorder.writers)
@@ -94,9 +154,9 @@ def _require_same_stride(points: FramePoints, path: Path, append_from: int | Non
     from ..output.vtkhdf import read_series
 
     if append_from is not None and path.is_file():
-        held, given = read_series(path).metadata.get("stride", 1), points.surface.metadata.get("stride", 1)
-        if held != given:
-            raise InputError(f"stride = {given}: expected {held}, as the run in {str(path.parent)!r} began")
+        begun, given = read_series(path).metadata.get("stride", 1), points.surface.metadata.get("stride", 1)
+        if begun != given:
+            raise InputError(f"stride = {given}: expected {begun}, as the run in {str(path.parent)!r} began")
 
 
 def _add_history(recorder: Recorder, folder: Path, append_from: int | None) -> None:
@@ -123,7 +183,7 @@ def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
 def _restart_bytes(built: Built) -> int:
     """Size of a restart file [bytes]."""
     kept = built.context.fields.kept().values()
-    return int(sum(array.capacity for array in kept)) * built.context.crew.size
+    return int(sum(array.capacity for array in kept)) * built.context.communicator.size
 
 
 def _require_room(folder: Path, needed: int) -> None:

@@ -66,13 +66,13 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
 
 
 def _require_free(folder: Path, overwrite: bool) -> None:
-    held = results_in(folder)
-    if held and not overwrite:
+    left = results_in(folder)
+    if left and not overwrite:
         raise InputError(
-            f"out = {str(folder)!r}: it holds {held[0]}; expected a folder without results, or overwrite (--overwrite) "
+            f"out = {str(folder)!r}: it holds {left[0]}; expected a folder without results, or overwrite (--overwrite) "
             "or resume (--resume)"
         )
-    if "summary.json" in held and run_summary(folder) is None:
+    if "summary.json" in left and run_summary(folder) is None:
         raise InputError(f"out = {str(folder)!r}: its summary.json is not of a run; expected another folder")
 
 

@@ -17,7 +17,7 @@ class FramePoints:
     """All points of the sheet, or every so many-th column and row of a lattice and the last ones.
 
     The surface between the latter is that of a coarser lattice: a cell is torn where any triangle of the sheet in it
-    is. With several processes, what it gives of the state is within `Crew.lead` only.
+    is. With several processes, what it gives of the state is within `Communicator.root` only.
     """
 
     def __init__(self, built: Built, stride: int = 1) -> None:
@@ -86,7 +86,7 @@ class FramePoints:
     def _placement(self) -> np.ndarray | None:
         """What stretched these points before the sheet was clamped [m]; or None."""
         context = self.built.context
-        placement = self.built.simulation.sheet.placement() if context.share else context.placement
+        placement = self.built.simulation.sheet.placement() if context.partition else context.placement
         return None if placement is None else placement[self._chosen]
 
     def _values(self, array: Array) -> np.ndarray:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 from ..device.checks import InputError, kind_and_text, user_code
+from ..device.fields import Array
 from ..interfaces import FrameReport, History, Reporter, Writer
 from ..interfaces.frame import Frame, format_time
 from .built import Built
 from .divergence import Soundness
-from .energy_balance import balance_error
-from .fine_history import FineHistory
 from .frame_points import FramePoints
 from .scene import Measure, Outcome
 
@@ -22,6 +21,45 @@ from .scene import Measure, Outcome
 RESTARTS = 40
 # Seconds that a frame may take to end after the user asked to stop.
 PATIENCE = 5.0
+
+
+class FineHistory:
+    """Rows of the history between frames: sums that the device keeps until the host reads them at the next frame.
+
+    Attributes:
+        rows: Rows so far, those at frames among them.
+    """
+
+    def __init__(self, built: Built) -> None:
+        self.built, self.rows = built, History()
+        self._waiting: list[tuple[float, float, Array]] = []
+
+    def keep(self, now: float, dt: float) -> None:
+        """Keep the sums at a time [s], after a step of dt [s], on the device."""
+        # The row at a frame comes from the frame.
+        self.built.context.run("frame")
+        self._waiting.append((now, dt, self.built.sums.keep()))
+
+    def end_frame(self, now: float, dt: float, totals: dict[str, float], begin: float) -> None:
+        """Read the rows since the last frame, at the time `begin` [s], and add that of this one."""
+        before: dict[str, float] = {}
+        kept = [(time, step, self.built.sums.totals(sums)) for time, step, sums in self._waiting]
+        self._waiting = []
+        last = now * (1.0 - 1e-12)
+        for time, step, found in [*(row for row in kept if row[0] < last), (now, dt, totals)]:
+            row: dict[str, float] = {"time": time, "step": step}
+            for part in (self.built.energy, *self.built.parts):
+                row |= part.row_columns(before, found, time - begin)
+            self.rows.append(row)
+            before, begin = found, time
+
+    def forget(self) -> None:
+        """Drop the rows since the last frame: another process reads them."""
+        self._waiting = []
+
+    def resume(self, rows: History, now: float) -> None:
+        """Take the rows of a run that goes on from a time [s]."""
+        self.rows = [row for row in rows if row["time"] <= now * (1.0 + 1e-12)]
 
 
 @dataclass(eq=False)
@@ -78,7 +116,7 @@ class Recorder:
 
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
         """Report a static solver on its way; stops it if the user asked for that."""
-        if self.built.context.crew.any(self.stop_asked):
+        if self.built.context.communicator.any(self.stop_asked):
             raise KeyboardInterrupt
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance)
@@ -94,7 +132,7 @@ class Recorder:
 
     def keep_going(self) -> None:
         """End a frame that takes long after the user asked to stop; what it computed is repeated when resumed."""
-        if self.built.context.crew.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
+        if self.built.context.communicator.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
             raise KeyboardInterrupt
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
@@ -103,15 +141,15 @@ class Recorder:
         Raises:
             DivergedError: if it is NaN or Inf; nothing of it is written.
         """
-        crew = self.built.context.crew
-        self.stop_asked = crew.any(self.stop_asked)
+        communicator = self.built.context.communicator
+        self.stop_asked = communicator.any(self.stop_asked)
         self.built.context.run("frame")
         self.step_seconds += perf_counter() - self._clock
-        taken = crew.lead(lambda: self._take(index, now, dt))
+        taken = communicator.root(lambda: self._take(index, now, dt))
         for part in self.built.parts:
             part.end_frame()
-        crew.lead(lambda: None if taken is None else self._record(*taken, steps, dt))
-        if self.fine is not None and not crew.leads:
+        communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
+        if self.fine is not None and not communicator.is_root:
             self.fine.forget()
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
@@ -155,9 +193,9 @@ class Recorder:
     def _report(self, row: dict[str, float]) -> FrameReport:
         scene = self.built.simulation
         rate = self.steps / self.step_seconds if self.step_seconds > 0.0 else 0.0
-        share = min(1.0, self.time / scene.solver.duration)
+        fraction = min(1.0, self.time / scene.solver.duration)
         when = format_time(self.time, scene.load_duration)
-        return FrameReport(when, share, rate, scene.solver.frame_count, row)
+        return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
 
     def accept(self, frame: Frame) -> None:
         """Take a sound frame as the last one."""
@@ -216,3 +254,25 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
         return None if value is None else float(value)
     except (TypeError, ValueError):
         raise InputError(f"it gives {value!r}: expected a number") from None
+
+
+def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, float]) -> float:
+    """Error of the energy balance: (energy now - energy first - work + losses) over the largest energy or work so far.
+
+    See kernels/integrate.py for the kinetic energy that it uses.
+
+    Args:
+        history: Rows of earlier frames.
+        row: The newest row, with all energies.
+    """
+    first = history[0] if history else row
+    kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
+    change = row[kinetic] + row["strain"] - first[kinetic] - first["strain"]
+    error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
+    if "contact" in row:
+        error += row["contact"] - first["contact"] + row.get("sheet_friction", 0.0)
+    if "viscous" in row:
+        error -= first["viscous"]
+    rows = [*history, row]
+    scale = max(max(abs(r["external"]), abs(r["kinetic"] + r["strain"])) for r in rows)
+    return error / scale if scale > 0.0 else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -126,3 +127,24 @@ class Result:
         if self.folder is None:
             raise InputError(f"{what}: expected a run with a folder, such as run(out='runs/mine')")
         return self.folder
+
+
+def report(result: Result) -> Iterator[str]:
+    """Notes, reported numbers and files, one line each, for the command line."""
+    notes: list[str] = result.summary["notes"]
+    yield from notes
+    for name, m in result.summary["measures"].items():
+        if m["value"] is None:
+            wrong = any(note.startswith((f"Measure {name!r}: missing", f"Outcome {name!r}: ")) for note in notes)
+            yield f"{name} = none: {'see above' if wrong else 'it did not happen'}"
+            continue
+        line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
+        if m["reference"] is not None:
+            unit = "" if m["unit"] == "1" else f" {m['unit']}"
+            line += f"   reference {m['reference']:.6g}{unit} ({m['source']}), error {100 * m['error']:+.3f} %"
+        yield line
+    if result.folder is None:
+        return
+    yield f"results in {result.folder}"
+    for path in sorted(result.folder.iterdir()):
+        yield f"  {path.name}"

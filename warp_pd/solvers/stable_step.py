@@ -139,15 +139,15 @@ class StableStep:
 
     def _draw(self) -> np.ndarray:
         """New random numbers from -1 to 1 of the points here, shape (n, 3), on any number of processes the same."""
-        share, size = self.context.share, self.context.whole.size
-        begin, end = (0, size) if share is None else (int(share.points.min()), int(share.points.max()) + 1)
+        partition, size = self.context.partition, self.context.whole.size
+        begin, end = (0, size) if partition is None else (int(partition.points.min()), int(partition.points.max()) + 1)
         # The generator takes one step for a number.
         steps = np.random.PCG64()
         steps.state = self._noise.bit_generator.state  # type: ignore[assignment]
         steps.advance(3 * begin)
         drawn = np.random.Generator(steps).uniform(-1.0, 1.0, (end - begin, 3))
         self._noise.bit_generator.advance(3 * size)  # type: ignore[attr-defined]
-        return drawn if share is None else drawn[share.points - begin]
+        return drawn if partition is None else drawn[partition.points - begin]
 
     def host_state(self) -> dict[str, Any]:
         """State of the generator of the noise, for a restart."""
