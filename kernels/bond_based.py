@@ -24,8 +24,7 @@ import warp as wp
 from .bond_state import bond_state, energy_of_families, sums_of_bonds
 from .effects import Kernel, kernel
 from .factories import PairwiseFactory
-from .families import family_functions, is_curved
-from .numeric import numeric
+from .families import Layout, family_functions
 
 # Smallest |Y| / horizon to divide by: a bond of zero length has no direction.
 TINY = 1e-30
@@ -88,13 +87,13 @@ class BondFunctions:
 
 
 @functools.cache
-def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> BondFunctions:
+def bond_functions(layout: Layout) -> BondFunctions:
     """Functions of one bond; on a curved sheet xi is the chord, in space."""
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    curved = is_curved(layout)
+    curved = layout.curved
     Chord = vec3 if curved else types.vec2
-    is_intact = bond_state(layout, bits, breakable, module).is_intact
+    is_intact = bond_state(layout).is_intact
 
     @wp.func(module=module)
     def image(xi: Chord, U: vec3):
@@ -122,11 +121,11 @@ def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> Bond
 
 
 @functools.cache
-def pull_of_bond(layout: str, bits: int, pairwise: PairwiseFactory, module: str) -> wp.Function:
+def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
     """Function (constants, W_ik + W_ki, xi, U) -> force of a bond over h a_ref / horizon [Pa]."""
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    bond = bond_functions(layout, bits, False, module)
+    bond = bond_functions(layout)
     image, growth, Chord = bond.image, bond.growth, bond.chord
     tension_of, _, _ = pairwise(bits)
     tiny = TINY
@@ -145,25 +144,22 @@ def pull_of_bond(layout: str, bits: int, pairwise: PairwiseFactory, module: str)
 
 
 @functools.cache
-def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, module: str) -> BondBasedKernels:
+def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
     """Kernels of the bond-based law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         pairwise: Factory of the pairwise law, called with `bits`.
-        breakable: Whether bonds can break.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bond = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout)
     is_intact, strain, image, Chord = bond.is_intact, bond.strain, bond.image, bond.chord
     tension_of, slope_of, energy_of = pairwise(bits)
 
-    pull = pull_of_bond(layout, bits, pairwise, module)
+    pull = pull_of_bond(layout, pairwise)
 
     @wp.func(module=module)
     def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
@@ -252,31 +248,28 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
                     compressed += wp.float32(1.0)
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
-    pair_force, row_sums = sums_of_bonds(layout, bits, breakable, parameters, force_of, stiffness_of, module)
-    strain_energy = energy_of_families(layout, bits, earlier_energy, module)
+    pair_force, row_sums = sums_of_bonds(layout, parameters, force_of, stiffness_of)
+    strain_energy = energy_of_families(layout, earlier_energy)
     return BondBasedKernels(pair_force, strain_energy, earlier_energy, principal_stress, wrinkle_level, row_sums)
 
 
 @functools.cache
 def bond_based_tangent(
-    layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, held: bool, geometric: bool, module: str
+    layout: Layout, pairwise: PairwiseFactory, held: bool, geometric: bool
 ) -> BondBasedTangentKernels:
     """Kernels of the tangent; arguments as for `bond_based`.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         pairwise: Factory of the pairwise law.
-        breakable: Whether bonds can break.
         held: Whether any component is held.
         geometric: Whether the stiffness includes the tension of the bonds (IM eq. 21) or not (IM eq. 16).
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3, mat33, vec6, parameters = types.real, types.vec3, types.mat33, types.vec6, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bond = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout)
     is_intact, strain, image = bond.is_intact, bond.strain, bond.image
     tension_of, slope_of, _energy_of = pairwise(bits)
 

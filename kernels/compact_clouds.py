@@ -13,22 +13,20 @@ import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
 from .entries import entry_of
-from .families import WORD, FamilyFunctions
+from .families import WORD, FamilyFunctions, Layout, flat_functions
 from .kinematics import kinematics
-from .numeric import numeric
 
 # Influence functions that are evaluated; others have a table.
 EVALUATED = ("linear", "inverse", "inverse_square")
 
 
-@functools.cache
-def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunctions:
-    """Functions of a flat cloud whose bonds keep their weight; `influence_name` is one of EVALUATED or "table"."""
-    types = numeric(bits)
+def compact_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a flat cloud whose bonds keep their weight; `compact` is one of EVALUATED or "table"."""
+    types, module = layout.types, layout.module
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    inverse_shape = kinematics(bits).inverse_shape
-    evaluated = influence_name in EVALUATED
-    linear, inverse = influence_name == "linear", influence_name == "inverse"
+    inverse_shape = kinematics(layout.bits).inverse_shape
+    evaluated = layout.compact in EVALUATED
+    linear, inverse = layout.compact == "linear", layout.compact == "inverse"
     word_size = WORD
     short, byte, word_of, number = (entry_of(kind, 2) for kind in (wp.int16, wp.uint8, wp.uint32, real))
     mask_of, place = entry_of(wp.uint32, 3), entry_of(wp.vec2d, 1)
@@ -52,7 +50,6 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
         commons: wp.array3d(dtype=wp.uint32)
         initials: wp.array2d(dtype=wp.uint32)
         weights: wp.array2d(dtype=real)
-        determinants: wp.array2d(dtype=real)
         areas: wp.array(dtype=real)
         family_areas: wp.array(dtype=real)
 
@@ -126,19 +123,7 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
     def family_area(family: CompactFamily, i: int):
         return family.family_areas[i]
 
-    @wp.func(module=module)
-    def rise(family: CompactFamily, i: int, k: int):
-        return real(0.0)
-
-    @wp.func(module=module)
-    def tilt(family: CompactFamily, i: int, k: int):
-        return vec2(real(0.0), real(0.0))
-
-    @wp.func(module=module)
-    def same(family: CompactFamily, i: int, v: vec3):
-        return v
-
     return FamilyFunctions(
         CompactFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
-        chord=bond, rise=rise, tilt=tilt, to_frame=same, from_frame=same,
+        chord=bond, **flat_functions(layout, CompactFamily),
     )  # fmt: skip

@@ -7,18 +7,18 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions, has_shares
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 
 @functools.cache
-def point_damage(layout: str, bits: int, module: str) -> Kernel:
+def point_damage(layout: Layout) -> Kernel:
     """Kernel `damage`."""
-    real = numeric(bits).real
-    f = family_functions(layout, bits, module)
+    module = layout.module
+    real = layout.types.real
+    f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    gradual = has_shares(layout)
+    gradual = layout.softening
 
     @kernel(module)
     def damage(family: Family, intact: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
@@ -40,12 +40,13 @@ def point_damage(layout: str, bits: int, module: str) -> Kernel:
 
 
 @functools.cache
-def face_damage(layout: str, bits: int, module: str) -> Kernel:
+def face_damage(layout: Layout) -> Kernel:
     """Kernel `find_intact_faces`."""
-    f = family_functions(layout, bits, module)
+    module = layout.module
+    f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    intact_members = bond_state(layout, bits, True, module).intact_members
+    intact_members = bond_state(layout).intact_members
 
     @wp.func(module=module)
     def lost(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, j: int):

@@ -14,18 +14,17 @@ import warp as wp
 
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import family_functions
-from .numeric import numeric
+from .families import Layout, family_functions
 
 
 @functools.cache
-def energy_release(layout: str, bits: int, module: str) -> Kernel:
+def energy_release(layout: Layout) -> Kernel:
     """Kernel `add_release`."""
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    is_intact = bond_state(layout, bits, True, module).is_intact
+    is_intact = bond_state(layout).is_intact
 
     @kernel(module, gathers=("velocity", "bond_force"))
     def add_release(

@@ -6,8 +6,8 @@ inside a square grid, whose families and those of all their members are complete
 their own. A grid may have gaps, so index shifts are not constant; but the members of a deep point in one grid line are
 consecutive, and `centres` holds the one straight above or below the point.
 
-Each layout may come "with shares": bonds then lose their weight gradually, and a table holds the share that each bond
-has left, 1 to 0. It is a factor on the influence and the weight of the bond, so that laws need not know of it.
+With `softening` bonds lose their weight gradually, and a table holds the share that each bond has left, 1 to 0. It is
+a factor on the influence and the weight of the bond, so that laws need not know of it.
 
 A cloud may be curved: its points lie on a surface in space. xi is then the projection of the bond on the tangent plane
 of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is the chord X = Q (xi, rise).
@@ -17,17 +17,42 @@ area of a point. Every tabulated number is therefore of order one, in any system
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import warp as wp
 
-from .numeric import numeric
+from .numeric import Numeric, numeric
 
 WORD = 32
-CURVED = " curved"
-WITH_SHARES = " with shares"
-COMPACT = "cloud compact "
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the families of a sheet are stored, and what can happen to their bonds.
+
+    Attributes:
+        kind: "lattice", "grid" or "cloud".
+        bits: Precision, 32 or 64.
+        module: Name of the Warp module of the functions and kernels that read the families.
+        curved: Whether the points of a cloud lie on a surface in space.
+        compact: Name of the influence function of a flat cloud in few bytes, see kernels/compact_clouds.py, or empty.
+        breakable: Whether bonds can break.
+        softening: Whether bonds lose their weight gradually.
+    """
+
+    kind: str
+    bits: int
+    module: str
+    curved: bool = False
+    compact: str = ""
+    breakable: bool = False
+    softening: bool = False
+
+    @property
+    def types(self) -> Numeric:
+        """Types of the precision."""
+        return numeric(self.bits)
 
 
 @dataclass(frozen=True)
@@ -74,10 +99,29 @@ class FamilyFunctions:
     from_frame: wp.Function
 
 
-@functools.cache
-def lattice_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
-    """Functions of the lattice layout; `shares` says whether bonds lose their weight gradually."""
-    types = numeric(bits)
+def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
+    """Functions of a sheet in a plane that is its own tangent plane: `rise`, `tilt`, `to_frame` and `from_frame`."""
+    types, module = layout.types, layout.module
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
+
+    @wp.func(module=module)
+    def rise(family: Family, i: int, k: int):
+        return real(0.0)
+
+    @wp.func(module=module)
+    def tilt(family: Family, i: int, k: int):
+        return vec2(real(0.0), real(0.0))
+
+    @wp.func(module=module)
+    def same(family: Family, i: int, v: vec3):
+        return v
+
+    return {"rise": rise, "tilt": tilt, "to_frame": same, "from_frame": same}
+
+
+def lattice_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a lattice: tables [row of the family class, member]."""
+    types, module, shares = layout.types, layout.module, layout.softening
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
     @functools.partial(wp.struct, module=module)
@@ -150,28 +194,16 @@ def lattice_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
     def family_area(family: LatticeFamily, i: int):
         return family.class_family_area[family.family_class[i]]
 
-    @wp.func(module=module)
-    def rise(family: LatticeFamily, i: int, k: int):
-        return real(0.0)
-
-    @wp.func(module=module)
-    def tilt(family: LatticeFamily, i: int, k: int):
-        return vec2(real(0.0), real(0.0))
-
-    @wp.func(module=module)
-    def same(family: LatticeFamily, i: int, v: vec3):
-        return v
-
     return FamilyFunctions(
         LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
-        chord=bond, rise=rise, tilt=tilt, to_frame=same, from_frame=same,
+        chord=bond, **flat_functions(layout, LatticeFamily),
     )  # fmt: skip
 
 
-@functools.cache
-def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved: bool = False) -> FamilyFunctions:
-    """Functions of the cloud and, with `gridded`, of the grid: tables [member, row]; `shares` as for the lattice."""
-    types = numeric(bits)
+def table_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a cloud or a grid: tables [member, row]."""
+    types, module, shares = layout.types, layout.module, layout.softening
+    gridded, curved = layout.kind == "grid", layout.curved
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
     # What a layout does not need stays without an array.
@@ -303,40 +335,13 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
 
 
 @functools.cache
-def family_functions(layout: str, bits: int, module: str) -> FamilyFunctions:
-    """Functions of `layout`, "lattice", "grid" or "cloud"; a cloud perhaps `CURVED`, each perhaps `WITH_SHARES`.
-
-    A cloud in few bytes is `COMPACT` and the name of its influence function, see kernels/compact_clouds.py.
-    """
-    if is_compact(layout):
+def family_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a layout; whether its bonds can break makes no difference to them."""
+    tables = replace(layout, breakable=False)
+    if tables != layout:
+        return family_functions(tables)
+    if layout.compact:
         from .compact_clouds import compact_functions
 
-        return compact_functions(bits, layout.removeprefix(COMPACT), module)
-    if is_lattice(layout):
-        return lattice_functions(bits, has_shares(layout), module)
-    return table_functions(bits, has_shares(layout), is_grid(layout), module, is_curved(layout))
-
-
-def is_lattice(layout: str) -> bool:
-    """Whether all points share one stencil."""
-    return layout.removesuffix(WITH_SHARES) == "lattice"
-
-
-def is_grid(layout: str) -> bool:
-    """Whether the points deep inside a grid share one stencil, and all others have rows of their own."""
-    return layout.removesuffix(WITH_SHARES) == "grid"
-
-
-def is_curved(layout: str) -> bool:
-    """Whether the points lie on a surface in space."""
-    return layout.removesuffix(WITH_SHARES).endswith(CURVED)
-
-
-def is_compact(layout: str) -> bool:
-    """Whether a cloud has tables of few bytes."""
-    return layout.startswith(COMPACT)
-
-
-def has_shares(layout: str) -> bool:
-    """Whether bonds lose their weight gradually."""
-    return layout.endswith(WITH_SHARES)
+        return compact_functions(layout)
+    return lattice_functions(layout) if layout.kind == "lattice" else table_functions(layout)

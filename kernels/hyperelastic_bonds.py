@@ -25,8 +25,7 @@ import warp as wp
 from .bond_based import bond_functions
 from .bond_state import sums_of_bonds
 from .effects import Kernel
-from .families import family_functions
-from .numeric import numeric
+from .families import Layout, family_functions
 
 
 @dataclass(frozen=True)
@@ -45,24 +44,19 @@ class HyperelasticBondsKernels:
 
 
 @functools.cache
-def hyperelastic_bonds(
-    layout: str, bits: int, compressed: bool, corrected: bool, breakable: bool, module: str
-) -> HyperelasticBondsKernels:
+def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> HyperelasticBondsKernels:
     """Kernels of the law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         compressed: Whether bonds shorter than in the reference configuration have separate constants.
         corrected: Whether there is a surface correction.
-        breakable: Whether bonds can break.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bond = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout)
     strain, image = bond.strain, bond.image
 
     @functools.partial(wp.struct, module=module)
@@ -127,6 +121,4 @@ def hyperelastic_bonds(
         stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))
         return share(family, constants, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
 
-    return HyperelasticBondsKernels(
-        Constants, *sums_of_bonds(layout, bits, breakable, Constants, force_of, stiffness_of, module)
-    )
+    return HyperelasticBondsKernels(Constants, *sums_of_bonds(layout, Constants, force_of, stiffness_of))

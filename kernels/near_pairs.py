@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, Layout, family_functions
 from .numeric import numeric
 
 # What a status array holds: whether the lists are to be made, one was full, one holds a pair, and whether a pair has
@@ -98,11 +98,11 @@ class ListKernels:
 
 
 @functools.cache
-def pair_lists(layout: str, bits: int, pieces: bool, module: str) -> ListKernels:
+def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
     """Kernels that make the lists of pairs; arguments as for `pair_functions`, and the layout of the families."""
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     pairs = pair_functions(bits, pieces, module)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between

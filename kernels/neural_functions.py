@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from .factories import PairFactory
-from .families import family_functions
+from .families import Layout, family_functions
 from .nodal import point_family
 from .numeric import numeric
 
@@ -48,25 +48,20 @@ class NeuralFunctions:
 
 
 @functools.cache
-def bond_kinematics(
-    layout: str, bits: int, membrane: PairFactory, breakable: bool, module: str
-) -> tuple[wp.Function, wp.Function]:
+def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function, wp.Function]:
     """Warp functions `family_frame` and `bond_motion`.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
-        breakable: Whether bonds can break.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec2, vec3, mat22, mat32, parameters = (
         types.real, types.vec2, types.vec3, types.mat22, types.mat32, types.parameters,
     )  # fmt: skip
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    point = point_family(layout, bits, breakable, module)
+    point = point_family(layout)
     volume_change, _ = membrane(bits)
 
     @wp.func(module=module)
@@ -173,17 +168,15 @@ def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
 
 
 @functools.cache
-def neural_functions(
-    layout: str, bits: int, membrane: PairFactory, breakable: bool, corrected: bool, module: str
-) -> NeuralFunctions:
+def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> NeuralFunctions:
     """Functions of a configuration; arguments as for `neural`."""
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec2, vec3, vec4, mat32, mat22 = (
         types.real, types.vec2, types.vec3, types.parameters, types.mat32, types.mat22,
     )  # fmt: skip
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    family_frame, bond_motion = bond_kinematics(layout, bits, membrane, breakable, module)
+    family_frame, bond_motion = bond_kinematics(layout, membrane)
     no_length = NO_LENGTH
 
     @wp.func(module=module)
@@ -233,7 +226,7 @@ def neural_functions(
         else:
             return unit_force * f.area(family, i) * f.weight(family, i, 0)
 
-    is_intact = point_family(layout, bits, breakable, module).is_intact
+    is_intact = point_family(layout).is_intact
     return NeuralFunctions(
         Family, is_intact, family_frame, bond_motion, bond_vectors, bond_seen, family_scale, logarithms, pull
     )

@@ -16,8 +16,7 @@ import warp as wp
 
 from .bits import bit_of
 from .effects import Kernel, kernel
-from .families import WORD, family_functions, is_curved
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 # Points of a block that is screened together.
 SCREENED = 128
@@ -41,32 +40,19 @@ class Criterion:
     gathers: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Breaking:
-    """How bonds break in the kernel of the forces.
-
-    Attributes:
-        criterion: The criterion by which a bond breaks.
-        spared: Whether the bonds of some points never break.
-    """
-
-    criterion: Criterion
-    spared: bool
-
-
 CriterionFactory = Callable[[str, int, str], Criterion]
 
 
 @functools.cache
-def reference_and_deformed(layout: str, bits: int, module: str) -> wp.Function:
+def reference_and_deformed(layout: Layout) -> wp.Function:
     """Function (family, displacement, horizon, i, k, m) -> X and Y of bond k of point i, to point m [m].
 
     X is a vec2, on a curved sheet the chord, a vec3: minus that of the reverse bond, to the last bit.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
-    Family, curved = f.struct, is_curved(layout)
+    f = family_functions(layout)
+    Family, curved = f.struct, layout.curved
 
     @wp.func(module=module)
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), horizon: real, i: int, k: int, m: int):
@@ -81,12 +67,12 @@ def reference_and_deformed(layout: str, bits: int, module: str) -> wp.Function:
 
 
 @functools.cache
-def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
+def critical_stretch(layout: Layout) -> Criterion:
     """Critical stretch |Y|/|X|."""
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    Family = family_functions(layout, bits, module).struct
-    bond_vectors = reference_and_deformed(layout, bits, module)
+    Family = family_functions(layout).struct
+    bond_vectors = reference_and_deformed(layout)
 
     @functools.partial(wp.struct, module=module)
     class CriticalStretch:
@@ -109,16 +95,16 @@ def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
 
 
 @functools.cache
-def elongation(layout: str, bits: int, module: str) -> Criterion:
+def elongation(layout: Layout) -> Criterion:
     """Critical stretch whose elongation (s_c - 1) |X| is that of a bond of one spacing for all shorter bonds.
 
     On a square lattice no bond is shorter, and it is the critical stretch |Y|/|X|. On an irregular cloud the motion has
     a roughness at the scale of the spacing, which a short bond would turn into a large stretch.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    Family = family_functions(layout, bits, module).struct
-    bond_vectors = reference_and_deformed(layout, bits, module)
+    Family = family_functions(layout).struct
+    bond_vectors = reference_and_deformed(layout)
     nearly = NEARLY
 
     @functools.partial(wp.struct, module=module)
@@ -151,11 +137,11 @@ def elongation(layout: str, bits: int, module: str) -> Criterion:
 
 
 @functools.cache
-def critical_energy(layout: str, bits: int, module: str) -> Criterion:
+def critical_energy(layout: Layout) -> Criterion:
     """Critical energy release rate of an interaction, see kernels/energy_release.py."""
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    Family = family_functions(layout, bits, module).struct
+    Family = family_functions(layout).struct
 
     @functools.partial(wp.struct, module=module)
     class CriticalEnergy:
@@ -178,19 +164,17 @@ def critical_energy(layout: str, bits: int, module: str) -> Criterion:
 
 
 @functools.cache
-def remaining_bonds(layout: str, bits: int, criterion: Criterion, spared: bool, module: str) -> wp.Function:
+def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Function:
     """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> bits of the bonds that stay.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         criterion: The criterion that they do not exceed.
         spared: Whether the bonds of some points stay whatever they do.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
     word_size = WORD
@@ -227,15 +211,15 @@ def remaining_bonds(layout: str, bits: int, criterion: Criterion, spared: bool, 
 
 
 @functools.cache
-def screening(bits: int, criterion: Criterion, module: str) -> Kernel:
+def screening(layout: Layout, criterion: Criterion) -> Kernel:
     """Kernel that says of blocks of points of a lattice whether a bond ahead of one exceeds the criterion, for a CPU.
 
     The second half of a stencil lies ahead, so each bond is seen once. Hardly a bond breaks in most steps: where
     `break_bonds` need not look, that is half of the work.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3 = types.real, types.vec3
-    f = family_functions("lattice", bits, module)
+    f = family_functions(layout)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
     word_size, block = WORD, SCREENED
@@ -268,31 +252,23 @@ def screening(bits: int, criterion: Criterion, module: str) -> Kernel:
 
 @functools.cache
 def breaking(
-    layout: str,
-    bits: int,
-    criterion: Criterion,
-    spared: bool,
-    screened: bool,
-    earlier_energy: wp.Function | None,
-    module: str,
+    layout: Layout, criterion: Criterion, spared: bool, screened: bool, earlier_energy: wp.Function | None
 ) -> Kernel:
     """Kernel `break_bonds`.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.
         screened: Whether `screening` has said of which blocks no bond exceeds the criterion.
         earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
             breaking, per point; None if it is not tracked.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, module = layout.types, layout.module
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    Family = family_functions(layout, bits, module).struct
+    Family = family_functions(layout).struct
     Constants = criterion.struct
-    remaining = remaining_bonds(layout, bits, criterion, spared, module)
+    remaining = remaining_bonds(layout, criterion, spared)
     tracked, block = earlier_energy is not None, SCREENED
 
     if tracked:

@@ -21,10 +21,9 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, Layout, family_functions
 from .integrate import RIGID, half_step
 from .near_pairs import TOUCHED, pair_functions
-from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
 
@@ -47,36 +46,24 @@ class RepulsionKernels:
 
 @functools.cache
 def repulsion(
-    layout: str,
-    bits: int,
-    breakable: bool,
-    pieces: bool,
-    rubbing: bool,
-    held: bool,
-    loaded: bool,
-    damped: bool,
-    tracked: bool,
-    module: str,
+    layout: Layout, pieces: bool, rubbing: bool, held: bool, loaded: bool, damped: bool, tracked: bool
 ) -> RepulsionKernels:
     """Kernels of contact.
 
     Args:
         layout: Layout of the families.
-        bits: 32 or 64.
-        breakable: Whether bonds can break.
         pieces: Whether the sheet has several pieces.
         rubbing: Whether there is friction.
         held: Whether any component is held.
         loaded: Whether external forces act.
         damped: Whether there is mass damping, and energies take the velocities at half steps.
         tracked: Whether work and losses are summed up.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits, module = layout.types, layout.bits, layout.module
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    intact_members = bond_state(layout, bits, breakable, module).intact_members
+    intact_members = bond_state(layout).intact_members
     pairs = pair_functions(bits, pieces, module)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, rigid, touched = WORD, RIGID, TOUCHED
@@ -121,7 +108,7 @@ def repulsion(
             if depth > real(0.0):
                 total -= (stiffness * depth) * direction
                 touching = touching + 1
-        if wp.static(breakable):
+        if wp.static(layout.breakable):
             for word in range(family.words):
                 members = broken_members(family, intact, i, word)
                 while members != wp.uint32(0):
@@ -155,7 +142,7 @@ def repulsion(
         for c in range(counts[i]):
             depth, _, stiffness = push(points, displacement, i, near[c, i])
             total += stiffness * depth * depth
-        if wp.static(breakable):
+        if wp.static(layout.breakable):
             for word in range(family.words):
                 members = broken_members(family, intact, i, word)
                 while members != wp.uint32(0):
@@ -224,7 +211,7 @@ def repulsion(
             most = coefficient * step[0]
             for c in range(counts[i]):
                 total += drag(points, displacement, velocity, mass, contacts, contact_force, most, i, near[c, i])
-            if wp.static(breakable):
+            if wp.static(layout.breakable):
                 for word in range(family.words):
                     members = broken_members(family, intact, i, word)
                     while members != wp.uint32(0):

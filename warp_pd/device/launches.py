@@ -101,31 +101,6 @@ class Span:
     most: int
 
 
-@dataclass(frozen=True)
-class OfStrip:
-    """What a launch does for a strip of a sheet that is worked through in strips (laws/strips.py).
-
-    Launches of neighbouring strips touch different points, lists and columns, or read what is over long since.
-
-    Attributes:
-        number: Number of the strip.
-        stream: Stream on which it runs (device/streams.py).
-        listed: Whether it works on the points of a list, known before, that other launches of the strip leave out.
-        apart: How far behind the strips are whose launches must be over.
-    """
-
-    number: int
-    stream: int
-    listed: bool
-    apart: int
-
-    def must_wait_for(self, earlier: OfStrip) -> bool:
-        """Whether a launch waits for an earlier one on another stream."""
-        if self.number == earlier.number:
-            return self.listed == earlier.listed
-        return not 0 < self.number - earlier.number < self.apart
-
-
 @dataclass(eq=False)
 class Launch:
     """One kernel launch with its arguments.
@@ -143,10 +118,8 @@ class Launch:
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
-        beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py), or
-            otherwise writes other entries than the launches next to it that are `beside`, too.
+        beside: Whether it has some of the points of a launch that is divided around a Call.
         span: How blocks share points, where its threads do not stand for points.
-        strip: Which strip of a sheet it works on, if that is why it may run in parallel with others.
         only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
     """
 
@@ -164,7 +137,6 @@ class Launch:
     alone: bool = False
     beside: bool = False
     span: Span | None = None
-    strip: OfStrip | None = None
     only_if: Array | None = None
 
     @property
@@ -217,7 +189,6 @@ class Call:
         touched: Arrays that it touches.
         side_stream: As of a launch.
         beside: As of a launch.
-        strip: None, as of a launch of the whole sheet.
     """
 
     name: str
@@ -228,7 +199,6 @@ class Call:
     touched: Touched
     side_stream: bool = False
     beside: bool = False
-    strip: None = None
 
     @property
     def parts(self) -> list[str]:
@@ -276,15 +246,11 @@ class Stage:
         begin: int = 0,
         block_dim: int | None = None,
         side_stream: bool = False,
-        beside: bool = False,
         span: Span | None = None,
-        strip: OfStrip | None = None,
         only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
-
-        Launches `beside` each other write different entries of the same arrays: none waits for another.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -293,8 +259,7 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, beside=beside, span=span, strip=strip,
-            only_if=only_if,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
         )  # fmt: skip
         self.items.append(made)
 
@@ -306,7 +271,6 @@ class Stage:
         *,
         begin: int = 0,
         alone: bool = False,
-        strip: OfStrip | None = None,
         only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
@@ -324,7 +288,7 @@ class Stage:
         alone = alone or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone, strip=strip, only_if=only_if,
+            begin, self.module, run, alone=alone, only_if=only_if,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
@@ -374,8 +338,6 @@ def _joined(first: Item, second: Item) -> Launch | None:
     if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):
         return None
     if first.alone or second.alone or (first.threads, first.begin) != (second.threads, second.begin):
-        return None
-    if first.strip is not None or second.strip is not None:
         return None
     if not first.touched.may_share_launch(second.touched):
         return None

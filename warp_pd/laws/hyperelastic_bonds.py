@@ -56,7 +56,6 @@ class HyperelasticBonds:
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -64,9 +63,9 @@ class HyperelasticBonds:
         if not isinstance(self.material, BondNeoHookean):
             raise InputError(f"material = {self.material!r}: expected BondNeoHookean with the law HyperelasticBonds")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
-        return (layout, self.material.compressed_constants is not None, self.surface_correction, breakable)
+        return (self.material.compressed_constants is not None, self.surface_correction)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
@@ -96,10 +95,7 @@ class HyperelasticBondsForce(FamilyLaw):
         weights = families.stiffened(_bond_weights(families))
         super().__init__(law, context, families, None, weights)
         shortened = law.material.compressed_constants
-        self.kernels = hyperelastic_bonds(
-            families.layout, context.bits, shortened is not None, law.surface_correction, context.features.breakable,
-            context.module,
-        )  # fmt: skip
+        self.kernels = hyperelastic_bonds(context.layout, shortened is not None, law.surface_correction)
         self.bond_constants = self.kernels.constants()
         self.bond_constants.stretched = self.constants
         self.bond_constants.shortened = context.types.parameters(*(shortened or law.material.constants))

@@ -42,16 +42,15 @@ class Nodal:
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         influence_function(self.influence)
         check_material(self.material, "functions")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
-        return (layout, self.material.functions, breakable)
+        return (self.material.functions,)
 
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
@@ -94,8 +93,7 @@ class NodalForce(PointLaw):
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context)
         self.material = self.shown_stress = law.material
-        breakable = context.features.breakable
-        self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
+        self.kernels = nodal(context.layout, law.material.functions)
         self.earlier_energy = self.kernels.earlier_energy
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:

@@ -1,4 +1,4 @@
-"""Data of a lattice for the fast path of the bond-associated law."""
+"""Data of a lattice for the path of undamaged families (laws/force_paths.py)."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _even(value: float) -> float:
     return float(f"{value:.14g}")
 
 
-def shared_name(stencil: tuple[Stencil, int] | None, near: FunctionFactory, others: tuple[object, ...]) -> str:
+def shared_name(stencil: Stencil, near: FunctionFactory, others: tuple[object, ...]) -> str:
     """Name of a module for all sheets with a stencil, a factory of stress_near, and other data that decide kernels."""
-    key = (None if stencil is None else stencil[0], near.__module__, near.__qualname__, *others)
+    key = (stencil, near.__module__, near.__qualname__, *others)
     return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]

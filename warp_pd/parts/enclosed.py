@@ -330,7 +330,7 @@ class BuiltEnclosed(BuiltLoad):
         if self._intact is not None:
             context, law = self.context, self._family_law
             stage.launch(
-                self.owner, face_damage(context.layout, context.bits, context.module), len(self._intact),
+                self.owner, face_damage(context.layout), len(self._intact),
                 family=law.struct, intact=law.intact, triangles=self._edges, intact_faces=self._intact,
             )  # fmt: skip
 

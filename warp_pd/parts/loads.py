@@ -199,8 +199,7 @@ class FollowerPressure(BuiltLoad):
         self.label, self.context, self.law = "loads: Pressure", context, law
         self._value, self._schedule = value, schedule
         self._unit_pressure = value * law.families.reference_area
-        scheduled, breakable = schedule is not None, law.intact is not None
-        self._key = (context.layout, context.bits, breakable, scheduled, context.module)
+        self._key = (context.layout, schedule is not None)
 
     def _arguments(self, displacement: Array) -> dict[str, Any]:
         law = self.law

@@ -15,9 +15,8 @@ from ..device.fields import FieldRegister
 from ..families.partition import Partition, partition_sheet, sheet_on_partition
 from ..interfaces import Constraint, Part
 from ..interfaces.communicator import Communicator
-from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State, layout_of
+from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
 from ..kernels.numeric import numeric
-from ..laws import fast_path
 from ..parts.frame_checks import EnergyBalance
 from ..parts.supports import held_components
 from .scene import Scene
@@ -47,8 +46,7 @@ def scene_context(
         gradual=gradual,
         contact=any(part.changes_velocities for part in scene.contacts),
         half_steps=all(c.half_steps for c in scene.contacts),
-        # The energy that a breaking bond releases has the same bits in every launch only with stored tables.
-        compact=fast_path.compact_tables(scene.force, sheet, device) if solver.dynamic and scene.damage is None else "",
+        dynamic=solver.dynamic,
     )
     initial = start if placement is None else start + placement
     made = Context(
@@ -137,10 +135,11 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
 
 def module_name(scene: Scene, parts: Sequence[Part], features: Features, bits: int) -> str:
     """One Warp module per configuration, named by everything that decides its kernels."""
-    law = (*_name(type(scene.force)), *scene.force.compile_key(layout_of(scene.sheet), features.breakable))
+    law = (*_name(type(scene.force)), *scene.force.compile_key())
     named = sorted({repr(_named((*_name(type(part)), *part.compile_key()))) for part in parts})
     stretched = [] if scene.sheet.stretch is None else ["prestretched"]
-    key = (bits, features, *_name(type(scene.solver)), _named(law), named, *stretched)
+    layout = (scene.sheet.layout, scene.sheet.frames is not None)
+    key = (bits, layout, features, *_name(type(scene.solver)), _named(law), named, *stretched)
     return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
 
 

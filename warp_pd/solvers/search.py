@@ -79,7 +79,7 @@ class Search:
     def _preconditioner(self, tangent: Tangent) -> str:
         wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
         sheet, held = context.sheet, context.held
-        narrow = law.horizon <= MAX_MULTIGRID_HORIZON
+        narrow = law.horizon_ratio <= MAX_MULTIGRID_HORIZON
         lattices = coarser(sheet.lattice) if sheet.lattice is not None and not sheet.cuts and narrow else []
         possible = bool(lattices) and law.coarsens
         if sheet.lattice is not None and possible:

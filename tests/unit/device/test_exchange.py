@@ -25,7 +25,6 @@ from warp_pd import (
 )
 from warp_pd.interfaces.exchange import add_exchanges
 from warp_pd.kernels.effects import kernel
-from warp_pd.laws import fast_path
 
 
 def exchanged(name, stage="step"):
@@ -42,10 +41,9 @@ def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
 
 
 @pytest.mark.parametrize("few", [0, 10**6])
-def test_the_kernels_of_a_gpu_exchange_the_same(monkeypatch, few):
+def test_the_kernels_of_a_gpu_exchange_the_same(gpu_paths, tune, few):
     """On a CPU their launches can be declared, not run."""
-    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
-    monkeypatch.setattr(fast_path, "MAX_SHARED", few)
+    tune(lattice_bonds=few)
     assert exchanged("loads") == ["exchange displacement"]
     assert exchanged("torn") == ["exchange displacement, velocity"]
     assert exchanged("cloud") == ["exchange displacement, velocity"]

@@ -7,9 +7,8 @@ import pytest
 import warp as wp
 
 from warp_pd.device import graph
-from warp_pd.device.graph import LaunchSequence
+from warp_pd.device.graph import LaunchSequence, side_stream_waits
 from warp_pd.device.launches import Stage, Touched
-from warp_pd.device.streams import side_stream_waits
 from warp_pd.interfaces.context import find_device
 from warp_pd.kernels.effects import Effects, kernel
 from warp_pd.kernels.pointwise import pointwise

@@ -70,7 +70,6 @@ class Neural:
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -109,11 +108,11 @@ class Neural:
             )
         return found
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
+    def compile_key(self) -> tuple[object, ...]:
         """Everything that decides which kernels are compiled."""
         numbers = self.loaded.sigmoids() if self.loaded is not None and self.evaluation == "fused" else None
         return (
-            layout, capabilities(self.material).membrane, breakable, self.weights, self.evaluation, numbers,
+            capabilities(self.material).membrane, self.weights, self.evaluation, numbers,
             self.loaded is not None,
         )  # fmt: skip
 
@@ -149,8 +148,8 @@ class NeuralForce(PointLaw):
             layers = law.loaded.sigmoids()
             context.use_fast_math(fused_module)
         self.kernels = neural(
-            context.layout, context.bits, known.membrane, context.features.breakable, law.weights == "corrected",
-            law.evaluation, layers, law.loaded is not None, context.module, fused_module,
+            context.layout, known.membrane, law.weights == "corrected", law.evaluation, layers,
+            law.loaded is not None, fused_module,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None
         self.outside: Array | None = None
