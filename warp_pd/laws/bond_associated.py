@@ -22,9 +22,8 @@ from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
 from .force_paths import PATHS, FamilyBlocks, ForcePath, force_path
 from .point_fields import ShownFields, factors
-from .shared_tables import law_tables
 from .variational import Key
-from .weight_tables import MAX_CORRECTED
+from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 NO_PRONY: dict[str, Any] = {"prony": None, "strain": None, "overstress": None}
@@ -122,14 +121,14 @@ class BondAssociatedForce(FamilyLaw):
         self.material, self.fast = law.material, law.fast
         self.shown_stress = law.material
         if self.weights == "published":
-            if context.share is not None:
+            if context.partition is not None:
                 raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
             # Their kernels compute the weights themselves.
             require_one_material(sheet, "weights 'published'")
         if self._has_compact_families(context):
             named = isinstance(law.influence, str) and sheet.spacings is None
             context.use_compact_families(str(law.influence) if named else "table")
-        families, inverse, weights, self.correction = law_tables(context, law, self.weights)
+        families, inverse, weights, self.correction = law_tables(context, law.horizon, law.influence, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.layout = context.layout

@@ -259,8 +259,8 @@ class BondForces:
 
 def whole_families(law: BondAssociatedLaw) -> slice:
     """Points around all whole families; the empty ones of the outermost halo would take as long as others."""
-    share = law.context.share
-    return slice(0, law.points) if share is None else share.whole_families
+    partition = law.context.partition
+    return slice(0, law.points) if partition is None else partition.whole_families
 
 
 @dataclass(frozen=True)
@@ -333,7 +333,7 @@ class FamilyBlocks:
         near = cls.near_stress(law)
         if near is None:
             return None
-        ring = TUNING.cloud_ring if law.layout.compact and law.context.share is None else None
+        ring = TUNING.cloud_ring if law.layout.compact and law.context.partition is None else None
         return cls(law, near, BondForces(law, ring))
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:

@@ -19,8 +19,7 @@ from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packing import Arrays
 from .quantities import choices, column_unit, curves
-from .series import SeriesInfo
-from .vtkhdf import read_frame, read_outlines, read_series
+from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
 
 # What a page loads, in this order; vendor.* are the libraries.
 STYLES = ("vendor.css", "page.css")
@@ -52,15 +51,15 @@ class Limits:
         if self.frames is not None:
             count("frames", self.frames, 2)
 
-    def chosen_fields(self, held: Sequence[str]) -> list[str]:
+    def chosen_fields(self, known: Sequence[str]) -> list[str]:
         """Names of the fields that a page shows.
 
         Raises:
             InputError: for one that the frames do not hold.
         """
         for name in self.fields or ():
-            one_of("fields", name, held)
-        return [name for name in held if self.fields is None or name in ("displacement", *self.fields)]
+            one_of("fields", name, known)
+        return [name for name in known if self.fields is None or name in ("displacement", *self.fields)]
 
     def chosen_frames(self, frames: int, numbers: int) -> NDArray[np.int64]:
         """Indices of the frames that a page shows, the first and last among them, if each has so many numbers."""
@@ -136,7 +135,7 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
 
 def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) -> dict[str, Any]:
     """The fields at the points that are drawn, a series for each component."""
-    loose = ~_held(sheet)
+    loose = ~_joined(sheet)
     stored, offered = {}, []
     for name, series in values.items():
         columns = series.reshape(*series.shape[:2], -1).astype(np.float32)
@@ -147,12 +146,12 @@ def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) ->
     return {"fields": stored, "choices": offered}
 
 
-def _held(sheet: Drawn) -> NDArray[np.bool_]:
+def _joined(sheet: Drawn) -> NDArray[np.bool_]:
     """Whether a point has an intact triangle, or there is none at all, shape (frames, points)."""
-    held = np.full((len(sheet.intact), len(sheet.points)), not len(sheet.triangles))
-    for row, intact in zip(held, sheet.intact, strict=True):
+    joined = np.full((len(sheet.intact), len(sheet.points)), not len(sheet.triangles))
+    for row, intact in zip(joined, sheet.intact, strict=True):
         row[sheet.triangles[intact]] = True
-    return held
+    return joined
 
 
 def _bodies(path: Path, shown: NDArray[np.int64], arrays: Arrays) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ import warp as wp
 from ..device.checks import InputError, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
-from ..families.share import Share
+from ..families.partition import Partition
 from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
@@ -95,7 +95,7 @@ class TearingEnergy(Rupture):
         """What decides its kernels."""
         return (self.spared is not None, self.screened)
 
-    def divided(self, sheet: Sheet, share: Share) -> Rupture:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
         """The same criterion for the points that are here.
 
         Raises:

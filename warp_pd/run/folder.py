@@ -6,6 +6,7 @@ import contextlib
 import csv
 import itertools
 import json
+import math
 import os
 import shutil
 from collections.abc import Iterator
@@ -14,9 +15,7 @@ from typing import Any
 
 from ..device.checks import InputError, OutputError, said
 from ..interfaces import History
-from ..output.series import FOLDER
 from . import restart
-from .restart_parts import remove_others
 
 try:
     import fcntl
@@ -67,13 +66,13 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
 
 
 def _require_free(folder: Path, overwrite: bool) -> None:
-    held = results_in(folder)
-    if held and not overwrite:
+    left = results_in(folder)
+    if left and not overwrite:
         raise InputError(
-            f"out = {str(folder)!r}: it holds {held[0]}; expected a folder without results, or overwrite (--overwrite) "
+            f"out = {str(folder)!r}: it holds {left[0]}; expected a folder without results, or overwrite (--overwrite) "
             "or resume (--resume)"
         )
-    if "summary.json" in held and run_summary(folder) is None:
+    if "summary.json" in left and run_summary(folder) is None:
         raise InputError(f"out = {str(folder)!r}: its summary.json is not of a run; expected another folder")
 
 
@@ -159,17 +158,12 @@ def clear(folder: Path) -> None:
     drawn = (run_summary(folder) or {}).get("pictures", [])
     for name in (*RESULTS, *drawn):
         (folder / Path(name).name).unlink(missing_ok=True)
-    for kind in ("frames", "restart"):
-        remove_others(folder, kind, ())
-    with contextlib.suppress(OSError):
-        (folder / FOLDER).rmdir()
 
 
 def clear_unfinished(folder: Path) -> None:
     """Remove what a killed run was about to write; no resumed one reads it."""
     for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
-                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished", f"{FOLDER}/restart.*.part",
-                    f"{FOLDER}/.frames.*.unfinished"):  # fmt: skip
+                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()
 
@@ -182,7 +176,8 @@ def read_history(path: Path) -> History:
     """
     try:
         with path.open(newline="") as stream:
-            history = [{key: float(text) for key, text in row.items()} for row in csv.DictReader(stream)]
+            rows = list(csv.DictReader(stream))
+        history = [{key: float("nan" if text == "" else text) for key, text in row.items()} for row in rows]
     except (OSError, ValueError, TypeError):
         history = []
     if not history:
@@ -198,10 +193,10 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def write_history(path: Path, history: History) -> None:
-    """History as CSV, one row per frame, written atomically."""
+    """History as CSV, one row per frame, written atomically; a number that is missing is an empty cell."""
     part = path.with_name(path.name + ".part")
     with part.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, fieldnames=list(history[-1]))
         writer.writeheader()
-        writer.writerows(history)
+        writer.writerows({name: "" if math.isnan(value) else value for name, value in row.items()} for row in history)
     os.replace(part, path)

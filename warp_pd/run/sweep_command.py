@@ -11,11 +11,10 @@ import click
 from ..device.checks import InputError
 from ..geometry.picture_files import Drawing, drawing
 from ..interfaces.communicator import LostError
-from ..output.sweep_plot import draw_sweep
-from . import exit_codes
+from ..output.curves import draw_sweep
 from .divergence import DivergedError
 from .folder import run_summary, writable_folder
-from .processes import launch
+from .processes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT, launch
 from .runner import FINISHED, STOPPED
 from .scene_files import build_scene, load_scene
 from .sweep import REFUSED, Row, Start, Task, printed_table, sweep, write_table
@@ -61,12 +60,12 @@ def _arguments(task: Task, options: Mapping[str, Any]) -> list[str]:
 
 def _summary(folder: Path, code: int) -> Mapping[str, Any]:
     """The summary of a run of other processes, which have said themselves what went wrong."""
-    if code == exit_codes.WRONG_INPUT:
+    if code == WRONG_INPUT:
         raise InputError("refused, see above")
-    if code == exit_codes.LOST:
+    if code == LOST:
         raise LostError("a process of the run ended; the same command continues")
     summary = run_summary(folder)
-    if summary is None and code == exit_codes.INTERRUPTED:
+    if summary is None and code == INTERRUPTED:
         raise KeyboardInterrupt
     if summary is None:
         raise DivergedError("no frame was written, see above")
@@ -74,8 +73,8 @@ def _summary(folder: Path, code: int) -> Mapping[str, Any]:
 
 
 def run_sweep(
-    scene: str, choices: Mapping[str, Sequence[str]], folder: Path, start: Start, precision: int | None,
-    overwrite: bool, quiet: bool,
+    scene: str, choices: Mapping[str, Sequence[str]], folder: Path, start: Start, device: str | None,
+    precision: int | None, overwrite: bool, quiet: bool,
 ) -> int:  # fmt: skip
     """Run a sweep, print and write its table, draw its plot.
 
@@ -84,6 +83,7 @@ def run_sweep(
         choices: Values of each argument.
         folder: Of the runs, the table and the plot.
         start: Runs a simulation.
+        device: Of all runs; None for CUDA where there is one.
         precision: Of all runs; None for the solver's.
         overwrite: Run everything again.
         quiet: Print the table alone.
@@ -92,7 +92,7 @@ def run_sweep(
         The exit code, that of the worst run.
 
     Raises:
-        InputError: for a scene that does not exist, or a folder that cannot be written.
+        InputError: for a scene that does not exist, a folder that cannot be written, or one with other runs.
     """
     load_scene(scene)
     writable_folder(folder, resume=False)
@@ -106,17 +106,19 @@ def run_sweep(
     def build(values: dict[str, str]) -> Any:
         return build_scene(scene, values)
 
-    rows = sweep(build, choices, folder, start, precision=precision, overwrite=overwrite, told=told)
+    rows = sweep(build, choices, folder, start, device=device, precision=precision, overwrite=overwrite, told=told)
     for row in rows:
         if row.message:
             click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
     click.echo(printed_table(rows))
-    write_table(folder / "sweep.csv", rows)
+    if not write_table(folder / "sweep.csv", rows):
+        click.echo(f"warp-pd: {folder / 'sweep.csv'}: left as it was; it holds results that this table lacks", err=True)
+        return WRONG_INPUT
     with drawing(Drawing(Path(scene).stem)):
         drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])
     click.echo(f"  {folder / 'sweep.csv'}" + (f", {folder / 'sweep.png'}" if drawn else ""))
     ends = {row.status for row in rows}
     if STOPPED in ends:
         click.echo("warp-pd: interrupted: the same command continues", err=True)
-        return exit_codes.INTERRUPTED
-    return exit_codes.DIVERGED if ends - {FINISHED, REFUSED} else exit_codes.WRONG_INPUT if REFUSED in ends else 0
+        return INTERRUPTED
+    return DIVERGED if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0

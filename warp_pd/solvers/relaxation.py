@@ -30,7 +30,7 @@ CHECK_EVERY = 50
 # Density and step follow the stiffness this often, and more often while the load rises.
 STEPS_BETWEEN = 300
 FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
-FINISHED, NOT_CONVERGED = "finished", "not converged"
+FINISHED, NOT_CONVERGED, DIVERGED = "finished", "not converged", "diverged"
 # Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
 STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
 NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
@@ -56,7 +56,8 @@ class Relaxation:
         tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is in
             equilibrium; by default 1e-6 in float64 and 1e-4 in float32, whose round-off allows no better.
         load_steps: Equal load steps, each brought to equilibrium and recorded as a frame.
-        ramp_steps: Steps over which a load step is applied.
+        ramp_steps: Steps over which a load step is applied; more of them where the residual becomes infinite, as with
+            a volume that is prescribed.
         most_steps: Steps after which the run gives up, with status "not converged" and the last good load step.
         safety: Step over the estimated stable step.
     """
@@ -247,7 +248,7 @@ class Relaxing:
                     self._restore(good)
                 else:
                     sink.frame(sink.frame_index + 1, 0.0, self.done - before, built.dt)
-                return NOT_CONVERGED
+                return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
             sink.frame(sink.frame_index + 1, duration * index / load_steps, self.done - before, built.dt)
         return FINISHED
 

@@ -10,7 +10,7 @@ from warp_pd import CriticalStretch, Explicit, Gent, Newton, Sheet, Simulation, 
 from warp_pd.families import pack
 from warp_pd.laws import family_struct
 from warp_pd.laws.force_paths import TUNING, strips_of
-from warp_pd.run.plan import describe
+from warp_pd.run.description import plan
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
 # An energy is of second order in a strain that float32 knows to 1e-6 of one.
@@ -378,4 +378,4 @@ def test_a_gpu_takes_the_first_path_that_applies(large_on_gpu, tune):
 
 
 def test_the_plan_names_the_path():
-    assert "force = BondAssociated: rows\n" in describe(build(square(15)))
+    assert "force = BondAssociated: rows\n" in plan(build(square(15)))

@@ -9,8 +9,8 @@ from small_runs import BALL, cli, simulate
 from warp_pd import Explicit, Fixed, InputError, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
 from warp_pd.measures import support_force
 from warp_pd.parts import BodyPath
-from warp_pd.run import fine_history
 from warp_pd.run.folder import read_history
+from warp_pd.run.recorder import FineHistory
 
 DURATION, FRAMES, EVERY = 0.02, 4, 4e-4
 
@@ -89,7 +89,7 @@ def test_mean_forces_of_rows_add_up_to_those_of_frames(contact):
 
 
 def test_the_host_reads_nothing_between_frames(monkeypatch):
-    keep, read = fine_history.FineHistory.keep, wp.array.numpy
+    keep, read = FineHistory.keep, wp.array.numpy
     reading = []
 
     def watched(self, now, dt):
@@ -97,7 +97,7 @@ def test_the_host_reads_nothing_between_frames(monkeypatch):
         keep(self, now, dt)
         monkeypatch.setattr(wp.array, "numpy", read)
 
-    monkeypatch.setattr(fine_history.FineHistory, "keep", watched)
+    monkeypatch.setattr(FineHistory, "keep", watched)
     assert len(pulled().run(device="cpu").fine_history) > 40 and not reading
 
 

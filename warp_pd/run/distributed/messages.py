@@ -1,4 +1,4 @@
-"""What goes between the processes of one sheet in a step: parts of fields, from device to device."""
+"""Messages between the processes of one sheet in a step: parts of fields, from device to device."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ SIGNED = {torch.uint16: torch.int16, torch.uint32: torch.int32, torch.uint64: to
 
 
 @contextlib.contextmanager
-def talking() -> Iterator[None]:
-    """Context of what needs the other processes.
+def lost_processes_reported() -> Iterator[None]:
+    """Context that turns an error of communication into one line.
 
     Raises:
         LostError: if one of them has ended.
@@ -41,7 +41,7 @@ def _signed(array: Array) -> Any:
 
 
 class Message:
-    """What goes between this process and another one for one field."""
+    """The parts of one field that this process and another one send each other."""
 
     def __init__(self, source: Array, target: Array, rank: int, mine: np.ndarray, theirs: np.ndarray, tag: int) -> None:
         """Share the arrays with Torch.
@@ -58,12 +58,12 @@ class Message:
         self._source, self._target = _signed(source), _signed(target)
         self._leaving, self._arriving = _place(source, mine), _place(target, theirs)
         # Rows of points are sent and received where they lie.
-        self.outgoing = _lying(self._source, self._leaving)
-        self.incoming = _lying(self._target, self._arriving)
+        self.outgoing = _in_place(self._source, self._leaving)
+        self.incoming = _in_place(self._target, self._arriving)
 
     def pack(self) -> list[Any]:
         """The operations that send and receive."""
-        if not _shares(self.outgoing, self._source):
+        if not _same_storage(self.outgoing, self._source):
             self.outgoing.copy_(self._source[self._leaving])
         found = []
         if self.outgoing.numel():
@@ -74,12 +74,12 @@ class Message:
 
     def unpack(self) -> None:
         """Put what came where it belongs."""
-        if not _shares(self.incoming, self._target):
+        if not _same_storage(self.incoming, self._target):
             self._target[self._arriving] = self.incoming
 
 
-class Kept:
-    """What stays in this process when points are brought to their blocks."""
+class LocalCopy:
+    """The values that stay in this process when points are gathered to their blocks."""
 
     def __init__(self, source: Array, target: Array, mine: np.ndarray, theirs: np.ndarray) -> None:
         self._source, self._target = _signed(source), _signed(target)
@@ -99,32 +99,32 @@ def _place(array: Array, points: np.ndarray) -> tuple[Any, ...]:
     return (slice(None), place) if array.ndim == 2 else (place,)
 
 
-def _lying(tensor: Any, place: tuple[Any, ...]) -> Any:
+def _in_place(tensor: Any, place: tuple[Any, ...]) -> Any:
     """The part of the field itself if it is in one piece, otherwise room for a copy of it."""
     part = tensor[place]
     return part if part.is_contiguous() and isinstance(place[-1], slice) else torch.empty_like(part).contiguous()
 
 
-def _shares(part: Any, tensor: Any) -> bool:
+def _same_storage(part: Any, tensor: Any) -> bool:
     return bool(part.untyped_storage().data_ptr() == tensor.untyped_storage().data_ptr())
 
 
 class Exchange:
-    """Sends and receives the halo of some fields at once.
+    """Sends and receives parts of some fields at once.
 
     Attributes:
         nbytes: What this process sends.
     """
 
-    def __init__(self, messages: list[Message], device: Any, kept: Sequence[Kept] = ()) -> None:
-        self.messages, self.device, self.kept = messages, device, kept
+    def __init__(self, messages: list[Message], device: Any, copies: Sequence[LocalCopy] = ()) -> None:
+        self.messages, self.device, self.copies = messages, device, copies
         self.nbytes = sum(message.outgoing.nbytes for message in messages)
 
     def __call__(self) -> None:
         """Exchange, on Warp's stream."""
-        with talking(), stream_of(self.device):
+        with lost_processes_reported(), stream_of(self.device):
             operations = [operation for message in self.messages for operation in message.pack()]
-            for part in self.kept:
+            for part in self.copies:
                 part.copy()
             for request in dist.batch_isend_irecv(operations) if operations else []:
                 request.wait()

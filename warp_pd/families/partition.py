@@ -1,49 +1,45 @@
-"""The part of a sheet that one process of several holds."""
+"""The partition of a sheet among processes: the points that each owns, and the ghost points around them."""
 
 from __future__ import annotations
 
 import functools
-import itertools
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..device.checks import InputError
-from ..geometry.on_demand import CHUNK, OnDemand, Stored
 from ..geometry.sheet import Sheet
 from .horizon import Horizon
 
 # Sums over points go by whole blocks, and then are the same on any number of processes.
 BLOCK = 256
-# Width of the halo in horizons: forces on the own points need the families of the first horizon outside, and these
+# Width of the halo in horizons: forces on the owned points need the families of the first horizon outside, and these
 # families need the displacements of the second.
 HALO = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
-    """The points that a process owns, and those around them that it also needs: its halo.
+class Partition:
+    """The points that a process owns, and its ghost points: those around them that it also needs, the halo.
 
     Attributes:
         rank: Number of the process, from 0.
         bounds: First point of the blocks of each process in the whole sheet, and the number of its points, shape
             (processes + 1,). Sums over points go by these blocks.
         points: Index in the whole sheet of each point that is here, shape (n,); rising, unless points are scattered.
-        own: The own points among them.
-        near: Points whose families are whole here: the own ones and one horizon around them, bool, shape (n,). The
+        owned: The owned points among them; all others are ghost points.
+        near: Points whose families are whole here: the owned ones and one horizon around them, bool, shape (n,). The
             others have empty families.
-        faces: Index in the whole sheet of each triangle that is here; they are all own, shape (F,).
-        inner: Own points whose families are all own, the longest run of them.
-        owners: Process that owns each point of the whole sheet, shape (N,), if points are scattered: own points are
+        faces: Index in the whole sheet of each triangle that is here; their lowest corners are owned, shape (F,).
+        inner: Owned points whose families are all owned, the longest run of them.
+        owners: Process that owns each point of the whole sheet, shape (N,), if points are scattered: owned points are
             then not those of the own blocks, but neighbours in space. None: they are.
     """
 
     rank: int
     bounds: np.ndarray
     points: np.ndarray
-    own: slice
+    owned: slice
     near: np.ndarray
     faces: np.ndarray
     inner: slice
@@ -53,6 +49,13 @@ class Share:
     def size(self) -> int:
         """Number of processes."""
         return len(self.bounds) - 1
+
+    @property
+    def ghost(self) -> np.ndarray:
+        """Which points here are ghost points, bool, shape (n,)."""
+        found = np.ones(len(self.points), bool)
+        found[self.owned] = False
+        return found
 
     @functools.cached_property
     def span(self) -> slice:
@@ -93,9 +96,9 @@ class Share:
 
     def owner_of(self, points: np.ndarray) -> np.ndarray:
         """Process that owns each of some points of the whole sheet."""
-        return self.summer_of(points) if self.owners is None else np.asarray(self.owners[points])
+        return self.block_owner_of(points) if self.owners is None else np.asarray(self.owners[points])
 
-    def summer_of(self, points: np.ndarray) -> np.ndarray:
+    def block_owner_of(self, points: np.ndarray) -> np.ndarray:
         """Process whose blocks each of some points of the whole sheet belongs to."""
         return np.asarray(np.searchsorted(self.bounds, points, side="right") - 1)
 
@@ -106,8 +109,8 @@ def bounds_of(points: int, processes: int) -> np.ndarray:
     return np.minimum(np.linspace(0, blocks, processes + 1).astype(np.int64) * BLOCK, points)
 
 
-def divided(sheet: Sheet, horizon: float, rank: int, processes: int) -> Share:
-    """What a process holds of a sheet.
+def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int) -> Partition:
+    """The partition of a sheet for one of several processes.
 
     Args:
         sheet: The sheet, whole.
@@ -134,59 +137,36 @@ def divided(sheet: Sheet, horizon: float, rank: int, processes: int) -> Share:
     near[ranges[0][0] - ranges[-1][0] : ranges[0][1] - ranges[-1][0]] = True
     own = slice(begin - ranges[-1][0], end - ranges[-1][0])
     inner = slice(own.start + (reach if own.start else 0), own.stop - (reach if own.stop < len(points) else 0))
-    return Share(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
+    return Partition(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
 
 
 def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
     """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
-    triangles, lattice = sheet.stored("triangles"), sheet.lattice
-    assert lattice is not None
-    number = len(triangles)
-    first, last = (0, 0), (0, number)
-    if isinstance(triangles, OnDemand):
-        # Two for each cell, row by row, some of which cuts may have taken: those between belong to this process.
-        row = 2 * (lattice.columns - 1)
-        lost = row * (lattice.rows - 1) - number
-        low, high = row * (begin // lattice.columns), row * (end // lattice.columns)
-        first = max(low - lost, 0), min(low + row, number)
-        last = min(max(high - lost, first[1]), number), min(high + row, number)
-    found = []
-    for start, stop in (first, last):
-        for at in range(start, stop, CHUNK):
-            lowest = triangles[np.arange(at, min(at + CHUNK, stop))].min(axis=1)
-            found.append(at + np.flatnonzero((lowest >= begin) & (lowest < end)))
-        if first[1] and start == first[0]:
-            found.append(np.arange(first[1], last[0]))
-    some = [each for each in found if len(each)]
-    if not some:
-        return np.zeros(0, np.int64)
-    rising = all(a[-1] < b[0] for a, b in itertools.pairwise(some))
-    if rising and int(some[-1][-1]) + 1 - int(some[0][0]) == sum(map(len, some)):
-        return np.arange(some[0][0], some[-1][-1] + 1)
-    return np.sort(np.concatenate(some), kind="stable")
+    lowest = sheet.triangles.min(axis=1)
+    return np.flatnonzero((lowest >= begin) & (lowest < end))
 
 
-def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Share:
-    """What a process holds of a cloud or a grid with holes: points that are near each other, whatever their order.
+def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Partition:
+    """The partition of a cloud or a grid with holes: points that are near each other, whatever their order.
 
-    Own points come first here. Of a cloud the inner ones come before those near the border, and whole families before
+    Owned points come first here. Of a cloud the inner ones come before those near the border, and whole families before
     empty ones.
     """
     cloud, processes = sheet.layout == "cloud", len(bounds) - 1
-    owners = bisected(sheet.points, processes) if cloud else banded(sheet.points, processes, sheet.spacing)
+    owners = bisection(sheet.points, processes) if cloud else row_bands(sheet.points, processes, sheet.spacing)
     if np.bincount(owners, minlength=processes).min() == 0:
         raise InputError(f"processes = {processes!r}: expected fewer than the rows of a grid of {sheet.size} points")
     mine = owners == rank
     own = np.flatnonzero(mine)
     faces = np.flatnonzero(mine[sheet.triangles.min(axis=1)])
-    near, held = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
-    halo = np.flatnonzero(held & ~mine)
+    near, reached = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
+    halo = np.flatnonzero(reached & ~mine)
     apart = _apart(sheet, horizon, own, halo)
     if cloud:
         own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]
         halo = np.concatenate([halo[near[halo]], halo[~near[halo]]])
     points = np.concatenate([own, halo])
-    return Share(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
+    return Partition(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
 
 
 def _longest_run(flags: np.ndarray) -> slice:
@@ -196,7 +176,7 @@ def _longest_run(flags: np.ndarray) -> slice:
     return slice(int(ends[longest]), int(ends[longest + 1]) - 1)
 
 
-def banded(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
+def row_bands(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
     """Part to which each point belongs, shape (N,): bands along x that divide no row of a grid.
 
     Kernels know of the points of a row that they follow each other.
@@ -211,7 +191,7 @@ def banded(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
     return found
 
 
-def bisected(points: np.ndarray, parts: int) -> np.ndarray:
+def bisection(points: np.ndarray, parts: int) -> np.ndarray:
     """Part to which each point belongs, shape (N,): recursive bisection across the longest side of what is left."""
     found = np.zeros(len(points), np.uint16)
     pieces = [(np.arange(len(points)), 0, parts)]
@@ -264,42 +244,19 @@ def _around(sheet: Sheet, horizon: float, own: np.ndarray, corners: np.ndarray) 
     return near, np.isfinite(cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0])
 
 
-def part_of_sheet(sheet: Sheet, share: Share) -> Sheet:
-    """The points of a share as a sheet. Its lattice is the whole one; edges, cuts and outlines are left out.
+def sheet_on_partition(sheet: Sheet, partition: Partition) -> Sheet:
+    """The points of a partition as a sheet. Its lattice is the whole one; edges, cuts and outlines are left out.
 
     It carries what parts and laws ask of points. Families are built of the whole sheet.
     """
-    points = share.points
-    stored = {name: sheet.stored(name) for name in ("points", "areas", "triangles")}
-    if sheet.lattice is not None and not isinstance(stored["triangles"], np.ndarray):
-        arrays: dict[str, Any] = _rows_of(stored, points, share.faces)
-    else:
-        arrays = {name: values[points] for name, values in stored.items() if name != "triangles"}
-        corners = stored["triangles"][share.faces]
-        arrays["triangles"] = share.here(corners.ravel())[1].reshape(-1, 3)
 
     def of(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else share.rows(values)
+        return None if values is None else partition.rows(values)
 
     return replace(
         sheet,
-        **arrays,
+        points=partition.rows(sheet.points), areas=partition.rows(sheet.areas),
+        triangles=partition.here(sheet.triangles[partition.faces].ravel())[1].reshape(-1, 3),
         grid=of(sheet.grid), spacings=of(sheet.spacings), frames=of(sheet.frames), bodies=of(sheet.bodies),
         pieces=of(sheet.pieces), stiffness=of(sheet.stiffness), barriers=None, cuts=(), parts={}, inclusions=(),
     )  # fmt: skip
-
-
-def _moved(values: Stored, by: int) -> Callable[[int, int], np.ndarray] | None:
-    """What computes consecutive entries from another first one."""
-    return (lambda begin, end: values.run(begin + by, end + by)) if isinstance(values, OnDemand) else None
-
-
-def _rows_of(stored: Mapping[str, Stored], points: np.ndarray, faces: np.ndarray) -> dict[str, Stored]:
-    """Points that follow each other in a lattice whose arrays are computed on demand."""
-    first = int(points[0])
-    places, areas, triangles = stored["points"], stored["areas"], stored["triangles"]
-    return {
-        "points": OnDemand(len(points), lambda i: places[i + first], _moved(places, first)),
-        "areas": OnDemand(len(points), lambda i: areas[i + first], _moved(areas, first)),
-        "triangles": OnDemand(len(faces), lambda i: triangles[faces[i]] - np.int32(first)),
-    }

@@ -13,7 +13,7 @@ from torch.distributed.elastic.multiprocessing.api import SignalException
 from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
 from torch.distributed.launcher.api import LaunchConfig, elastic_launch
 
-from ...interfaces.communicator import SPEAKS
+from ...interfaces.communicator import LAUNCHER_REPORTS
 
 INTERRUPTED, LOST = 130, 4
 
@@ -28,7 +28,7 @@ def launch(processes: int, arguments: Sequence[str]) -> int:
     # They say in one line themselves what went wrong.
     logging.disable(logging.CRITICAL)
     # The one line that a killed process costs comes from here.
-    os.environ[SPEAKS] = "1"
+    os.environ[LAUNCHER_REPORTS] = "1"
     config = LaunchConfig(
         min_nodes=1, max_nodes=1, nproc_per_node=processes, run_id=uuid.uuid4().hex, rdzv_backend="c10d",
         rdzv_endpoint="localhost:0", local_addr="localhost", max_restarts=0, monitor_interval=0.2,

@@ -1,6 +1,6 @@
-"""Several processes that compute one sheet together, by torch.distributed: NCCL on GPUs, Gloo on CPUs.
+"""The communicator of several processes, by torch.distributed: NCCL on GPUs, Gloo on CPUs.
 
-`torchrun` starts them. Halos and sums go from device to device; files, errors and progress through the first process.
+`torchrun` starts them. Halos and sums go from device to device; files, errors and progress through the root.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from ...device.checks import InputError
 from ...device.cores import start_warp
 from ...device.fields import Array, Stored, to_host
 from ...device.launches import Call, Touched
-from ...families.share import BLOCK, Share
-from ...interfaces.communicator import Crew, LostError
+from ...families.partition import BLOCK, Partition
+from ...geometry.triangulation import CoarseLattice
+from ...interfaces.communicator import Communicator, LostError
 from ...laws.neural.torch_step import capture, release_graphs
-from .torch_messages import Exchange, Kept, Message, stream_of, talking
+from .messages import Exchange, LocalCopy, Message, lost_processes_reported, stream_of
 
 T = TypeVar("T")
 
@@ -32,14 +33,14 @@ T = TypeVar("T")
 PATIENCE = timedelta(hours=24)
 
 
-def _part() -> None:
+def _leave() -> None:
     if dist.is_initialized():
         # NCCL waits for the graphs that hold its work.
         release_graphs()
         dist.destroy_process_group()
 
 
-class TorchCrew(Crew):
+class TorchCommunicator(Communicator):
     """The processes that torchrun started.
 
     Attributes:
@@ -56,18 +57,18 @@ class TorchCrew(Crew):
             torch.cuda.set_device(int(os.environ.get("LOCAL_RANK", "0")))
             # An exchange goes before the launches of the interior that fill the device meanwhile.
             os.environ.setdefault("TORCH_NCCL_HIGH_PRIORITY", "1")
-        with talking():
+        with lost_processes_reported():
             if not dist.is_initialized():
                 backend = "cpu:gloo,cuda:nccl" if cuda else "gloo"
                 dist.init_process_group(backend, timeout=PATIENCE)
                 # Threads of Gloo that still wait would end the process by SIGABRT.
-                atexit.register(_part)
+                atexit.register(_leave)
             self.rank, self.size = dist.get_rank(), dist.get_world_size()
         # One of several processes of a machine each takes its share of the cores; Torch works on one.
         torch.set_num_threads(1)
 
-    def together(self, work: Callable[[], T]) -> T:
-        """Do work in all processes; the error of one is raised in all."""
+    def barrier(self, work: Callable[[], T]) -> T:
+        """Do work in all processes and wait for all; the error of one is raised in all."""
         result, error = None, None
         try:
             result = work()
@@ -76,16 +77,16 @@ class TorchCrew(Crew):
         except (Exception, KeyboardInterrupt) as caught:
             error = caught
         errors: list[Any] = [None] * self.size
-        with talking():
-            dist.all_gather_object(errors, None if error is None else _sendable(error))
+        with lost_processes_reported():
+            dist.all_gather_object(errors, None if error is None else _pickled(error))
         first = next((rank for rank, text in enumerate(errors) if text is not None), None)
         if first is not None:
             raise error if first == self.rank and error is not None else pickle.loads(errors[first])
         return result  # type: ignore[return-value]
 
-    def lead(self, work: Callable[[], T]) -> T | None:
-        """Do work in the first process, while the others answer what it asks for."""
-        if not self.leads:
+    def root(self, work: Callable[[], T]) -> T | None:
+        """Do work in the root, while the others answer what it asks for."""
+        if not self.is_root:
             self._serve()
             return None
         try:
@@ -93,58 +94,63 @@ class TorchCrew(Crew):
         except LostError:
             raise
         except (Exception, KeyboardInterrupt) as error:
-            self._tell(("end", _sendable(error)))
+            self._broadcast(("end", _pickled(error)))
             raise
-        self._tell(("end", None))
+        self._broadcast(("end", None))
         return result
 
-    def _tell(self, message: Any) -> Any:
-        """The message that the first process gives."""
-        told = [message]
-        with talking():
-            dist.broadcast_object_list(told, src=0)
-        return told[0]
+    def _broadcast(self, value: Any) -> Any:
+        found = [value]
+        with lost_processes_reported():
+            dist.broadcast_object_list(found, src=0)
+        return found[0]
 
     def _serve(self) -> None:
         while True:
-            what, value = self._tell(None)
+            what, value = self._broadcast(None)
             if what == "end":
                 if value is not None:
                     raise pickle.loads(value)
                 return
-            index, name = value
-            if self.share is None or self.register[index].name != name:
+            index, name, coarse = value
+            if self.partition is None or self._fields[index].name != name:
                 raise RuntimeError(f"field {name!r}: expected the same fields in all processes")
-            self._send_own(self.register[index], self.share)
+            self._send_own(self._fields[index], self.partition, coarse)
 
-    def divide(self, share: Share) -> None:
-        """Take a share of the sheet, and tell the others."""
-        self.share = share
-        self._routes = {near: self._find_routes(share, near) for near in (False, True)}
+    def set_partition(self, partition: Partition) -> None:
+        """Take a part of the sheet, and tell the others."""
+        self.partition = partition
+        self._routes = {near: self._find_routes(partition, near) for near in (False, True)}
 
-    def bind(self, register: list[Stored]) -> None:
-        """Know the fields that the first process may ask for."""
-        self.register = register
+    def register_fields(self, fields: list[Stored]) -> None:
+        """Know the fields that the root may ask for."""
+        self._fields = fields
 
-    def whole(self, stored: Stored, index: int, share: Share | None) -> np.ndarray:
-        """A copy of a field of the whole sheet on the host; within `lead` only."""
-        if share is None or stored.field.per not in ("point", "bond", "face", "block"):
+    def gather_field(
+        self, stored: Stored, index: int, partition: Partition, coarse: CoarseLattice | None
+    ) -> np.ndarray:
+        """A copy of a field of the whole sheet on the host; within `root` only."""
+        if stored.field.per not in ("point", "bond", "face", "block"):
             return to_host(stored.array)
-        self._tell(("field", (index, stored.name)))
-        return self._send_own(stored, share)
+        self._broadcast(("field", (index, stored.name, coarse)))
+        return self._send_own(stored, partition, coarse)
 
-    def _send_own(self, stored: Stored, share: Share) -> np.ndarray:
-        """Bring the own parts of a field together in the first process, which returns the whole."""
-        per, values = stored.field.per, to_host(stored.array)
+    def _send_own(self, stored: Stored, partition: Partition, coarse: CoarseLattice | None) -> np.ndarray:
+        """Gather the owned parts of a field in the root, which returns the whole."""
+        per, chosen = stored.field.per, None
         places: Any = None
-        if per in ("point", "bond"):
-            values = values[share.own] if per == "point" else values[:, share.own]
-            if share.owners is not None:
-                places = share.points[share.own]
+        if coarse is not None:
+            first, own = int(partition.points[0]), partition.owned
+            chosen = coarse.points(first + own.start, first + own.stop) - first
+        values = to_host(stored.array, chosen)
+        if per in ("point", "bond") and coarse is None:
+            values = values[partition.owned] if per == "point" else values[:, partition.owned]
+            if partition.owners is not None:
+                places = partition.points[partition.owned]
         if per == "face":
-            places = share.faces
-        parts: Any = [None] * self.size if self.leads else None
-        with talking():
+            places = partition.faces
+        parts: Any = [None] * self.size if self.is_root else None
+        with lost_processes_reported():
             dist.gather_object((np.ascontiguousarray(values), places), parts)
         if parts is None:
             return values
@@ -156,38 +162,38 @@ class TorchCrew(Crew):
         found[(slice(None),) * axis + (np.concatenate([where for _, where in parts]),)] = whole
         return found
 
-    def in_turn(self, work: Callable[[], T]) -> T:
-        """Do work in the first process, then in all others, which find what it left."""
-        found = self.lead(work)
-        return self.together(lambda: work() if found is None else found)
+    def root_first(self, work: Callable[[], T]) -> T:
+        """Do work in the root, then in all others, which find what it left."""
+        found = self.root(work)
+        return self.barrier(lambda: work() if found is None else found)
 
     def any(self, flag: bool) -> bool:
         """Whether a flag is set in any process."""
         return self._reduced(float(flag), dist.ReduceOp.MAX) > 0.0
 
-    def least(self, value: float) -> float:
-        """The least of a number of all processes."""
+    def minimum(self, value: float) -> float:
+        """The least of the numbers of all processes."""
         return self._reduced(value, dist.ReduceOp.MIN)
 
     def _reduced(self, value: float, operation: Any) -> float:
         number = torch.tensor([value], dtype=torch.float64)
-        with talking():
+        with lost_processes_reported():
             dist.all_reduce(number, operation)
         return float(number[0])
 
     def gather(self, value: T) -> list[T]:
-        """What all processes have, by their number."""
+        """The values of all processes, by rank."""
         found: list[Any] = [None] * self.size
-        with talking():
+        with lost_processes_reported():
             dist.all_gather_object(found, value)
         return found
 
-    def spread(self, value: T) -> T:
-        """The value that the first process has."""
-        return self._tell(value)  # type: ignore[no-any-return]
+    def broadcast(self, value: T) -> T:
+        """The value of the root."""
+        return self._broadcast(value)  # type: ignore[no-any-return]
 
-    def exchange(self, fields: Sequence[Stored], share: Share) -> Call:
-        """A call that fills the halo of some fields with what its owners have."""
+    def exchange(self, fields: Sequence[Stored], partition: Partition) -> Call:
+        """A call that fills the ghost points of some fields with the values of their owners."""
         messages = [
             Message(stored.array, stored.array, rank, mine, theirs, tag)
             for tag, stored in enumerate(fields)
@@ -200,59 +206,60 @@ class TorchCrew(Crew):
         touched = Touched(addresses, frozenset(), addresses)
         return Call(f"exchange {names}", "processes", threads, exchange, capture, touched)
 
-    def _find_routes(self, share: Share, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """For each other process: its number, own points here that it needs, points here that it owns.
+    def _find_routes(self, partition: Partition, near: bool) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """For each other process: its rank, owned points that it needs, ghost points that it owns.
 
         Args:
-            share: What is here.
+            partition: What is here.
             near: Whether only points whose families are whole there count: others have none to hold bonds.
         """
-        outside = share.near.copy() if near else np.ones(len(share.points), bool)
-        outside[share.own] = False
+        outside = partition.ghost & partition.near if near else partition.ghost
         halos: list[Any] = [None] * self.size
-        with talking():
-            dist.all_gather_object(halos, share.points[outside])
-        wanted, owner = np.flatnonzero(outside), share.owner_of(share.points[outside])
+        with lost_processes_reported():
+            dist.all_gather_object(halos, partition.points[outside])
+        wanted, owner = np.flatnonzero(outside), partition.owner_of(partition.points[outside])
         routes = []
         for rank, asked in enumerate(halos):
-            mine = share.here(asked[share.owner_of(asked) == share.rank])[1]
+            mine = partition.here(asked[partition.owner_of(asked) == partition.rank])[1]
             # Both sides in the order of the sheet.
             theirs = wanted[owner == rank]
             if len(mine) or len(theirs):
                 routes.append((rank, mine, theirs))
         return routes
 
-    def bring(self, pairs: Sequence[tuple[Array, Array]], share: Share) -> Call:
-        """A call that fills arrays of the points of own blocks with what their owners have of others."""
-        begin, own = int(share.bounds[share.rank]), share.points[share.own]
-        summers, order = share.summer_of(own), np.argsort(own)
-        owners = share.owner_of(np.arange(begin, begin + share.block_points))
+    def gather_to_blocks(self, pairs: Sequence[tuple[Array, Array]], partition: Partition) -> Call:
+        """A call that fills the second array of each pair (points of own blocks) from the owners of the points."""
+        begin, own = int(partition.bounds[partition.rank]), partition.points[partition.owned]
+        block_owners, order = partition.block_owner_of(own), np.argsort(own)
+        owners = partition.owner_of(np.arange(begin, begin + partition.block_points))
         routes = [
-            (rank, share.own.start + order[summers[order] == rank], np.flatnonzero(owners == rank))
+            (rank, partition.owned.start + order[block_owners[order] == rank], np.flatnonzero(owners == rank))
             for rank in range(self.size)
         ]
         messages = [
             Message(source, target, rank, mine, theirs, tag)
             for tag, (source, target) in enumerate(pairs)
             for rank, mine, theirs in routes
-            if rank != share.rank and (len(mine) or len(theirs))
+            if rank != partition.rank and (len(mine) or len(theirs))
         ]
-        _, mine, theirs = routes[share.rank]
-        kept = [Kept(source, target, mine, theirs) for source, target in pairs]
+        _, mine, theirs = routes[partition.rank]
+        kept = [LocalCopy(source, target, mine, theirs) for source, target in pairs]
         sources, targets = (frozenset(int(pair[k].ptr) for pair in pairs) for k in (0, 1))
         exchange = Exchange(messages, pairs[0][0].device, kept)
-        return Call("bring blocks", "processes", len(own), exchange, capture, Touched(sources, frozenset(), targets))
+        return Call(
+            "gather to blocks", "processes", len(own), exchange, capture, Touched(sources, frozenset(), targets)
+        )
 
-    def gather_blocks(self, mine: Array, everything: Array, share: Share) -> Call:
+    def gather_blocks(self, mine: Array, everything: Array, partition: Partition) -> Call:
         """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
-        starts = -(-share.bounds // BLOCK)
+        starts = -(-partition.bounds // BLOCK)
         widest = int(np.diff(starts).max())
         source, target = wp.to_torch(mine), wp.to_torch(everything)
         packed = torch.zeros((source.shape[0], widest), dtype=source.dtype, device=source.device)
         parts = [torch.zeros_like(packed) for _ in range(self.size)]
 
         def gather() -> None:
-            with talking(), stream_of(mine.device):
+            with lost_processes_reported(), stream_of(mine.device):
                 packed[:, : source.shape[1]] = source
                 dist.all_gather(parts, packed)
                 for part, first, last in zip(parts, starts[:-1], starts[1:], strict=True):
@@ -262,7 +269,7 @@ class TorchCrew(Crew):
         return Call("gather blocks", "processes", int(starts[-1]), gather, capture, touched)
 
 
-def _sendable(error: BaseException) -> bytes:
+def _pickled(error: BaseException) -> bytes:
     """An error as bytes; one that cannot be sent becomes its text."""
     try:
         data = pickle.dumps(error)
