@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from .effects import Kernel, kernel
+from .effects import OWN, Kernel, kernel
 
 # Parts of the way of a point within a step in which its entry into a body is sought, at most.
 PARTS = 256
@@ -178,9 +178,8 @@ DistanceFunction = Callable[..., Any]
 @functools.cache
 def distances(distance: wp.Function) -> Kernel:
     """Kernel of signed distances of many points, `found` (N,) vec4d, from a body at a place with a rotation."""
-    module = f"warp_pd_{distance.key}"
 
-    @kernel(module)
+    @kernel(OWN)
     def find_distances(
         points: wp.array(dtype=wp.vec3d),
         reach: wp.float64,

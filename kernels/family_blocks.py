@@ -56,7 +56,6 @@ def block_force(
     members: int,
     listed: bool,
     module: str,
-    fast_module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and force [points] by the families' own half; variational form.
 
@@ -74,8 +73,7 @@ def block_force(
         members: Maximum number of members of a family.
         listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, of which `other_count` exist,
             instead of these points themselves.
-        module: Name of the Warp module of the law.
-        fast_module: Name of the Warp module of this kernel alone, which is compiled for its own block size.
+        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
@@ -89,7 +87,7 @@ def block_force(
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
-    functions = block_functions(layout, bits, material, near, breakable, breaking, members, module, fast_module)
+    functions = block_functions(layout, bits, material, near, breakable, breaking, members, module)
     Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
     arrive, answer = functions.arrive, functions.answer
     missing_shapes = functions.missing_shapes
@@ -100,7 +98,8 @@ def block_force(
     gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
 
     @kernel(
-        fast_module, per="list", gathers=("displacement", *gathered), launch_bounds=(threads, resident)
+        module, per="list", gathers=("displacement", *gathered), launch_bounds=(threads, resident),
+        fast_math=bits == 32,
     )  # fmt: skip
     def family_block_force(
         family: Family,

@@ -72,7 +72,6 @@ def neural(
     layers: Layers | None,
     counted: bool,
     module: str,
-    fused_module: str,
 ) -> NeuralKernels:
     """Kernels of the law.
 
@@ -86,7 +85,6 @@ def neural(
         layers: Numbers of the network, see `network_function`, for "fused", else None.
         counted: Whether to count the bonds outside a range of stretches.
         module: Name of the Warp module.
-        fused_module: Name of the Warp module of the kernel that evaluates a network.
     """
     types = numeric(bits)
     real, vec2, vec3, vec4, mat32, parameters = (
@@ -214,7 +212,7 @@ def neural(
     if torch:
         direct = None
     elif evaluation == "fused":
-        direct = fused_force(bits, layers, law, module, fused_module)
+        direct = fused_force(bits, layers, law, module)
     return NeuralKernels(
         direct=direct,
         features=features if torch else None,

@@ -62,7 +62,7 @@ def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
     return found
 
 
-def fused_force(bits: int, layers: Layers, law: NeuralFunctions, module: str, fused_module: str) -> Kernel:
+def fused_force(bits: int, layers: Layers, law: NeuralFunctions, module: str) -> Kernel:
     """Kernel of the neural law with the network evaluated one bond after the other.
 
     Args:
@@ -70,14 +70,13 @@ def fused_force(bits: int, layers: Layers, law: NeuralFunctions, module: str, fu
         layers: See `network_function`.
         law: Functions of the law.
         module: Name of the Warp module of the network.
-        fused_module: Name of the Warp module of the kernel.
     """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     evaluate = network_function(bits, layers, module)
     Family = law.struct
 
-    @kernel(fused_module, gathers=("displacement",))
+    @kernel(module, gathers=("displacement",), fast_math=bits == 32)
     def fused_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -314,7 +314,7 @@ def undamaged_lattice_force(
 
     if damaged:
 
-        @kernel(module, per="list", gathers=("displacement",))
+        @kernel(module, per="list", gathers=("displacement",), fast_math=bits == 32)
         def damaged_family_force(
             damaged_points: wp.array(dtype=wp.int32),
             damaged_count: wp.array(dtype=wp.int32),
@@ -345,7 +345,7 @@ def undamaged_lattice_force(
 
         return damaged_family_force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(module, gathers=("displacement",), fast_math=bits == 32)
     def undamaged_family_force(
         family_class: wp.array(dtype=wp.int32),
         inner: int,

@@ -346,15 +346,11 @@ class Stage:
 
 
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
-    """Build or load every kernel now; for a GPU several modules at once."""
-    modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
-    if device.is_cuda:
-        for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
-            loaded.result()
-        return
-    for module, _ in modules:
-        # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
-        module.load(device, 1)
+    """Build or load every kernel now, several modules at once."""
+    # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
+    modules = {(launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches}
+    for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
+        loaded.result()
 
 
 def _check_names(what: str, expected: set[str], given: set[str]) -> None:

@@ -19,7 +19,7 @@ from ..device.launches import Launch, Stage, compile_launches
 from ..families.share import BLOCK as SUM_BLOCK
 from ..families.share import Share
 from ..geometry.sheet import Sheet
-from ..kernels.effects import Kernel
+from ..kernels.effects import OWN, Kernel
 from ..kernels.families import COMPACT, CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
 from .communicator import Crew
@@ -115,7 +115,7 @@ class Context:
         sheet: The sheet, without stress; what is here of it, if several processes share it.
         device: The Warp device.
         types: Types of the precision.
-        module: Name of the Warp module that holds every kernel of this configuration.
+        module: Names the Warp module of kernels: each is its own module, named by its content (kernels/effects.py).
         features: Requirements of the parts on common kernels.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
         initial_displacement: From the state without stress [m], shape (N, 3).
@@ -135,7 +135,6 @@ class Context:
     sheet: Sheet
     device: wp.Device
     types: Numeric
-    module: str
     features: Features
     held: np.ndarray
     initial_displacement: np.ndarray
@@ -145,6 +144,7 @@ class Context:
     placement: np.ndarray | None = None
     share: Share | None = None
     crew: Crew = field(default_factory=Crew)
+    module: str = OWN
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
@@ -316,10 +316,6 @@ class Context:
             run_once(self.device, self.stages[self.prefix + name])
         else:
             self.sequence(name).run()
-
-    def use_fast_math(self, module: str) -> None:
-        """Let a module use the approximate divisions, roots and exponentials of the hardware, in float32 on a GPU."""
-        wp.get_module(module).options["fast_math"] = self.bits == 32 and self.device.is_cuda
 
     def compile(self) -> float:
         """Build or load every kernel now; returns the seconds it took."""

@@ -246,10 +246,6 @@ class Law(Protocol):
         """Name of the influence function if its fast kernels take the tables of kernels/compact_clouds.py, or empty."""
         return ""
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        ...
-
     def build(self, context: Context) -> BuiltLaw:
         """Families, tables and kernels on a device."""
         ...

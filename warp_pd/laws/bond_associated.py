@@ -104,10 +104,6 @@ class BondAssociated:
         """Form of the kernels: "published" or "variational"."""
         return "published" if self.weights == "published" else "variational"
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (layout, self.material.functions, self.broken if breakable else None, self.form, self.fast)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

@@ -72,10 +72,6 @@ class BondBased:
         one_of("micromoduli", self.micromoduli, MICROMODULI)
         check_material(self.material, "pairwise")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (layout, self.material.pairwise, breakable)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 
@@ -118,9 +114,8 @@ class BondBasedForce(FamilyLaw):
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
         if law.fast and context.layout == "lattice" and not context.device.is_cuda:
             members = families.members
-            module = f"{context.module}_once_{members}"
-            pull = pull_of_bond("lattice", context.bits, law.material.pairwise, module)
-            self.once = bonds_once(context.bits, members, breakable, pull, module)
+            pull = pull_of_bond("lattice", context.bits, law.material.pairwise, context.module)
+            self.once = bonds_once(context.bits, members, breakable, pull, context.module)
         self._shown: dict[str, Array] = {}
 
     def add(self, phase: Phase, stage: Stage) -> None:

@@ -37,7 +37,7 @@ from ..materials import capabilities
 from .family_struct import moments_of
 from .point_lists import Lists, Run
 from .strips import Strip, long_strips, short_strips
-from .undamaged_lattice import shared_name, undamaged_stencil
+from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw, FastForce
 
 if TYPE_CHECKING:
@@ -184,8 +184,6 @@ class FastPath:
         self.gridded = force.families.layout == "grid"
         # Several processes divide launches around exchanges, and lists of damaged families are of the whole sheet.
         self.beside = self.listed and w.share is None and force.intact is None
-        # The kernel of all others is compiled for its own block size.
-        self.shared_module = f"{w.module}_shared_{force.families.members}"
         self.lists = None if stencil is None else Lists.of(force, self.whole_families, stencil[1])
         self.compact = is_compact(w.layout)
         # The families of a cloud are all alike to their kernel: its strips may be short, and then stay in the cache.
@@ -193,11 +191,6 @@ class FastPath:
         here, divided = self.whole_families, self.listed or (self.compact and w.share is None)
         self.strips = self._strips() if divided else [Strip(0, here.start, here.stop, 0, force.points)]
         self.lag = LAG if self.beside and len(self.strips) > 1 else 0
-        key = (w.bits, self.gridded, force.key[3] is not None, w.module if self.lag else None, w.device.is_cuda)
-        self.module = shared_name(stencil, near, key)
-        # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
-        for module in (self.module, self.shared_module):
-            w.use_fast_math(module)
         self.moments: Array | None = None
         if not self.compact:
             self.moments = w.array("moments", force.owner, vec3, moments_of(force.families), per="table")
@@ -270,7 +263,7 @@ class FastPath:
         if lists.damaged is not None:
             assert law.intact is not None
             stage.launch(
-                law.owner, changed_families(self.module), strip.end - strip.begin, begin=strip.begin,
+                law.owner, changed_families(law.context.module), strip.end - strip.begin, begin=strip.begin,
                 family_class=law.struct.family_class, inner=self.stencil[1], full=self.stencil[0].all_members,
                 intact=law.intact, damaged_points=lists.damaged, damaged_count=lists.counts[1:],
             )  # fmt: skip
@@ -330,7 +323,7 @@ class FastPath:
         _, bits, _, broken, _ = self.force.key
         return undamaged_lattice_force(
             bits, self.near, stencil, self.gridded, broken is not None, breaking is not None, damaged, gather,
-            self.module,
+            self.force.context.module,
         )  # fmt: skip
 
     def _of_lattice(
@@ -364,7 +357,7 @@ class FastPath:
         blocks = min(-(-(run.stop - run.start) // together), MAX_LISTED_BLOCKS if listed else MAX_BLOCKS)
         kernel = block_force(
             layout, bits, material, self.near, broken, None if breaking is None else breaking.kernel, members,
-            listed, w.module, self.shared_module,
+            listed, w.module,
         )  # fmt: skip
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,

@@ -64,10 +64,6 @@ class HyperelasticBonds:
         if not isinstance(self.material, BondNeoHookean):
             raise InputError(f"material = {self.material!r}: expected BondNeoHookean with the law HyperelasticBonds")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (layout, self.material.compressed_constants is not None, self.surface_correction, breakable)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

@@ -49,10 +49,6 @@ class Nodal:
         influence_function(self.influence)
         check_material(self.material, "functions")
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (layout, self.material.functions, breakable)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

@@ -90,7 +90,6 @@ class ShownFields:
 
     def __init__(self, law: ShowingLaw, names: Sequence[str]) -> None:
         self.law, context = law, law.context
-        self.module = f"{context.module}_fields"
         self.wanted = Wanted(
             stretch="stretch" in names, direction="direction" in names, piola="first_piola" in names,
             cauchy="cauchy" in names, state="wrinkle_state" in names,
@@ -120,7 +119,7 @@ class ShownFields:
         if not self.counts:
             return
         context = self.law.context
-        kernel = bond_counts(context.layout, context.bits, context.features.breakable, context.module, self.module)
+        kernel = bond_counts(context.layout, context.bits, context.features.breakable, context.module, context.module)
         stage.launch(
             OWNER, kernel, self.law.points, family=self.law.struct, intact=self.law.intact,
             intact_count=self.arrays["intact_bonds"], broken_count=self.arrays["broken_bonds"],
@@ -132,7 +131,7 @@ class ShownFields:
         functions = None if material is None else material.functions
         return point_fields(
             context.layout, context.bits, functions, context.features.breakable, known.volume, known.wrinkle_width,
-            self.wanted, context.module, self.module,
+            self.wanted, context.module, context.module,
         )  # fmt: skip
 
     def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
@@ -142,7 +141,7 @@ class ShownFields:
         context = self.law.context
         return bond_fields(
             layout, bits, functions, broken, form, known.volume, known.wrinkle_width, viscous,
-            context.sheet.stiffness is not None, self.wanted, context.module, self.module,
+            context.sheet.stiffness is not None, self.wanted, context.module, context.module,
         )  # fmt: skip
 
 

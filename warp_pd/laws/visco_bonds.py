@@ -61,10 +61,6 @@ class ViscoBondBased:
         """Whether its forces have an energy."""
         return not self.prony
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
-        return (layout, breakable, bool(self.prony), self.update)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

@@ -66,10 +66,6 @@ class RigidBody(Contact):
             raise InputError(f"RigidBody.name = {said(self.name)}: expected a name, such as 'needle'")
         self.motion.check(self.shape)
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Shape, kind of motion, and whether there is friction."""
-        return self.shape.kind, self.motion.free, self.friction > 0.0
-
     def check(self, others: Sequence[Part]) -> None:
         """Refuse another body of the same name.
 

@@ -73,10 +73,6 @@ class Enclosed(Load):
         """Discharge coefficient [-] of what cracks open, 0 if nothing flows, and density outside [kg/m^3]."""
         return 0.0, 1.0
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether its factor changes in time, and whether cracks let it out."""
-        return (self.schedule() is not None, self.outflow[0] > 0.0)
-
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The volume on a device."""
         return BuiltEnclosed(self, context, law)

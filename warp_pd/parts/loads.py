@@ -45,10 +45,6 @@ class Pressure(Load):
         finite("Pressure.value", self.value)
         one_of("Pressure.follower", self.follower, (True, False))
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether it follows the surface, and whether it changes in time."""
-        return (self.follower, self.ramp is not None)
-
     def divided(self, sheet: Sheet, share: Share) -> Load:
         """Itself: it knows no points."""
         return self
@@ -77,10 +73,6 @@ class BodyForce(Load):
     def __post_init__(self) -> None:
         vector("BodyForce.value", self.value, 3)
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether it changes in time."""
-        return (self.ramp is not None,)
-
     def divided(self, sheet: Sheet, share: Share) -> Load:
         """Itself: it knows no points."""
         return self
@@ -108,10 +100,6 @@ class PointForce(Load):
 
     def __post_init__(self) -> None:
         vector("PointForce.value", self.value, 3)
-
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether it changes in time."""
-        return (self.ramp is not None,)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The force on a device."""

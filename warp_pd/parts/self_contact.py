@@ -74,10 +74,6 @@ class SelfContact(Contact):
         """Whether there is friction."""
         return self.friction > 0.0
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether there is friction."""
-        return (self.changes_velocities,)
-
     def check(self, others: Sequence[Part]) -> None:
         """Refuse a second one.
 

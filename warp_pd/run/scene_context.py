@@ -18,7 +18,6 @@ from ..kernels.numeric import numeric
 from ..laws import fast_path
 from ..parts.frame_checks import EnergyBalance
 from ..parts.supports import held_components
-from .compile_key import module_name
 from .scene import Scene
 
 OWNER = "Simulation"
@@ -47,7 +46,7 @@ def scene_context(
     initial = start if placement is None else start + placement
     made = Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), features=features, held=held,
-        module=module_name(scene, parts, features, bits), initial_displacement=initial, fields=FieldRegister(device),
+        initial_displacement=initial, fields=FieldRegister(device),
         clock=Clock(solver.duration, solver.default_ramp), placement=placement, crew=crew,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip

@@ -109,14 +109,6 @@ class Neural:
             )
         return found
 
-    def compile_key(self, layout: str, breakable: bool) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        numbers = self.loaded.sigmoids() if self.loaded is not None and self.evaluation == "fused" else None
-        return (
-            layout, capabilities(self.material).membrane, breakable, self.weights, self.evaluation, numbers,
-            self.loaded is not None,
-        )  # fmt: skip
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 
@@ -143,14 +135,13 @@ class NeuralForce(PointLaw):
         assert known.membrane is not None and known.mu is not None
         # A network gives forces divided by mu.
         self._scale = 1.0 if law.evaluation == "closed_form" else known.mu
-        layers, fused_module = None, f"{context.module}_fused"
+        layers = None
         if law.evaluation == "fused":
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
-            context.use_fast_math(fused_module)
         self.kernels = neural(
             context.layout, context.bits, known.membrane, context.features.breakable, law.weights == "corrected",
-            law.evaluation, layers, law.loaded is not None, context.module, fused_module,
+            law.evaluation, layers, law.loaded is not None, context.module,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None
         self.outside: Array | None = None
