@@ -108,7 +108,7 @@ def test_a_million_points_share_few_kinds_of_weights():
     found = rectangle_corrected(1000, 1000, 1e-3, **stencil(3.15))
     kinds = found.kinds()
     assert kinds.shape == (1_000_000,)
-    assert kinds.max() < found.table.shape[0] * found.table.shape[1]
+    assert kinds.max() < found.table.shape[0] * found.table.shape[1] < 1_000
 
 
 @pytest.mark.parametrize(("name", "value"), [("floor", 1.0), ("depth", 0)])
