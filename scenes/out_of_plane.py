@@ -5,7 +5,7 @@ right edge move by u1 = 0.025 t, u3 = 0.05 t until 2 s, and then stay. The paper
 4.5 s, without numbers. The other edges are free.
 
 The free edges are compressed, and a sheet without bending stiffness wrinkles there as finely as its points allow. So
-the field has no limit as the spacing shrinks: explicit finite elements (tools/references/membrane_dynamics.py) with 50
+the field has no limit as the spacing shrinks: explicit finite elements (tools/references/lifted_sheet.py) with 50
 and 100 elements along a side differ by 20 and 12 % from 200 of them at 4.5 s (displacements, L2), and this scene by
 26 % at a horizon of 3.15 and 18 % at 1.5; mean deflections agree to 0.5 %. With the relaxed energy of tension field
 theory in both, `wrinkles="relaxed"`, there is a limit: 50 and 100 elements are at most 5.7 and 2.4 % off 200 of them,

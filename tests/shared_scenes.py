@@ -35,9 +35,9 @@ from warp_pd import (
     Visco,
 )
 from warp_pd.device.launches import Call, Touched
-from warp_pd.interfaces.communicator import Crew
+from warp_pd.interfaces.communicator import Communicator
 from warp_pd.run.built import compose
-from warp_pd.run.scene_context import share_of
+from warp_pd.run.scene_context import partition_of
 
 MATERIAL = MooneyRivlin(5e4, 0.0)
 SIZE = {"thickness": 1e-3, "density": 1000.0}
@@ -124,21 +124,21 @@ def build(name="torn", points=33, frames=2, duration=DURATION):
     return scene(name, points, frames, duration)
 
 
-class OneOfMany(Crew):
+class OneOfMany(Communicator):
     """One of several processes, whose calls to the others do nothing."""
 
     def __init__(self, made, rank, size):
         self.rank, self.size = rank, size
-        self.divide(share_of(made, self))
+        self.set_partition(partition_of(made, self))
 
-    def exchange(self, fields, share):
+    def exchange(self, fields, partition):
         names = ", ".join(stored.name for stored in fields)
         return Call(f"exchange {names}", "", 0, lambda: None, None, Touched())
 
-    def bring(self, pairs, share):
-        return Call("bring blocks", "", 0, lambda: None, None, Touched())
+    def gather_to_blocks(self, pairs, partition):
+        return Call("gather to blocks", "", 0, lambda: None, None, Touched())
 
-    def gather_blocks(self, mine, everything, share):
+    def gather_blocks(self, mine, everything, partition):
         return Call("gather blocks", "", 0, lambda: None, None, Touched())
 
 

@@ -5,14 +5,16 @@
     python tools/compare_checkouts.py compare before.npz after.npz          exit code 1 if any case differs
 
 A case runs for a few frames. Its record holds the final displacement, a hash of velocity, torn faces and further
-fields, and the energies of the last frame. Only public names are used, so that one copy of this file runs in both
-checkouts: install the older one elsewhere (`pip install --no-deps --target`) and put it on PYTHONPATH.
+fields, and the energies of the last frame; a case that one checkout refuses has its error there. Only public names are
+used, so that one copy of this file runs in both checkouts: install the older one elsewhere (`pip install
+--no-deps --target`) and put it on PYTHONPATH.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import importlib
 import json
 import os
 import sys
@@ -24,6 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+import warp_pd as w
 
 COLUMNS = (
     "time", "step", "kinetic", "strain", "external", "damping", "rupture", "viscous", "balance_error",
@@ -76,6 +80,22 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("visco_hole", {"points": 17, "horizon": 2.015, "stretch": 1.5, "load_steps": 2}),
     ("visco_sheet", {"points": 13, "horizon": 2.015, "stretch": 1.3}),
     ("visco_sheet", {"points": 13, "horizon": 2.015, "stretch": 1.3, "law": "published"}),
+    ("balloon", {"points": 8, "stretch": 1.6, "frames": 4}),
+    ("balloon_burst", {"points": 10, "tearing_energy": 6e4, "duration": 4e-3, "frames": 8}),
+    ("bulge_test", {"points": 11, "load_steps": 4}),
+    ("drum", {"points": 21}),
+    ("dropped_ball", {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20}),
+    ("edge_notch", {"points": 20, "horizon": 2.015, "duration": 1.0, "frames": 40, "notch": 8e-3}),
+    ("folded_sheet", {"points": 31, "frames": 25}),
+    ("glove", {"spacing": 6e-3, "load_steps": 2}),
+    ("holed_strip", {"points": 21, "load_steps": 2}),
+    ("needle", {"points": 21, "depth": 0.05, "frames": 10}),
+    ("puncture", {"points": 21, "horizon": 2.015, "slit": 0.012, "frames": 20}),
+    ("pure_shear_tear", {"points": 12, "duration": 0.8, "frames": 40, "tearing_energy": 4.0, "advance": 3.0}),
+    ("running_crack", {"points": 12, "horizon": 2.015, "frames": 60}),
+    ("trousers", {"points": 10, "horizon": 2.015, "duration": 1.2, "frames": 40, "speed": 0.03}),
+    ("tube", {"points": 24, "frames": 3}),
+    ("two_sheets", {"points": 13, "frames": 20}),
 )  # fmt: skip
 
 
@@ -110,23 +130,18 @@ def of_scene(scene: str, settings: dict[str, Any]) -> Any:
     Where a follower pressure acts in time the step is fixed: whether the estimate of the stable step knows the
     stiffness of the pressure must not decide whether two checkouts agree.
     """
-    from warp_pd import Explicit
-    from warp_pd.__main__ import build_scene
-
-    simulation = build_scene(scene, dict(settings))
+    simulation = importlib.import_module(f"warp_pd.scenes.{scene}").build(**settings)
     simulation.measures, simulation.outcomes = (), ()
-    if scene.startswith("pressure") and isinstance(simulation.solver, Explicit):
+    if scene.startswith("pressure") and isinstance(simulation.solver, w.Explicit):
         simulation.solver = replace(simulation.solver, step=2e-4)
     return simulation
 
 
 def sheet_of(kind: str, points: int = 13) -> Any:
     """A small sheet of 0.1 x 0.1 m."""
-    from warp_pd import Sheet
-
-    lattice = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
+    lattice = w.Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=points)
     if kind == "cloud":
-        return Sheet.filled(0.1, 0.1, thickness=1e-3, density=1000.0, points=points, jitter=0.2)
+        return w.Sheet.filled(0.1, 0.1, thickness=1e-3, density=1000.0, points=points, jitter=0.2)
     if kind == "cut":
         return lattice.cut((0.0, 0.051), (0.04, 0.051))
     if kind == "inclusion":
@@ -143,142 +158,183 @@ def rough(sheet: Any) -> np.ndarray:
     return np.column_stack([0.2 * x, -0.05 * y + 0.05 * x, 0.02 * np.sin(50.0 * x * y)]) + noise
 
 
-def simulation(force: Any, sheet: str = "lattice", solver: Any = None, **parts: Any) -> Any:
-    """A small sheet, held on the left, that starts stretched and rough; `loads` is a function of the sheet."""
-    from warp_pd import Explicit, Fixed, Simulation
+def neo() -> Any:
+    """The material of most cases."""
+    return w.NeoHookean(1e3, 100e3)
 
+
+def prony() -> Any:
+    """Two terms, one of which relaxes faster in fast motion."""
+    return w.Prony(0.2e3, time=0.01), w.Prony(0.1e3, 5.0, time=0.05, exponent=0.3)
+
+
+LAWS: dict[str, Callable[[], Any]] = {
+    "published": lambda: w.BondAssociated(neo(), 3.15, weights="published"),
+    "plain": lambda: w.BondAssociated(neo(), 3.15, weights="plain"),
+    "corrected": lambda: w.BondAssociated(neo(), 2.015, weights="corrected"),
+    "slow": lambda: w.BondAssociated(neo(), 2.015, weights="plain", fast=False),
+    "redistribute": lambda: w.BondAssociated(neo(), 2.015, weights="plain", broken="redistribute"),
+    "wide": lambda: w.BondAssociated(neo(), 5.1),
+    "inverse": lambda: w.BondAssociated(neo(), 2.015, influence="inverse"),
+    "nodal": lambda: w.Nodal(neo()),
+    "bonds": lambda: w.BondBased(w.Bimodular(3e3, 1e3)),
+    "slack": lambda: w.BondBased(w.Bimodular(3e3, 0.0)),
+    "hyperelastic": lambda: w.HyperelasticBonds(w.BondNeoHookean(1e3)),
+    "hyperelastic both": lambda: w.HyperelasticBonds(w.BondNeoHookean(1e3, "uniaxial", "published_both")),
+    "closed form": lambda: w.Neural(neo(), 2.015, evaluation="closed_form"),
+    "fused": lambda: w.Neural(neo(), 2.015, evaluation="fused"),
+    "torch": lambda: w.Neural(neo(), 2.015),
+    "visco": lambda: w.Visco(w.Yeoh(0.5e3, 10.0, 1.0), 2.015, prony=prony()),
+    "visco without terms": lambda: w.Visco(w.Yeoh(0.5e3, 10.0, 1.0), 2.015),
+    "visco bonds": lambda: w.ViscoBondBased(w.Yeoh(1e3, 10.0), prony=prony()),
+    "visco bonds series": lambda: w.ViscoBondBased(w.Yeoh(1e3, 10.0), prony=prony(), update="series"),
+    "elastic bonds": lambda: w.ViscoBondBased(w.Yeoh(1e3, 10.0)),
+}
+MATERIALS: dict[str, Callable[[], Any]] = {
+    "gent": lambda: w.Gent(1e3, 200e3, 160.0),
+    "mooney": lambda: w.MooneyRivlin(0.4e3, 0.1e3),
+    "yeoh": lambda: w.Yeoh(0.5e3, 10.0, 1.0),
+    "ogden": lambda: w.Ogden((600.0, 50.0), (1.3, 5.0)),
+    "arruda": lambda: w.ArrudaBoyce(1e3, 5.0),
+}
+RAMP = ((0.0, 0.0), (0.01, 1.0), (1.0, 0.5))
+
+
+def moved(x: list[float], times: Any = (0.0, 1.0), z: Any = 0.0) -> Callable[[Any], list[Any]]:
+    """A motion of the right edge."""
+    return lambda s: [w.Motion(s.edges("right"), list(times), x=x, y=0.0, z=z)]
+
+
+RIGHT, PULLED, SLOWLY = moved([0.02, 0.2], z=[0.0, 0.05]), moved([0.0, 0.3]), moved([0.0, 0.012])
+
+
+def everything(s: Any) -> list[Any]:
+    """Every load but those that follow the surface."""
+    return [
+        w.Pressure(5.0, follower=False, ramp=RAMP), w.Pressure(2.0, follower=False),
+        w.BodyForce((0.0, 0.0, -9810.0), ramp=RAMP), w.BodyForce((100.0, 0.0, 0.0)),
+        w.PointForce(s.edges("right"), (0.01, 0.0, 0.0)),
+    ]  # fmt: skip
+
+
+def falling(s: Any) -> list[Any]:
+    """The right edge pulled, and gravity."""
+    return [*PULLED(s), w.BodyForce((0.0, 0.0, -500.0), ramp=RAMP)]
+
+
+def pressures(*ramped: Any, fixed: bool = False) -> Callable[[Any], list[Any]]:
+    """Follower pressures: (value, ramp); with the right edge fixed too."""
+    return lambda s: [*([w.Fixed(s.edges("right"))] if fixed else []), *(w.Pressure(p, ramp=r) for p, r in ramped)]
+
+
+def later(name: str, *values: Any, **more: Any) -> Callable[[], Any]:
+    """A part by its name in `warp_pd`, made in the run: a checkout that lacks it refuses one case."""
+    return lambda: getattr(w, name)(*values, **more)
+
+
+BOUNDARY, BALL = (lambda s: [w.BoundaryForce(1e15)]), later("RigidBall", 0.05, (0.06, 0.05, 0.0275), (0.0, 0.0, -0.5))
+STEPPED, NEWTON = later("Explicit", 2e-2, frames=2, step=2e-4), later("Newton", load_steps=2)
+# By name: law, sheet, and the other arguments of `simulation`.
+PARTS: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "motion": ("corrected", "lattice", {"loads": RIGHT}),
+    "all loads": ("corrected", "lattice", {"loads": everything, "damping": 3.0}),
+    "pressure": ("corrected", "lattice", {"loads": pressures((5.0, None), (3.0, RAMP)), "solver": STEPPED}),
+    "pressure torn": ("plain", "cut", {"loads": pressures((5.0, RAMP)), "stretch": 1.21, "solver": STEPPED}),
+    "boundary force": ("plain", "lattice", {"loads": BOUNDARY}),
+    "boundary force torn": ("plain", "lattice", {"loads": BOUNDARY, "stretch": 1.21}),
+    "ball": ("corrected", "lattice", {"contact": BALL, "loads": RIGHT, "damping": 2.0}),
+    "ball torn": ("plain", "cloud", {"contact": BALL, "stretch": 1.21}),
+    "untracked": ("corrected", "lattice", {"contact": BALL, "loads": everything, "track_energy": False}),
+    "inclusion": ("corrected", "inclusion", {"loads": falling, "damping": 2.0, "flat": True}),
+    "inclusion torn": (
+        "plain", "inclusion",
+        {"loads": PULLED, "stretch": 1.21, "flat": True, "solver": later("Explicit", 0.1, frames=3)},
+    ),
+    "stiffened": ("corrected", "stiffened", {"loads": RIGHT}),
+    "cut": ("corrected", "cut", {"loads": RIGHT}),
+    "spared": ("slow", "lattice", {"damage": later("CriticalStretch", 1.2, spared=range(40))}),
+    "critical energy": ("slow", "lattice", {"damage": later("CriticalEnergy", 2e-3)}),
+    "critical energy visco": ("visco", "cloud", {"damage": later("CriticalEnergy", 2e-3)}),
+    "critical energy bonds": ("visco bonds", "lattice", {"damage": later("CriticalEnergy", 2e-2)}),
+    "fields": ("bonds", "lattice", {"fields": ("principal_stress", "wrinkle_level")}),
+    "relaxed": (
+        "corrected", "lattice", {"loads": everything, "solver": later("Relaxation", tolerance=1e-3, load_steps=2)}
+    ),
+    "relaxed pressure": (
+        "corrected", "lattice",
+        {
+            "loads": pressures((2.0, None), fixed=True), "flat": True,
+            "solver": later("Relaxation", tolerance=1e-3, load_steps=2, ramp_steps=60),
+        },
+    ),
+    "relaxed torn": (
+        "plain", "cut",
+        {"loads": SLOWLY, "stretch": 1.13, "flat": True, "solver": later("Relaxation", tolerance=1e-2, load_steps=2)},
+    ),
+    "relaxed inclusion": (
+        "corrected", "inclusion", {"loads": RIGHT, "flat": True, "solver": later("Relaxation", tolerance=1e-2)}
+    ),
+    "relaxed cloud": ("nodal", "cloud", {"loads": RIGHT, "flat": True, "solver": later("Relaxation", tolerance=1e-2)}),
+    "newton": ("corrected", "lattice", {"loads": RIGHT, "flat": True, "solver": NEWTON}),
+    "newton cloud": ("corrected", "cloud", {"loads": RIGHT, "flat": True, "solver": NEWTON}),
+    "newton jacobi": (
+        "corrected", "cut", {"loads": RIGHT, "flat": True, "solver": later("Newton", preconditioner="jacobi")}
+    ),
+    "newton loads": ("corrected", "lattice", {"loads": everything, "flat": True, "solver": NEWTON}),
+    "newton pressure": (
+        "corrected", "cloud",
+        {
+            "loads": pressures((2.0, None), (1.0, ((0.0, 0.0), (1.0, 1.0))), fixed=True), "flat": True,
+            "solver": later("Newton"),
+        },
+    ),
+    "newton bonds": ("bonds", "lattice", {"loads": RIGHT, "flat": True, "solver": NEWTON}),
+    "newton bonds torn": (
+        "bonds", "cut", {"loads": RIGHT, "stretch": 1.5, "flat": True, "solver": later("Newton", load_steps=3)}
+    ),
+    "newton bonds constant": (
+        "bonds", "lattice",
+        {
+            "loads": RIGHT, "flat": True,
+            "solver": later("Newton", stiffness="constant", most_iterations=60, tolerance=1e-4),
+        },
+    ),
+}  # fmt: skip
+
+
+def simulation(
+    law: Callable[[], Any], sheet: str = "lattice", loads: Callable[[Any], list[Any]] = lambda s: [],
+    damping: float = 0.0, stretch: float | None = None, flat: bool = False, **more: Any,
+) -> Any:  # fmt: skip
+    """A small sheet, held on the left, that starts stretched and rough unless it is `flat`.
+
+    `stretch` is a critical one. Parts among `more` are functions that make them.
+    """
     found = sheet_of(sheet)
-    given = parts.pop("loads", lambda s: [])(found)
-    return Simulation(
+    given = {name: value() if callable(value) else value for name, value in more.items()}
+    if stretch is not None:
+        given["damage"] = w.CriticalStretch(stretch)
+    return w.Simulation(
         found,
-        force=force,
-        loads=[Fixed(found.edges("left")), *given],
-        solver=solver or Explicit(2e-2, frames=2, damping=parts.pop("damping", 0.0)),
-        initial_displacement=rough(found) if parts.pop("stretched", True) else None,
-        **parts,
+        force=law(),
+        solver=given.pop("solver", None) or w.Explicit(2e-2, frames=2, damping=damping),
+        loads=[w.Fixed(found.edges("left")), *loads(found)],
+        initial_displacement=None if flat else rough(found),
+        **given,
     )
 
 
 def parts() -> dict[str, Callable[[], Any]]:
     """Laws, materials, parts and solvers, each alone or with what it needs."""
-    import warp_pd as w
-    from warp_pd import BondAssociated, Explicit, NeoHookean, Newton, Relaxation
-
-    neo, gent = NeoHookean(1e3, 100e3), w.Gent(1e3, 200e3, 160.0)
-    yeoh = w.Yeoh(0.5e3, 10.0, 1.0)
-    materials = {
-        "gent": gent, "mooney": w.MooneyRivlin(0.4e3, 0.1e3), "yeoh": yeoh, "ogden": w.Ogden((600.0, 50.0), (1.3, 5.0)),
-        "arruda": w.ArrudaBoyce(1e3, 5.0),
-    }  # fmt: skip
-    prony = (w.Prony(0.2e3, time=0.01), w.Prony(0.1e3, 5.0, time=0.05, exponent=0.3))
-    tear, energy = w.CriticalStretch(1.21), w.CriticalEnergy(2e-3)
-    ball = w.RigidBall(0.05, (0.06, 0.05, 0.0275), (0.0, 0.0, -0.5))
-    right = lambda s: [w.Motion(s.edges("right"), [0.0, 1.0], x=[0.02, 0.2], y=0.0, z=[0.0, 0.05])]  # noqa: E731
-    pulled = lambda s: [w.Motion(s.edges("right"), [0.0, 1.0], x=[0.0, 0.3], y=0.0, z=0.0)]  # noqa: E731
-    slowly = lambda s: [w.Motion(s.edges("right"), [0.0, 1.0], x=[0.0, 0.012], y=0.0, z=0.0)]  # noqa: E731
-    ramped = ((0.0, 0.0), (0.01, 1.0), (1.0, 0.5))
-
-    def everything(s: Any) -> list[Any]:
-        return [
-            w.Pressure(5.0, follower=False, ramp=ramped), w.Pressure(2.0, follower=False),
-            w.BodyForce((0.0, 0.0, -9810.0), ramp=ramped), w.BodyForce((100.0, 0.0, 0.0)),
-            w.PointForce(s.edges("right"), (0.01, 0.0, 0.0)),
-        ]  # fmt: skip
-
-    laws = {
-        "published": BondAssociated(neo, 3.15, weights="published"),
-        "plain": BondAssociated(neo, 3.15, weights="plain"),
-        "corrected": BondAssociated(neo, 2.015, weights="corrected"),
-        "slow": BondAssociated(neo, 2.015, weights="plain", fast=False),
-        "redistribute": BondAssociated(neo, 2.015, weights="plain", broken="redistribute"),
-        "wide": BondAssociated(neo, 5.1), "inverse": BondAssociated(neo, 2.015, influence="inverse"),
-        "nodal": w.Nodal(neo), "bonds": w.BondBased(w.Bimodular(3e3, 1e3)), "slack": w.BondBased(w.Bimodular(3e3, 0.0)),
-        "hyperelastic": w.HyperelasticBonds(w.BondNeoHookean(1e3)),
-        "hyperelastic both": w.HyperelasticBonds(w.BondNeoHookean(1e3, "uniaxial", "published_both")),
-        "closed form": w.Neural(neo, 2.015, evaluation="closed_form"),
-        "fused": w.Neural(neo, 2.015, evaluation="fused"),
-        "torch": w.Neural(neo, 2.015),
-        "visco": w.Visco(yeoh, 2.015, prony=prony), "visco without terms": w.Visco(yeoh, 2.015),
-        "visco bonds": w.ViscoBondBased(w.Yeoh(1e3, 10.0), prony=prony),
-        "visco bonds series": w.ViscoBondBased(w.Yeoh(1e3, 10.0), prony=prony, update="series"),
-        "elastic bonds": w.ViscoBondBased(w.Yeoh(1e3, 10.0)),
-    }  # fmt: skip
     made: dict[str, Callable[[], Any]] = {}
-    for name, law in laws.items():
+    for name, law in LAWS.items():
         made[f"law {name}"] = partial(simulation, law)
         if name not in ("hyperelastic both", "visco without terms"):
-            made[f"law {name}, cloud, torn"] = partial(simulation, law, "cloud", damage=tear, damping=5.0)
-    for name, material in materials.items():
-        made[f"material {name}"] = partial(simulation, BondAssociated(material, 2.015), damage=tear)
-    short, slow = laws["corrected"], laws["slow"]
-    made |= {
-        "motion": partial(simulation, short, loads=right),
-        "all loads": partial(simulation, short, loads=everything, damping=3.0),
-        "pressure": partial(
-            simulation, short, loads=lambda s: [w.Pressure(5.0), w.Pressure(3.0, ramp=ramped)],
-            solver=Explicit(2e-2, frames=2, step=2e-4),
-        ),
-        "pressure torn": partial(
-            simulation, laws["plain"], "cut", loads=lambda s: [w.Pressure(5.0, ramp=ramped)], damage=tear,
-            solver=Explicit(2e-2, frames=2, step=2e-4),
-        ),
-        "boundary force": partial(simulation, laws["plain"], loads=lambda s: [w.BoundaryForce(1e15)]),
-        "boundary force torn": partial(simulation, laws["plain"], loads=lambda s: [w.BoundaryForce(1e15)], damage=tear),
-        "ball": partial(simulation, short, contact=ball, loads=right, damping=2.0),
-        "ball torn": partial(simulation, laws["plain"], "cloud", contact=ball, damage=tear),
-        "untracked": partial(simulation, short, contact=ball, loads=everything, track_energy=False),
-        "inclusion": partial(
-            simulation, short, "inclusion", damping=2.0, stretched=False,
-            loads=lambda s: [*pulled(s), w.BodyForce((0.0, 0.0, -500.0), ramp=ramped)],
-        ),
-        "inclusion torn": partial(
-            simulation, laws["plain"], "inclusion", loads=pulled, damage=tear, stretched=False,
-            solver=Explicit(0.1, frames=3),
-        ),
-        "stiffened": partial(simulation, short, "stiffened", loads=right),
-        "cut": partial(simulation, short, "cut", loads=right),
-        "spared": partial(simulation, slow, damage=w.CriticalStretch(1.2, spared=range(40))),
-        "critical energy": partial(simulation, slow, damage=energy),
-        "critical energy visco": partial(simulation, laws["visco"], "cloud", damage=energy),
-        "critical energy bonds": partial(simulation, laws["visco bonds"], damage=w.CriticalEnergy(2e-2)),
-        "fields": partial(simulation, laws["bonds"], fields=("principal_stress", "wrinkle_level")),
-        "relaxed": partial(simulation, short, solver=Relaxation(tolerance=1e-3, load_steps=2), loads=everything),
-        "relaxed pressure": partial(
-            simulation, short, stretched=False, solver=Relaxation(tolerance=1e-3, load_steps=2, ramp_steps=60),
-            loads=lambda s: [w.Fixed(s.edges("right")), w.Pressure(2.0)],
-        ),
-        "relaxed torn": partial(
-            simulation, laws["plain"], "cut", solver=Relaxation(tolerance=1e-2, load_steps=2), loads=slowly,
-            damage=w.CriticalStretch(1.13), stretched=False,
-        ),
-        "relaxed inclusion": partial(
-            simulation, short, "inclusion", solver=Relaxation(tolerance=1e-2), loads=right, stretched=False,
-        ),
-        "relaxed cloud": partial(simulation, laws["nodal"], "cloud", solver=Relaxation(tolerance=1e-2), loads=right,
-                                 stretched=False),
-        "newton": partial(simulation, short, solver=Newton(load_steps=2), loads=right, stretched=False),
-        "newton cloud": partial(simulation, short, "cloud", solver=Newton(load_steps=2), loads=right, stretched=False),
-        "newton jacobi": partial(
-            simulation, short, "cut", solver=Newton(preconditioner="jacobi"), loads=right, stretched=False
-        ),
-        "newton loads": partial(simulation, short, solver=Newton(load_steps=2), loads=everything, stretched=False),
-        "newton pressure": partial(
-            simulation, short, "cloud", stretched=False, solver=Newton(),
-            loads=lambda s: [
-                w.Fixed(s.edges("right")), w.Pressure(2.0), w.Pressure(1.0, ramp=((0.0, 0.0), (1.0, 1.0))),
-            ],
-        ),
-        "newton bonds": partial(simulation, laws["bonds"], solver=Newton(load_steps=2), loads=right, stretched=False),
-        "newton bonds torn": partial(
-            simulation, laws["bonds"], "cut", solver=Newton(load_steps=3), loads=right, stretched=False,
-            damage=w.CriticalStretch(1.5),
-        ),
-        "newton bonds constant": partial(
-            simulation, laws["bonds"], solver=Newton(stiffness="constant", most_iterations=60, tolerance=1e-4),
-            loads=lambda s: [*right(s)], stretched=False,
-        ),
-    }  # fmt: skip
-    return made
+            made[f"law {name}, cloud, torn"] = partial(simulation, law, "cloud", stretch=1.21, damping=5.0)
+    for name, material in MATERIALS.items():
+        law = partial(lambda m: w.BondAssociated(m(), 2.015), material)
+        made[f"material {name}"] = partial(simulation, law, stretch=1.21)
+    return made | {name: partial(simulation, LAWS[law], sheet, **more) for name, (law, sheet, more) in PARTS.items()}
 
 
 def record(case: Case, device: str) -> tuple[str, dict[str, Any], np.ndarray]:

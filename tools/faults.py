@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from study import page_header, paragraph, run_tool, study_parser, table, write_page
+from study import provenance, renew, run_tool, study_parser, table
 
 from warp_pd.run.folder import results_in
 
@@ -59,7 +59,7 @@ class Trial:
 def command(scene: str, out: Path, *more: str) -> list[str]:
     """The command that runs a scene into a folder."""
     return [
-        sys.executable, "-m", "warp_pd.__main__", "run", *SCENES[scene], "--device", "cpu", "--no-pictures", "--quiet",
+        sys.executable, "-m", "warp_pd", "run", *SCENES[scene], "--device", "cpu", "--no-pictures", "--quiet",
         "--out", str(out), *more,
     ]  # fmt: skip
 
@@ -120,7 +120,7 @@ def truncations(scene: str, whole: Path, places: int, work: Path) -> Iterator[Tr
             shutil.copytree(whole, out)
             (out / name).write_bytes((whole / name).read_bytes()[: size * place // places])
             for more in (["info", str(out / name)], ["info", str(out)]):
-                done = run([sys.executable, "-m", "warp_pd.__main__", *more])
+                done = run([sys.executable, "-m", "warp_pd", *more])
                 yield Trial("file cut short, info", scene, _named(name, said_badly(done)))
             done = run(command(scene, out, "--resume"))
             yield Trial("file cut short, resumed", scene, _named(name, said_badly(done)))
@@ -210,30 +210,21 @@ def main() -> None:
     failed = sum(bool(trial.wrong) for trial in trials)
     print(f"{len(trials)} trials, {failed} failed")
     if options.out is not None:
-        write_page(options.out, page(trials, options.commit))
+        renew(options.out, {"## Trials": lines_of(trials, options.commit)})
     if failed:
         sys.exit(1)
 
 
-def page(trials: Sequence[Trial], commit: str | None) -> str:
-    """The page."""
+def lines_of(trials: Sequence[Trial], commit: str | None) -> list[str]:
+    """Where and when, and one line for each fault and scene."""
     rows = []
     for fault in dict.fromkeys(trial.fault for trial in trials):
         for scene in dict.fromkeys(trial.scene for trial in trials):
             some = [trial for trial in trials if (trial.fault, trial.scene) == (fault, scene)]
             wrong = sorted({trial.wrong for trial in some if trial.wrong})
             rows.append([fault, scene, f"{len(some)}", f"{sum(bool(t.wrong) for t in some)}", "; ".join(wrong)[:200]])
-    return "\n".join([
-        "# Reliability: what a run leaves when something goes wrong",
-        "",
-        *paragraph(page_header("faults.py", "two CPU cores", commit)),
-        *paragraph(
-            "Every fault must end in a result equal to the bit to that of an undisturbed run, or in one line: no "
-            "traceback, no crash, no file that looks whole and is not."
-        ),
-        *table(["fault", "scene", "trials", "failed", "how"], rows),
-        "",
-    ])  # fmt: skip
+    made = provenance(f"{os.cpu_count()} CPU cores", commit)
+    return [f"Measured on {made}.", "", *table(["fault", "scene", "trials", "failed", "how"], rows)]
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@
     python tools/gallery.py --scenes needle drum   these alone; the others keep their pictures and pages
     python tools/gallery.py --only-page            from the runs in runs/gallery, without running anything
 
-Pictures are those of the pages, taken by Chromium. All pages of the gallery share scripts and styles beside them, also
-those that are not made again; a page that `warp-pd view` writes has them inside.
+Pictures are those of the pages, taken by Chromium. Pages of the gallery load the scripts and styles of the package in
+this checkout; a page that `warp-pd view` writes has them inside.
 """
 
 from __future__ import annotations
@@ -21,18 +21,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from small_pictures import encoded
 from study import DOCS, ROOT, RUNS, run_tool, study_parser, write_page
 
 from warp_pd import InputError
 from warp_pd.__main__ import load_scene, scene_names
-from warp_pd.output.view import shared_files
+from warp_pd.output.view import Limits
 from warp_pd.output.vtkhdf import read_series
 from warp_pd.run.view import page
 
 GALLERY = DOCS / "gallery"
-# A picture in pixels; and what a page of the gallery holds.
-WIDTH, HEIGHT, COLOURS = 720, 450, 256
-POINTS, FRAMES = 1700, 20
+# Where its pages find scripts and styles; the site has a copy, see tools/site_hooks.py.
+SCRIPTS = "../../warp_pd/output/page"
+# A picture in pixels and colours; and what a page holds: points of a long and of a short run, frames, bits a number.
+WIDTH, HEIGHT, COLOURS = 720, 450, 96
+POINTS, MOST_POINTS, FRAMES, BITS = 1000, 1700, 16, 10
 
 
 @dataclass(frozen=True)
@@ -125,8 +128,6 @@ def write_pages(scenes: Sequence[str]) -> None:
     from playwright.sync_api import sync_playwright
 
     GALLERY.mkdir(exist_ok=True)
-    for name, text in shared_files().items():
-        (GALLERY / name).write_text(text, encoding="utf-8")
     with sync_playwright() as playwright:
         options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=options)
@@ -141,10 +142,12 @@ def write_pages(scenes: Sequence[str]) -> None:
 
 
 def _page_of(scene: str) -> str:
-    """The page of a run, small: without the velocity, which packs badly."""
+    """The page of a run, small: without the velocity, which packs badly, and with fewer points the more frames."""
     folder = RUNS / "gallery" / scene
-    fields = [name for name in read_series(folder / "frames.vtkhdf").fields if name != "velocity"]
-    return page(folder, POINTS, FRAMES, fields, shared=".")
+    info = read_series(folder / "frames.vtkhdf")
+    points = min(MOST_POINTS, POINTS * FRAMES // min(FRAMES, info.frames))
+    fields = [name for name in info.fields if name != "velocity"]
+    return page(folder, Limits(points, FRAMES, fields, BITS), SCRIPTS)
 
 
 def _pictured(browser: Any, path: Path, shown: Shown) -> bytes:
@@ -167,9 +170,7 @@ def _pictured(browser: Any, path: Path, shown: Shown) -> bytes:
     opened.wait_for_timeout(300)
     taken = Image.open(io.BytesIO(opened.locator("#stage").screenshot())).convert("RGB")
     opened.close()
-    room = io.BytesIO()
-    taken.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(room, "png", optimize=True)
-    return room.getvalue()
+    return encoded(taken, COLOURS)
 
 
 def gallery_page() -> str:

@@ -14,14 +14,14 @@ are not part of this project.
 
 from __future__ import annotations
 
-import csv
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
-from study import run_tool, study_parser
+from study import run_tool, study_parser, table
 
 from warp_pd import InputError, Prony, Yeoh
 from warp_pd.materials.analytic_response import LOADINGS, nominal_stress, second_stress, width_stretch
@@ -122,44 +122,26 @@ def read(path: Path) -> list[Curve]:
         InputError: for a file that cannot be read, or a curve that does not start at stretch 1 and rise in time.
     """
     try:
-        with path.open(newline="") as stream:
-            rows = [{key: float(text) for key, text in row.items()} for row in csv.DictReader(stream)]
-        stretch, stress = (np.array([row[name] for row in rows]) for name in ("stretch", "stress"))
-        if not rows:
-            raise ValueError
-        if "time" in rows[0]:
-            curves = [Curve(np.array([row["time"] for row in rows]), stretch, stress)]
-        else:
-            rates = np.array([row["rate"] for row in rows])
-            curves = [
-                Curve(
-                    np.abs(stretch[rates == r] - 1.0) / r if r > 0.0 else None, stretch[rates == r], stress[rates == r]
-                )
-                for r in np.unique(rates)
-            ]
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"file = {str(path)!r}: expected numbers in the columns stretch, stress, and rate or time "
-            f"({type(error).__name__})"
-        ) from None
-    for curve in curves:
-        starts_at_one = len(curve.stretch) > 5 and abs(curve.stretch[0] - 1.0) < 1e-6
-        if not starts_at_one or (curve.time is not None and not (np.diff(curve.time) > 0.0).all()):
+        columns = np.atleast_1d(np.genfromtxt(path.read_text().splitlines() or ["-"], delimiter=",", names=True))
+        stretch, stress = columns["stretch"], columns["stress"]
+        timed = "time" in (columns.dtype.names or ())
+        rates = np.ones(len(stretch)) if timed else columns["rate"]
+        known = np.isfinite([stretch, stress, columns["time"] if timed else rates]).all()
+    except (OSError, ValueError, TypeError):
+        known = False
+    if not known:
+        raise InputError(f"file = {str(path)!r}: expected numbers in the columns stretch, stress, and rate or time")
+    curves = []
+    for rate in np.unique(rates):
+        mine = rates == rate
+        time = None if rate == 0.0 else columns["time"] if timed else np.abs(stretch[mine] - 1.0) / rate
+        curves.append(Curve(time, stretch[mine], stress[mine]))
+        starts_at_one = mine.sum() > 5 and abs(stretch[mine][0] - 1.0) < 1e-6
+        if not starts_at_one or (time is not None and not (np.diff(time) > 0.0).all()):
             raise InputError(
                 f"file = {str(path)!r}: expected six rows or more a curve, from stretch 1 on, with rising times"
             )
     return curves
-
-
-def report(constants: np.ndarray, wanted: Sequence[float] | None = None) -> str:
-    """The constants as a table."""
-    lines = []
-    for k, name in enumerate(NAMES):
-        line = f"{name:10s} {constants[k]:12.6g} {'Pa' if k < 4 else ''}"
-        if wanted is not None:
-            line += f"  {wanted[k]:12.6g}  {100.0 * (constants[k] / wanted[k] - 1.0):+8.3f} %"
-        lines.append(line)
-    return "\n".join(lines)
 
 
 def main() -> None:
@@ -170,15 +152,18 @@ def main() -> None:
     parser.add_argument("--recover", action="store_true", help="tables 1 and 2 of VE, without and with noise")
     options = parser.parse_args()
     if options.recover:
-        for name, wanted in TABLES.items():
-            for noise in NOISES:
-                found = identify(synthetic(wanted, RATES[name], noise))
-                print(f"{name}, noise {100.0 * noise:g} %: found, table, difference\n{report(found, wanted)}\n")
+        rows = []
+        for (name, wanted), noise in itertools.product(TABLES.items(), NOISES):
+            found = identify(synthetic(wanted, RATES[name], noise))
+            errors = [f"{100.0 * (f / known - 1.0):+.2f} %" for f, known in zip(found, wanted, strict=True)]
+            rows.append([name, f"{100.0 * noise:g} %", *errors])
+        print("\n".join(table(["table", "noise", *NAMES], rows)))
         return
     if options.file is None:
         parser.error("expected a file, or --recover")
     curves = read(options.file)
-    print(report(identify(curves, options.loading)))
+    for name, value in zip(NAMES, identify(curves, options.loading), strict=True):
+        print(f"{name:10s} {value:12.6g} {'Pa' if name.endswith('0') else ''}".rstrip())
     if sum(curve.time is not None for curve in curves) < 2:
         print("the curves are at fewer than two rates: phi_ref and eta cannot be told apart")
 

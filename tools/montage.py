@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from small_pictures import limit, shrunk
 from study import DOCS, RUNS, Case, execute_all, run_tool, study_parser
 
 from warp_pd.output.plots import frames_at, new_figure, save, thumbnail
@@ -102,6 +103,7 @@ def picture(work: Path, path: Path, cases: Sequence[Small] = SCENES) -> int:
         thumbnail(axes, frame, case.colour, (0.0, 1.0) if case.colour == "damage" else None, above=case.above)
         axes.set_title(case.scene, fontsize=8)
     save(figure, path)
+    path.write_bytes(shrunk(path, limit(path)))
     return len(shown)
 
 

@@ -14,87 +14,96 @@ bonds a point.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from dataclasses import dataclass
 from time import process_time
 
-from study import run_tool, study_parser, table, table_row
+from study import build_scene, run_tool, scene_names, study_parser, table, table_row
 
 from warp_pd import Built, Explicit
-from warp_pd.__main__ import build_scene, scene_names
 from warp_pd.device.cores import available_cores
 from warp_pd.run.bench import STEP, Case
 
-# Points along a side of the sheet with the best rate, times that each step is measured, and how long about [s].
-SIDE, ROUNDS, SECONDS = 101, 5, 0.2
 STRETCH = 0.02
 # Horizons of square lattices, and the bonds that their inner points have.
 LATTICES = {1.5: 8, 2.015: 12, 2.25: 20, 2.9: 24, 3.015: 28, 3.2: 36}
 HEAD = ["scene", "law", "layout", "points", "bonds a point", "horizon", "float", "us a point", "best", "times"]
 
 
-def cost(built: Built) -> float:
-    """CPU time of a step a point [us], the shortest of several."""
-    assert built.state.step is not None
-    built.context.compile()
-    built.state.step.fill_(STEP)
-    built.set_clock(STEP, 1.0)
-    displacement = built.state.displacement
-    place = built.simulation.sheet.positions + built.context.initial_displacement
-    stretched = built.context.initial_displacement + STRETCH * place
-    displacement.assign(stretched.astype(displacement.numpy().dtype))
-    built.context.run("start")
-    built.context.run("setup")
-    step = built.context.sequence("step")
-    step.run()
-    begin = process_time()
-    step.run()
-    inner = max(1, int(SECONDS / max(process_time() - begin, 1e-6)))
-    best = float("inf")
-    for _ in range(ROUNDS):
+@dataclass(frozen=True)
+class Clock:
+    """How steps are timed.
+
+    Attributes:
+        side: Points along a side of the sheet with the best rate.
+        rounds: Number of measurements; the shortest counts.
+        seconds: About how long each takes.
+    """
+
+    side: int = 101
+    rounds: int = 5
+    seconds: float = 0.2
+
+    def cost(self, built: Built) -> float:
+        """CPU time of a step a point [us]."""
+        assert built.state.step is not None
+        built.context.compile()
+        built.state.step.fill_(STEP)
+        built.set_clock(STEP, 1.0)
+        displacement = built.state.displacement
+        place = built.simulation.sheet.positions + built.context.initial_displacement
+        stretched = built.context.initial_displacement + STRETCH * place
+        displacement.assign(stretched.astype(displacement.numpy().dtype))
+        built.context.run("start")
+        built.context.run("setup")
+        step = built.context.sequence("step")
+        step.run()
         begin = process_time()
-        for _ in range(inner):
-            step.run()
-        best = min(best, (process_time() - begin) / inner)
-    return 1e6 * best / built.simulation.sheet.size
+        step.run()
+        inner = max(1, int(self.seconds / max(process_time() - begin, 1e-6)))
+        best = float("inf")
+        for _ in range(self.rounds):
+            begin = process_time()
+            for _ in range(inner):
+                step.run()
+            best = min(best, (process_time() - begin) / inner)
+        return 1e6 * best / built.simulation.sheet.size
 
+    @functools.cache  # noqa: B019
+    def best(self, law: str, horizon: float, precision: int) -> float:
+        """Cost of a point of an undamaged square lattice without features [us]."""
+        return self.cost(Case(self.side, horizon, precision, law=law).simulation().build("cpu", precision))
 
-@functools.cache
-def best(law: str, horizon: float, precision: int) -> float:
-    """Cost of a point of an undamaged square lattice without features [us]."""
-    return cost(Case(SIDE, horizon, precision, law=law).simulation().build("cpu", precision))
-
-
-def row(name: str) -> list[str] | None:
-    """Cells of a scene, or None if it has no explicit steps."""
-    simulation = build_scene(name, {})
-    solver = simulation.solver
-    if not isinstance(solver, Explicit):
-        return None
-    built = simulation.build("cpu", solver.precision)
-    families = built.law.families
-    law = "bond_associated" if families.common.size else "bond_based"
-    horizon = round(families.horizon / built.simulation.sheet.spacing, 3)
-    if families.layout == "cloud":
+    def row(self, name: str) -> list[str] | None:
+        """Cells of a scene, or None if it has no explicit steps."""
+        simulation = build_scene(name, {})
+        solver = simulation.solver
+        if not isinstance(solver, Explicit):
+            return None
+        built = simulation.build("cpu", solver.precision)
+        families = built.law.families
+        law = "bond_associated" if families.common.size else "bond_based"
         bonds = families.bond_count / simulation.sheet.size
-        horizon = min(LATTICES, key=lambda known: abs(LATTICES[known] - bonds))
-    found, reference = cost(built), best(law, horizon, solver.precision)
-    return [
-        name, built.law.owner, families.layout, f"{simulation.sheet.size}",
-        f"{families.bond_count / simulation.sheet.size:.0f}", f"{horizon:g}", f"{solver.precision}",
-        f"{found:.3g}", f"{reference:.3g}", f"{found / reference:.2f}",
-    ]  # fmt: skip
+        horizon = round(families.horizon / built.simulation.sheet.spacing, 3)
+        if families.layout == "cloud":
+            horizon = min(LATTICES, key=lambda known: abs(LATTICES[known] - bonds))
+        found, reference = self.cost(built), self.best(law, horizon, solver.precision)
+        return [
+            name, built.law.owner, families.layout, f"{simulation.sheet.size}", f"{bonds:.0f}", f"{horizon:g}",
+            f"{solver.precision}", f"{found:.3g}", f"{reference:.3g}", f"{found / reference:.2f}",
+        ]  # fmt: skip
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Measure and print."""
     parser = study_parser(__doc__)
     parser.add_argument("--scenes", nargs="+", default=scene_names(), choices=scene_names(), metavar="SCENE")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     if available_cores() != 1:
         parser.error("expected one core: start it with OMP_NUM_THREADS=1 taskset -c 0")
     print("\n".join(table(HEAD, [])))
+    clock = Clock()
     for name in options.scenes:
-        cells = row(name)
+        cells = clock.row(name)
         if cells is not None:
             print(table_row(cells), flush=True)
 

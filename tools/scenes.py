@@ -1,35 +1,22 @@
-"""Run the scenes and make a page of their numbers.
+"""Run the scenes, and write their numbers to a page: every scene, or those of the VE paper at its sizes.
 
-    python tools/scenes.py --device cuda:0 --jobs 4        docs/scenes.md and docs/ball.png
+    python tools/scenes.py --device cuda:0 --jobs 4        docs/scenes.md
+    python tools/scenes.py --page visco --device cuda:0    docs/visco.md
     python tools/scenes.py --scene puncture trousers       runs these and renews their sections
     python tools/scenes.py --only-page                     from the runs in the work folder
 
 It takes a few minutes on one H200 and some hours on two CPU cores. A section whose run is not in the work folder stays
-as it is on the page. `tools/montage.py` makes the picture of all scenes, docs/scenes.png.
+as it is on the page. `tools/montage.py` makes the picture of all scenes, docs/scenes.png; docs/ball.png is the picture
+damage.png of `ball_penetration`.
 """
 
 from __future__ import annotations
 
-import re
-import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from study import (
-    DOCS,
-    RUNS,
-    Case,
-    devices_of,
-    execute_all,
-    page_header,
-    paragraph,
-    run_tool,
-    study_parser,
-    table,
-    write_page,
-)
+from study import DOCS, RUNS, Case, execute_all, renew, run_tool, study_parser, table
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,42 +25,41 @@ class SceneCase(Case):
 
     Attributes:
         scene: Name of the scene.
-        title: For the page and the picture of all scenes.
-        picture: Which of its pictures the picture of all scenes shows; "" for none.
+        title: For the page.
         settings: Arguments of the scene that differ from their defaults.
     """
 
     scene: str
     title: str
-    picture: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
 
-    draws_pictures = True
 
-
-CASES = (
-    SceneCase("tension", "BA 6.1 tension", "contraction.png", {"points": 101}),
-    SceneCase("pressure", "BA 6.2 pressure", "deflection.png", {"points": 101}),
-    SceneCase("double_notch", "BA 6.3 two notches", "damage.png"),
-    SceneCase("off_plane_load", "BA 6.4 off-plane load", "sheet.png"),
-    SceneCase("off_plane_load", "BA 6.4, plain weights", "", {"weights": "plain"}),
-    SceneCase("off_plane_load", "BA 6.4, published weights", "", {"weights": "published"}),
+SCENES = (
+    SceneCase("tension", "BA 6.1 tension", {"points": 101}),
+    SceneCase("pressure", "BA 6.2 pressure", {"points": 101}),
+    SceneCase("double_notch", "BA 6.3 two notches"),
+    SceneCase("off_plane_load", "BA 6.4 off-plane load"),
+    SceneCase("off_plane_load", "BA 6.4, plain weights", {"weights": "plain"}),
+    SceneCase("off_plane_load", "BA 6.4, published weights", {"weights": "published"}),
     SceneCase(
-        "off_plane_load", "BA 6.4, published weights, boundary force", "",
-        {"weights": "published", "boundary_force": 1e16},
+        "off_plane_load", "BA 6.4, published weights, boundary force", {"weights": "published", "boundary_force": 1e16}
     ),
-    SceneCase(
-        "off_plane_load", "BA 6.4, plain weights, boundary force", "", {"weights": "plain", "boundary_force": 1e16}
-    ),
-    SceneCase("off_plane_load", "BA 6.4, corrected weights, horizon 2.015", "", {"horizon": 2.015}),
-    SceneCase("off_plane_tear", "BA 6.5 off-plane tear", "deflection.png"),
-    SceneCase("off_plane_tear", "BA 6.5 off-plane tear, ten times as fast", "", {"speed": 4e-3}),
-    SceneCase("pressure_static", "NN 6.1 pressure, 20 Pa", "deflection.png"),
-    SceneCase("pressure_static", "NN 6.1 pressure, 10 Pa", "", {"pressure": 10.0}),
-    SceneCase("pressure_dynamic", "NN 6.1 sudden pressure", "deflection.png"),
-    SceneCase("out_of_plane", "NN 6.2 lifted sheet", "deflection.png"),
-    SceneCase("precut_tear", "NN 6.3 running slit", "deflection_at_end.png"),
-    SceneCase("ball_penetration", "NN 6.4 ball", "deflection.png"),
+    SceneCase("off_plane_load", "BA 6.4, plain weights, boundary force", {"weights": "plain", "boundary_force": 1e16}),
+    SceneCase("off_plane_load", "BA 6.4, corrected weights, horizon 2.015", {"horizon": 2.015}),
+    SceneCase("off_plane_tear", "BA 6.5 off-plane tear"),
+    SceneCase("off_plane_tear", "BA 6.5 off-plane tear, ten times as fast", {"speed": 4e-3}),
+    SceneCase("pressure_static", "NN 6.1 pressure, 20 Pa"),
+    SceneCase("pressure_static", "NN 6.1 pressure, 10 Pa", {"pressure": 10.0}),
+    SceneCase("pressure_dynamic", "NN 6.1 sudden pressure"),
+    SceneCase("out_of_plane", "NN 6.2 lifted sheet"),
+    SceneCase("precut_tear", "NN 6.3 running slit"),
+    SceneCase("ball_penetration", "NN 6.4 ball"),
+    SceneCase("stretch", "HE 5 stretched sheet with a hole", {"mode": "equibiaxial", "defect": "hole"}),
+    SceneCase("bimodular_bar", "IM 6.1 bar"),
+    SceneCase("cantilever", "IM 6.2 cantilever"),
+    SceneCase("square_wrinkles", "IM 6.3 square"),
+    SceneCase("kapton_shear", "IM 6.4 sheared Kapton"),
+    SceneCase("notched_strip", "IM 6.5 notched strip"),
     SceneCase("pure_shear_tear", "Pure shear, torn"),
     SceneCase("trousers", "Trousers"),
     SceneCase("edge_notch", "Notch at an edge"),
@@ -81,74 +67,89 @@ CASES = (
     SceneCase("puncture", "Ball through a slit"),
     SceneCase("bulge_test", "Bulge test"),
     SceneCase("holed_strip", "Strip with a hole"),
-    SceneCase("drum", "Drum, struck", "", {"points": 31, "amplitude": 0.01, "duration": 1e-3, "frames": 10}),
-    SceneCase("balloon", "Balloon", "", {"points": 10, "stretch": 1.6, "frames": 4}),
-    SceneCase("balloon_burst", "Balloon that bursts", "", {"points": 16}),
-    SceneCase("tube", "Tube, pulled and inflated", "", {"points": 32, "frames": 3}),
-    SceneCase("glove", "Glove from an SVG file", "", {"spacing": 5e-3, "load_steps": 2}),
+    SceneCase("drum", "Drum, struck", {"points": 31, "amplitude": 0.01, "duration": 1e-3, "frames": 10}),
+    SceneCase("balloon", "Balloon", {"points": 10, "stretch": 1.6, "frames": 4}),
+    SceneCase("balloon_burst", "Balloon that bursts", {"points": 16}),
+    SceneCase("tube", "Tube, pulled and inflated", {"points": 32, "frames": 3}),
+    SceneCase("glove", "Glove from an SVG file", {"spacing": 5e-3, "load_steps": 2}),
     SceneCase(
-        "dropped_ball", "Ball dropped on a trampoline", "",
+        "dropped_ball", "Ball dropped on a trampoline",
         {"points": 25, "horizon": 2.015, "duration": 0.2, "frames": 40},
     ),
-    SceneCase("needle", "Needle", "", {"points": 31, "frames": 20}),
-    SceneCase("folded_sheet", "Strip that folds", "", {"points": 41, "frames": 40}),
-    SceneCase("two_sheets", "A sheet pulled over another one", "", {"points": 17, "frames": 20}),
+    SceneCase("needle", "Needle", {"points": 31, "frames": 20}),
+    SceneCase("folded_sheet", "Strip that folds", {"points": 41, "frames": 40}),
+    SceneCase("two_sheets", "A sheet pulled over another one", {"points": 17, "frames": 20}),
 )  # fmt: skip
 
 
-def page(work: Path, commit: str | None, earlier: str = "") -> str:
-    """The numbers of all runs as markdown; sections of the earlier page for those that do not exist."""
-    summaries = {case: case.summary(work) for case in CASES}
-    kept = dict(re.findall(r"^## (.*?)\n\n(.*?)\n*(?=^## |\Z)", earlier, re.DOTALL | re.MULTILINE))
-    header = page_header("scenes.py", devices_of(summaries.values()), commit)
-    before = re.search(r"^Made by .*$", earlier, re.MULTILINE)
-    lines = [
-        "# Every scene in numbers",
+def of_ve(scene: str, title: str, settings: Mapping[str, Any] | None = None) -> SceneCase:
+    """A scene with as many points along a side as the VE paper has."""
+    return SceneCase(scene, title, {"points": 120 if scene == "metamaterial" else 100, **(settings or {})})
+
+
+TEARS = {"failure": True}
+VISCO = (
+    of_ve("visco_sheet", "VE 6.1 sheet, no Prony term, stretch 4", {"viscous": False, "stretch": 4.0}),
+    of_ve("visco_sheet", "VE 6.1, published law", {"viscous": False, "stretch": 4.0, "law": "published"}),
+    of_ve("visco_sheet", "VE 6.5 sheet, 0.15 /s"),
+    of_ve("visco_sheet", "VE 6.5, published law", {"law": "published"}),
+    of_ve("visco_sheet", "VE 6.5 a hundred times as fast", {"rate": 15.0, "density": 1100.0}),
+    of_ve("visco_hole", "VE 6.2 hole, stretch 4"),
+    of_ve("visco_hole", "VE 6.2 hole, stretch 4, staircase", {"rim": "staircase"}),
+    of_ve("visco_hole", "VE 6.2 hole, stretch 4, published law", {"law": "published"}),
+    of_ve("visco_hole", "VE 6.2 hole, stretch 7", {"stretch": 7.0, "load_steps": 24}),
+    of_ve("visco_hole", "VE 6.6 hole, 0.15 /s to 2.5", {"viscous": True, "stretch": 2.5}),
+    of_ve("visco_hole", "VE 6.6 hole, 0.15 /s to 3", {"viscous": True, "stretch": 3.0}),
+    of_ve("visco_crack", "VE 6.3 crack, stretch 1.5"),
+    of_ve("visco_crack", "VE 6.3 crack, stretch 1.5, published law", {"law": "published"}),
+    of_ve("visco_crack", "VE 6.3 crack, stretch 4", {"stretch": 4.0, "load_steps": 20}),
+    of_ve("visco_crack", "VE 6.7 crack, 0.15 /s to 2.5", {"viscous": True, "stretch": 2.5}),
+    of_ve(
+        "visco_crack", "VE 6.3 crack that runs, Gc as printed", {**TEARS, "energy": 6.69, "law": "published"}
+    ),
+    of_ve("visco_crack", "VE 6.3 crack that runs, published law", {**TEARS, "law": "published"}),
+    of_ve("visco_crack", "VE 6.3 crack that runs, stress-free law", TEARS),
+    of_ve(
+        "visco_crack", "VE 6.3 crack that runs, stress-free law that resists compression",
+        {**TEARS, "wrinkles": "resolved"},
+    ),
+    of_ve(
+        "visco_crack", "VE 6.7 crack that runs, published law", {**TEARS, "viscous": True, "law": "published"}
+    ),
+    of_ve("visco_crack", "VE 6.7 crack that runs, stress-free law", {**TEARS, "viscous": True}),
+    of_ve("metamaterial", "VE 6.4 inclusions, stretch 1.5"),
+    of_ve("metamaterial", "VE 6.4 inclusions and crack", {"crack": True}),
+    of_ve("metamaterial", "VE 6.8 inclusions, 0.15 /s", {"viscous": True}),
+    of_ve("metamaterial", "VE 6.8 inclusions and crack, 0.15 /s to 1.2", {"viscous": True, "crack": True}),
+    of_ve(
+        "metamaterial", "VE 6.4 inclusions and a crack that runs", {"crack": True, **TEARS, "law": "published"}
+    ),
+    of_ve(
+        "metamaterial", "VE 6.4 inclusions and a crack that runs, stress-free law", {"crack": True, **TEARS}
+    ),
+    of_ve(
+        "metamaterial", "VE 6.8 inclusions and a crack that runs",
+        {"crack": True, **TEARS, "viscous": True, "law": "published"},
+    ),
+)  # fmt: skip
+PAGES = {"scenes": SCENES, "visco": VISCO}
+
+
+def section(case: SceneCase, summary: Mapping[str, Any]) -> list[str]:
+    """Lines of markdown with the numbers of a run."""
+    settings = "".join(f" --set {key}={value}" for key, value in case.settings.items())
+    return [
+        f"`warp-pd run {case.scene}{settings}`: {summary['points']} points, horizon {summary['horizon']}, "
+        f"{summary['weights']} weights, float{summary['precision']}, {summary['steps']} steps in "
+        f"{summary['wall_s'] - summary['compile_s']:.1f} s (and {summary['compile_s']:.1f} s of compilation); "
+        f"{summary['status']} {summary['message']}".rstrip()
+        + f", on {summary['device']}, {summary['date'][:10]}",
         "",
-        before[0]
-        if before and any(case.title in kept for case, found in summaries.items() if found is None)
-        else header,
-        "",
-        *paragraph(
-            "A section that names another machine was run there, small; the others are full-size runs. Seconds are "
-            "those of the whole run without compilation; runs may have shared the device. The column *of* says whether "
-            "a number belongs to the last frame or to the whole run. Sections are those of [the "
-            "papers](papers/index.md)."
+        *table(
+            ["number", "of", "value", "reference", "error"],
+            [cells(name, measure) for name, measure in summary["measures"].items()],
         ),
-        "![All scenes, from small runs](scenes.png)",
-        "",
     ]
-    for case, summary in summaries.items():
-        if summary is None and case.title in kept:
-            lines += [f"## {case.title}", "", kept[case.title], ""]
-        else:
-            lines += sections({case: summary})
-    return "\n".join(lines)
-
-
-def sections(summaries: Mapping[SceneCase, Mapping[str, Any] | None]) -> list[str]:
-    """Lines of markdown with the numbers of every run; None stands for a run that does not exist."""
-    lines = []
-    for case, summary in summaries.items():
-        lines += [f"## {case.title}", ""]
-        if summary is None:
-            lines += ["Not run.", ""]
-            continue
-        settings = "".join(f" --set {key}={value}" for key, value in case.settings.items())
-        lines += [
-            f"`warp-pd run {case.scene}{settings}`: {summary['points']} points, horizon {summary['horizon']}, "
-            f"{summary['weights']} weights, float{summary['precision']}, {summary['steps']} steps in "
-            f"{summary['wall_s'] - summary['compile_s']:.1f} s (and {summary['compile_s']:.1f} s of compilation); "
-            f"{summary['status']} {summary['message']}".rstrip()
-            + f", on {summary['device']}, {summary['date'][:10]}",
-            "",
-            *table(
-                ["number", "of", "value", "reference", "error"],
-                [cells(name, measure) for name, measure in summary["measures"].items()],
-            ),
-            "",
-        ]
-    return lines
 
 
 def cells(name: str, measure: Mapping[str, Any]) -> list[str]:
@@ -161,46 +162,18 @@ def cells(name: str, measure: Mapping[str, Any]) -> list[str]:
     return [name, measure["of"], value, reference, error]
 
 
-def picture_of_all(work: Path, path: Path, cases: Sequence[SceneCase]) -> None:
-    """One picture of all scenes; nothing if none has been run."""
-    import matplotlib.pyplot as plt
-
-    shown = [c for c in cases if c.picture and (work / c.name / c.picture).is_file()]
-    if not shown:
-        return
-    columns = 3
-    rows = -(-len(shown) // columns)
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(5.0 * columns, 4.2 * rows), layout="constrained", squeeze=False
-    )  # fmt: skip
-    for axis in axes.flat:
-        axis.set_axis_off()
-    for axis, case in zip(axes.flat, shown, strict=False):
-        axis.imshow(plt.imread(work / case.name / case.picture))
-        axis.set_title(case.title)
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
-
-
-def ball_picture(work: Path, path: Path) -> None:
-    """The picture of the ball in the README; nothing if it has not been run."""
-    drawn = work / "ball_penetration" / "damage.png"
-    if drawn.is_file():
-        shutil.copyfile(drawn, path)
-
-
 def main() -> None:
-    """Run what is missing, then write the page and its pictures."""
-    parser = study_parser(
-        __doc__, device="cpu", jobs=1, work=RUNS / "scenes", out=DOCS / "scenes.md", only_page=False, commit=None
-    )
-    names = sorted({case.scene for case in CASES})
-    parser.add_argument("--scene", nargs="+", choices=names, default=names, help="run these alone")
+    """Run what is missing, then renew the sections of the page."""
+    parser = study_parser(__doc__, device="cpu", jobs=1, work=RUNS / "scenes", out=None, only_page=False)
+    parser.add_argument("--page", choices=PAGES, default="scenes")
+    names = sorted({case.scene for cases in PAGES.values() for case in cases})
+    parser.add_argument("--scene", nargs="+", choices=names, default=names, metavar="SCENE", help="run these alone")
     options = parser.parse_args()
-    execute_all([case for case in CASES if case.scene in options.scene], options)
-    earlier = options.out.read_text() if options.out.is_file() else ""
-    write_page(options.out, page(options.work, options.commit, earlier))
-    ball_picture(options.work, options.out.with_name("ball.png"))
+    cases = PAGES[options.page]
+    execute_all([case for case in cases if case.scene in options.scene], options)
+    found = {case: case.summary(options.work) for case in cases}
+    sections = {f"## {case.title}": section(case, summary) for case, summary in found.items() if summary is not None}
+    renew(options.out or DOCS / f"{options.page}.md", sections)
 
 
 if __name__ == "__main__":

@@ -11,10 +11,7 @@ from __future__ import annotations
 
 import time
 
-from study import provenance, run_tool, study_parser, table, table_row
-
-from warp_pd.__main__ import build_scene
-from warp_pd.interfaces.context import find_device
+from study import build_scene, device_title, provenance, run_tool, study_parser, table, table_row
 
 HEAD = [
     "scene", "points a side", "solver", "status", "iterations", "products", "residual", "solve s", "other s",
@@ -47,8 +44,8 @@ def main() -> None:
     parser.add_argument("--solvers", nargs="+", default=["relaxation", "newton"])
     parser.add_argument("--tolerance", type=float, default=1e-8, help="relative residual")
     options = parser.parse_args()
-    measured = provenance(find_device(options.device).name, options.commit)
-    print(f"Measured {measured}, horizon 2.015, tolerance {options.tolerance:g}.\n")
+    measured = provenance(device_title(options.device), options.commit)
+    print(f"Measured on {measured}, horizon 2.015, tolerance {options.tolerance:g}.\n")
     print(*table(HEAD, []), sep="\n")
     for scene in options.scenes:
         for points in options.points:

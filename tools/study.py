@@ -1,153 +1,54 @@
-"""What the tools share: command-line options, runs of scenes, the header of a page, and one-line errors."""
+"""What the studies share: options, runs of scenes, numbers with their origin, pages, pictures, one-line errors.
+
+Modules of the package without public names are imported here and nowhere else in the studies, as far as possible.
+"""
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import importlib
 import json
 import os
+import pkgutil
+import re
 import subprocess
 import sys
-import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import warp_pd.scenes
 from warp_pd import InputError
 from warp_pd.interfaces.context import find_device
 from warp_pd.run.divergence import DivergedError
+from warp_pd.run.exit_codes import DIVERGED, WRONG_INPUT
 from warp_pd.run.folder import write_atomically
+from warp_pd.run.scene_files import build_scene
 
+__all__ = ["build_scene"]
 ROOT = Path(__file__).resolve().parents[1]
 DOCS, RUNS = ROOT / "docs", ROOT / "runs"
 # Finite-element solutions.
 REFERENCES = ROOT / "tests" / "physics" / "references" / "data"
-WRONG_INPUT, DIVERGED = 2, 3
+Row = dict[str, Any]
 
 
-# Where a page comes from ------------------------------------------------------------------------------------
+# Scenes -----------------------------------------------------------------------------------------------------
 
 
-def current_commit() -> str:
-    """Short hash of the checked-out commit, or "unknown" outside a repository."""
-    done = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    return done.stdout.strip() or "unknown"
+def scene_names() -> list[str]:
+    """Names of all scenes."""
+    return sorted(module.name for module in pkgutil.iter_modules(warp_pd.scenes.__path__))
 
 
-def provenance(device: str, commit: str | None = None) -> str:
-    """Text like "on DEVICE, DATE, commit HASH". `commit` replaces the checked-out one."""
-    return f"on {device}, {datetime.date.today()}, commit {commit or current_commit()}"
-
-
-def page_header(tool: str, device: str, commit: str | None = None) -> str:
-    """The sentence below the title of a page. `tool` is relative to tools/, such as "scenes.py"."""
-    return f"Made by `tools/{tool}` {provenance(device, commit)}."
-
-
-def write_page(path: Path, text: str) -> None:
-    """Write a page and say so. Creates its folder."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, text)
-    print(f"wrote {path}")
-
-
-def paragraph(text: str) -> list[str]:
-    """Lines of a paragraph, and an empty one after it."""
-    return [*_wrapped(text), ""]
-
-
-def bullet(text: str) -> list[str]:
-    """Lines of an entry of a list."""
-    return _wrapped(f"- {text}", indent="  ")
-
-
-def _wrapped(text: str, indent: str = "") -> list[str]:
-    return textwrap.wrap(text, 120, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Lines of a markdown table."""
-    return [table_row(head), "|" + "---|" * len(head), *map(table_row, rows)]
-
-
-def table_row(cells: Sequence[str]) -> str:
-    """One line of a markdown table."""
-    return f"| {' | '.join(cells)} |"
-
-
-# The command line -------------------------------------------------------------------------------------------
-
-
-def device_name(text: str) -> str:
-    """Type of the option --device: the name itself. argparse reports a device that does not exist."""
-    try:
-        find_device(text)
-    except InputError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-    return text
-
-
-def at_least_one(text: str) -> int:
-    """Type of options that count something: a whole number of 1 or more."""
-    number = int(text) if text.isdecimal() else 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of 1 or more")
-    return number
-
-
-OPTIONS: dict[str, dict[str, Any]] = {
-    "device": {"type": device_name, "help": "such as cpu or cuda:0"},
-    "jobs": {"type": at_least_one, "help": "number of runs at a time"},
-    "work": {"type": Path, "help": "folder of the runs; finished runs in it are not repeated"},
-    "out": {"type": Path, "help": "file to write; pictures go beside it"},
-    "only_page": {"action": "store_true", "help": "run nothing; make the page from the runs in the work folder"},
-    "commit": {"help": "commit to name on the page, for a copy without a repository"},
-}
-# Older names of options. They still work.
-ALIASES = {"only_page": "--page-only", "commit": "--stand"}
-
-
-def study_parser(description: str | None, **defaults: Any) -> argparse.ArgumentParser:
-    """The command line of a study.
-
-    Args:
-        description: Docstring of the tool.
-        defaults: The shared options that the study takes, by name in OPTIONS, with their default values. Where --out
-            has a default, a folder is accepted too: it gets a file of the same name.
-    """
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name, default in defaults.items():
-        option = {**OPTIONS[name], "default": default}
-        if name == "out" and default is not None:
-            option["type"] = partial(_file_in, name=default.name)
-        flag = "--" + name.replace("_", "-")
-        parser.add_argument(flag, **option)
-        if name in ALIASES:
-            hidden = {**option, "dest": name, "default": argparse.SUPPRESS, "help": argparse.SUPPRESS}
-            parser.add_argument(ALIASES[name], **hidden)
-    return parser
-
-
-def _file_in(text: str, name: str) -> Path:
-    path = Path(text)
-    return path if path.suffix == Path(name).suffix else path / name
-
-
-def run_tool(main: Callable[[], object]) -> None:
-    """Run a tool. Wrong input and diverged runs end it with one line and the exit code of `warp-pd`."""
-    try:
-        main()
-    except (InputError, DivergedError) as error:
-        print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)
-        sys.exit(WRONG_INPUT if isinstance(error, InputError) else DIVERGED)
-
-
-# Runs of scenes ---------------------------------------------------------------------------------------------
+def load_scene(name: str) -> Any:
+    """The module of a scene."""
+    return importlib.import_module(f"warp_pd.scenes.{name}")
 
 
 class Case:
@@ -178,7 +79,7 @@ def execute(case: Case, work: Path, device: str) -> None:
     """Run a case with `warp-pd run`, unless its folder in `work` holds a summary already."""
     if case.summary(work) is not None:
         return
-    command = [sys.executable, "-m", "warp_pd.__main__", "run", case.scene, "--device", device]
+    command = [sys.executable, "-m", "warp_pd", "run", case.scene, "--device", device]
     command += ["--out", str(work / case.name), "--no-usd", "--quiet", "--overwrite"]
     command += [] if case.draws_pictures else ["--no-pictures"]
     for key, value in case.settings.items():
@@ -195,26 +96,27 @@ def execute_all(cases: Iterable[Case], options: argparse.Namespace) -> None:
         list(pool.map(lambda case: execute(case, options.work, options.device), cases))
 
 
-def in_processes(
-    work: Callable[..., dict[str, Any]], cases: Iterable[Sequence[Any]], jobs: int
-) -> list[dict[str, Any]]:
-    """Results of a function of the module for all cases, each printed as a line of JSON as it comes.
+def in_processes(work: Callable[..., Any], cases: Iterable[tuple], jobs: int) -> Iterator[tuple[tuple, Any]]:
+    """Call a function of a module for all cases; yields each case and its result as it comes.
 
     Args:
-        work: The function; it gets a case as its arguments, in a process of its own.
+        work: The function; a case is its arguments.
         cases: Arguments.
-        jobs: Number of processes. Each has a core: many processes with many threads each slow each other down.
+        jobs: Number of processes; 1 takes this one. Each has a core: many processes with many threads each slow each
+            other down.
     """
+    if jobs == 1:
+        yield from ((case, work(*case)) for case in cases)
+        return
+    # A forked process could not use CUDA.
     context = get_context("spawn")
     cores = context.Queue()
     for core in range(jobs):
         cores.put(core)
-    found = []
     with ProcessPoolExecutor(jobs, context, initializer=_take_core, initargs=(cores,)) as pool:
-        for run in as_completed([pool.submit(work, *case) for case in cases]):
-            found.append(run.result())
-            print(json.dumps(found[-1]), flush=True)
-    return found
+        running = {pool.submit(work, *case): case for case in cases}
+        for done in as_completed(running):
+            yield running[done], done.result()
 
 
 def _take_core(cores: Any) -> None:
@@ -222,12 +124,156 @@ def _take_core(cores: Any) -> None:
     os.sched_setaffinity(0, {available[cores.get() % len(available)]})
 
 
-def write_runs(path: Path, key: str, runs: Sequence[Mapping[str, Any]], options: argparse.Namespace) -> None:
-    """Write runs as JSON under a key, with the commit and the device of the options."""
-    kept = {"commit": options.commit or current_commit(), "device": options.device, key: runs}
-    write_atomically(path, json.dumps(kept, indent=1) + "\n")
+# Numbers and where they come from ---------------------------------------------------------------------------
 
 
-def devices_of(summaries: Iterable[Mapping[str, Any] | None], otherwise: str = "") -> str:
-    """Names of the devices that runs took; `otherwise` if there is no run."""
-    return ", ".join(sorted({str(summary["device"]) for summary in summaries if summary})) or otherwise
+def current_commit() -> str:
+    """Short hash of the checked-out commit, or "unknown" outside a repository."""
+    done = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    return done.stdout.strip() or "unknown"
+
+
+def device_title(device: str | None) -> str:
+    """Name of a device for readers, such as "NVIDIA H200"; None is the one that runs take."""
+    return str(find_device(device).name)
+
+
+def provenance(device: str, commit: str | None = None) -> str:
+    """Text like "NVIDIA H200, 2026-11-22, commit 9cbb211". `commit` replaces the checked-out one."""
+    return f"{device}, {datetime.date.today()}, commit {commit or current_commit()}"
+
+
+def load_rows(path: Path) -> list[Row]:
+    """Rows of earlier calls; none if there is no file."""
+    if not path.is_file():
+        return []
+    stored = json.loads(path.read_text())
+    return [dict(zip(stored["columns"], row, strict=True)) for row in stored["rows"]]
+
+
+def save_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows, one a line under their common columns, with six digits."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    lines = [json.dumps([_six_digits(row.get(name)) for name in columns]) for row in rows]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, f'{{"columns": {json.dumps(columns)},\n"rows": [\n' + ",\n".join(lines) + "\n]}\n")
+
+
+def _six_digits(value: Any) -> Any:
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+# Pages and pictures -----------------------------------------------------------------------------------------
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a markdown table."""
+    return [table_row(head), "|" + "---|" * len(head), *map(table_row, rows)]
+
+
+def table_row(cells: Sequence[str]) -> str:
+    """One line of a markdown table."""
+    return f"| {' | '.join(cells)} |"
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a page and say so. Creates its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, text)
+    print(f"wrote {path}")
+
+
+def renew(path: Path, sections: Mapping[str, Sequence[str]]) -> None:
+    """Replace sections of a page that a study makes; its text is written by hand, in sections of its own.
+
+    Args:
+        path: The page.
+        sections: Lines by heading, such as "## Verdicts". A section ends at the next heading. One that the page does
+            not have comes at its end.
+    """
+    text = path.read_text() if path.is_file() else ""
+    for heading, lines in sections.items():
+        section = "\n".join([heading, "", *lines]).rstrip() + "\n\n"
+        found = re.search(rf"^{re.escape(heading)}\n.*?(?=^#|\Z)", text, re.DOTALL | re.MULTILINE)
+        begin, end = found.span() if found else (len(text), len(text))
+        before = text[:begin].rstrip("\n") + "\n\n" if text[:begin].strip() else ""
+        text = before + section + text[end:]
+    write_page(path, text.rstrip() + "\n")
+
+
+@contextmanager
+def picture(path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float] = (5.0, 4.2)) -> Iterator[Any]:
+    """Draw a picture: gives its axes, (rows, columns), and writes the file at the end. `size` is that of a panel."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for panel in axes.flat:
+        panel.grid(alpha=0.3)
+    yield axes
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=70)
+
+
+# The command line -------------------------------------------------------------------------------------------
+
+
+def device_name(text: str) -> str:
+    """Type of the option --device: the name itself. argparse reports a device that does not exist."""
+    try:
+        find_device(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return text
+
+
+def at_least_one(text: str) -> int:
+    """Type of options that count something: a whole number of 1 or more."""
+    number = int(text) if text.isdecimal() else 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number of 1 or more")
+    return number
+
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "device": {"type": device_name, "help": "such as cpu or cuda:0"},
+    "jobs": {"type": at_least_one, "help": "number of runs at a time"},
+    "work": {"type": Path, "help": "folder of the runs; finished runs in it are not repeated"},
+    "out": {"type": Path, "help": "file to write; pictures and numbers go beside it"},
+    "only_page": {"action": "store_true", "help": "run nothing; make the page from what is there"},
+    "missing": {"action": "store_true", "help": "run only what the numbers do not have yet"},
+    "commit": {"help": "commit to name on the page, for a copy without a repository"},
+}
+
+
+def study_parser(description: str | None, **defaults: Any) -> argparse.ArgumentParser:
+    """The command line of a study.
+
+    Args:
+        description: Docstring of the tool.
+        defaults: The shared options that the study takes, by name in OPTIONS, with their default values. Where --out
+            has a default, a folder is accepted too: it gets a file of the same name.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, default in defaults.items():
+        option = {**OPTIONS[name], "default": default}
+        if name == "out" and default is not None:
+            option["type"] = partial(_file_in, name=default.name)
+        parser.add_argument("--" + name.replace("_", "-"), **option)
+    return parser
+
+
+def _file_in(text: str, name: str) -> Path:
+    path = Path(text)
+    return path if path.suffix == Path(name).suffix else path / name
+
+
+def run_tool(main: Callable[[], object]) -> None:
+    """Run a tool. Wrong input and diverged runs end it with one line and the exit code of `warp-pd`."""
+    try:
+        main()
+    except (InputError, DivergedError) as error:
+        print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)
+        sys.exit(WRONG_INPUT if isinstance(error, InputError) else DIVERGED)

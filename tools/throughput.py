@@ -8,13 +8,10 @@ warp-pd bench                                                            the sam
 from __future__ import annotations
 
 import dataclasses
-import json
 
-from study import page_header, paragraph, run_tool, study_parser, write_page
+from study import find_device, provenance, renew, run_tool, save_rows, study_parser
 
-from warp_pd.interfaces.context import find_device
 from warp_pd.run import bench
-from warp_pd.run.folder import write_atomically
 
 
 def main() -> None:
@@ -36,28 +33,25 @@ def main() -> None:
     for points in options.features_at:
         for horizon in options.horizon:
             groups[f"Features, {points} x {points} points, horizon {horizon:g}"] = bench.feature_cases(points, horizon)
-    lines = [
-        "# Time of a step",
-        "",
-        *paragraph(
-            f"{page_header('throughput.py', device.name, options.commit)} Variational bond-associated law, Gent "
-            "material, plain weights. A step holds forces, loads and integration. Times are the median of nine "
-            "measurements. The spread is half the range of the middle half. Copying an array on this device reads and "
-            f"writes {copied / 1e9:.0f} GB/s.{rates}"
-        ),
-    ]
-    timings = []
+    made = provenance(device.name, options.commit)
+    sections = {
+        "# Time of a step": [
+            f"Measured on {made}: variational bond-associated law, Gent material, plain weights. A step holds forces, "
+            "loads and integration. Times are the median of nine measurements. The spread is half the range of the "
+            f"middle half. Copying an array on this device reads and writes {copied / 1e9:.0f} GB/s.{rates}"
+        ]
+    }
+    rows = []
     for title, cases in groups.items():
         measured = []
         for case in cases:
             measured.append(bench.measure(case, str(device), options.seconds))
             print(bench.table(measured[-1:], copied, counted).splitlines()[-1], flush=True)
-        lines += [f"## {title}", "", bench.table(measured, copied, counted), ""]
-        timings += measured
+        sections[f"## {title}"] = [bench.table(measured, copied, counted)]
+        rows += [{**dataclasses.asdict(timing), "made": made, "copy_rate": copied} for timing in measured]
     if options.out is not None:
-        write_page(options.out, "\n".join(lines))
-        rows = [{**dataclasses.asdict(t), "device": device.name, "copy_rate": copied} for t in timings]
-        write_atomically(options.out.with_suffix(".json"), json.dumps(rows, indent=1) + "\n")
+        renew(options.out, sections)
+        save_rows(options.out.with_suffix(".json"), rows)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import provenance, run_tool, study_parser, table
+from study import picture, provenance, run_tool, study_parser, table, write_page
 from tqdm import tqdm
 
 from warp_pd import Gent, NeoHookean
@@ -32,7 +32,6 @@ from warp_pd.laws.neural.training import (
     train,
     training_data,
 )
-from warp_pd.run.folder import write_atomically
 
 # States of the dense sample.
 DENSE = 100_000
@@ -40,41 +39,32 @@ DENSE = 100_000
 
 def parity(path: Path, network: Network, data: TrainingData) -> None:
     """Forces of the network over those of the law, both components."""
-    import matplotlib.pyplot as plt
-
     found = network.evaluate(data.features)
-    figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.2), layout="constrained")
-    for c, name in enumerate(("along the bond", "across the bond")):
-        axes[c].plot(data.forces[:, c], found[:, c], ".", markersize=2)
-        ends = [data.forces[:, c].min(), data.forces[:, c].max()]
-        axes[c].plot(ends, ends, "k-", linewidth=0.6)
-        axes[c].set(title=name, xlabel="law, T / mu", ylabel="network, T / mu")
-        axes[c].grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    with picture(path, 1, 2) as axes:
+        for c, name in enumerate(("along the bond", "across the bond")):
+            panel, law = axes[0, c], data.forces[:, c]
+            panel.plot(law, found[:, c], ".", markersize=2)
+            panel.plot([law.min(), law.max()], [law.min(), law.max()], "k-", linewidth=0.6)
+            panel.set(title=name, xlabel="law, T / mu", ylabel="network, T / mu")
 
 
 def error_by_stretch(path: Path, data: TrainingData, errors: np.ndarray) -> None:
     """Largest and mean relative error in bins of the bond's stretch, and over both principal stretches."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
     stretch = data.features[:, 0]
     edges = np.linspace(stretch.min(), stretch.max(), 33)
     which = np.clip(np.digitize(stretch, edges) - 1, 0, len(edges) - 2)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    for name, function in (("largest", np.max), ("mean", np.mean)):
-        values = [function(errors[which == b]) if (which == b).any() else np.nan for b in range(len(middle))]
-        axes[0].semilogy(middle, values, label=name)
-    axes[0].set(xlabel="bond stretch", ylabel="relative error")
-    axes[0].grid(alpha=0.3)
-    axes[0].legend()
-    first, second, _ = data.states.T
-    drawn = axes[1].hexbin(first, second, errors, reduce_C_function=np.max, gridsize=40, bins="log")
-    axes[1].set(xlabel="principal stretch 1", ylabel="principal stretch 2")
-    figure.colorbar(drawn, ax=axes[1], label="largest relative error")
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    with picture(path, 1, 2) as axes:
+        left, right = axes[0]
+        for name, function in (("largest", np.max), ("mean", np.mean)):
+            values = [function(errors[which == b]) if (which == b).any() else np.nan for b in range(len(middle))]
+            left.semilogy(middle, values, label=name)
+        left.set(xlabel="bond stretch", ylabel="relative error")
+        left.legend()
+        first, second, _ = data.states.T
+        drawn = right.hexbin(first, second, errors, reduce_C_function=np.max, gridsize=40, bins="log")
+        right.set(xlabel="principal stretch 1", ylabel="principal stretch 2")
+        right.figure.colorbar(drawn, ax=right, label="largest relative error")
 
 
 def report(network: Network, training: Training, dense: TrainingData, errors: np.ndarray) -> str:
@@ -88,7 +78,7 @@ def report(network: Network, training: Training, dense: TrainingData, errors: np
     lines = [
         f"# Network of the neural law: {network.material}, {ratios}",
         "",
-        f"Trained {facts['made']}. Principal stretches {training.stretches[0]:g} to {training.stretches[1]:g}, "
+        f"Trained on {facts['made']}. Principal stretches {training.stretches[0]:g} to {training.stretches[1]:g}, "
         f"{training.samples} samples (70 / 15 / 15 %), seed {training.seed}, hidden layers {list(training.hidden)}, "
         f"{network.size} weights, {facts['steps']} steps.",
         "",
@@ -171,7 +161,7 @@ def main() -> None:
     parity(folder / "parity.png", network, dense)
     error_by_stretch(folder / "error_by_stretch.png", dense, errors)
     text = report(network, training, dense, errors)
-    write_atomically(folder / "report.md", text)
+    write_page(folder / "report.md", text)
     print(text)
 
 

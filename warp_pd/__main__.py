@@ -12,9 +12,8 @@ import click
 
 from .device.checks import InputError, OutputError, count, one_of
 from .fitting.command import fit_command
-from .interfaces.communicator import SPEAKS, LostError
-from .run.exit_codes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT
-from .run.processes import crew_here, is_first, launch, processes_here
+from .interfaces.communicator import LAUNCHER_REPORTS, LostError
+from .run.processes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT, communicator_here, is_first, launch, processes_here
 from .run.scene_files import build_scene, load_scene, scene_names
 from .run.scene_help import SceneCommand
 
@@ -31,7 +30,7 @@ class OneLineGroup(click.Group):
             _say(f"{error.format_message()} (see {where} --help)")
             ctx.exit(WRONG_INPUT)
         except LostError as error:
-            if SPEAKS not in os.environ:
+            if LAUNCHER_REPORTS not in os.environ:
                 click.echo(f"warp-pd: {error}", err=True)
             sys.stderr.flush()
             # What still waits for the other process would hang.
@@ -166,13 +165,13 @@ def run(
     quiet = quiet or not is_first()
     from .output.progress import Progress
     from .run.folder import free_folder, newest_folder
-    from .run.report import report
+    from .run.result import report
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
     settings = _settings(points, horizon, force, weights, solver, duration, frames, assignments)
-    crew, _ = crew_here(device)
-    simulation = crew.together(lambda: build_scene(scene, settings))
+    communicator, _ = communicator_here(device)
+    simulation = communicator.barrier(lambda: build_scene(scene, settings))
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
     if out is None and not overwrite:
         folder = newest_folder(Path(folder)) if resume else free_folder(Path(folder))

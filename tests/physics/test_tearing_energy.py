@@ -157,7 +157,7 @@ def test_breaking_takes_energy_and_torn_strips_keep_their_balance():
 
 
 def test_a_pure_shear_strip_tears_near_its_tearing_energy():
-    """Small and fast: within a third; tools/tear_strips.py measures it."""
+    """Small and fast: within a third; tools/tears.py measures it."""
     scene = pure_shear_tear.build(points=12, duration=1.0, frames=60, tearing_energy=4.0, overload=2.0, advance=3.0)
     result = scene.run(device="cpu")
     assert result.status == "finished"

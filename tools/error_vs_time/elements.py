@@ -1,4 +1,4 @@
-"""The static scenes with membrane finite elements, as one more law: meshes, supports, errors."""
+"""The static scenes with membrane finite elements, as one more law: what a user would take in place of this code."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from stretch import elements as known_hole
-from study import REFERENCES
+from finite_elements import Membrane, gent, incompressible, rectangle
+from skfem import Mesh, MeshQuad, MeshQuad2
+from study import load_scene
 
-from warp_pd.__main__ import load_scene
-
-from .membrane import Membrane, around_hole, gent, neo_hookean, rectangle
-from .references import Errors, interpolated, quarter_field
+from .errors import Errors, Field, distance, hole_field, pressure_field, tension_field
 
 Array = npt.NDArray[np.float64]
-# Where the edges are, as a share of the side.
+# Where the edges are, over the side.
 NEAR = 1e-9
+GENT = gent(1e3, 200e3, 160.0)
 
 
 @dataclass(frozen=True)
@@ -27,29 +26,26 @@ class Solved:
     Attributes:
         membrane: Its elements.
         scalar: Relative error of what the scene measures.
-        reference: Points (n, 2) [m] -> displacements [m] of the reference; NaN where it has none.
+        reference: The exact field.
     """
 
     membrane: Membrane
     scalar: float
-    reference: Callable[[Array], Array]
+    reference: Field
 
     def errors(self) -> Errors:
-        """Of the scalar, and of the field in the L2 norm, at the points of integration."""
+        """Of the scalar, and of the field at the points of integration."""
         m = self.membrane
         places = (m.shapes @ m.nodes[m.elements]).reshape(-1, 2)
         found = (m.shapes @ m.displacement[m.elements]).reshape(len(places), -1)
-        reference = self.reference(places)
-        here = np.isfinite(reference).all(axis=1)
-        weights = m.weights.reshape(-1, 1)[here]
-        missed = (weights * (found - reference)[here] ** 2).sum() / (weights * reference[here] ** 2).sum()
-        return self.scalar, float(np.sqrt(missed))
+        return self.scalar, distance(found, self.reference(places), m.weights.ravel())
 
 
-def square(points: int, side: float, nine: bool) -> tuple[Array, int]:
-    """Vertices along a side with `points` nodes, or one more: there is a node in the middle."""
+def square(points: int, side: float, nine: bool) -> Mesh:
+    """A square with `points` nodes along a side, or one more: there is a node in the middle."""
     nodes = points | 1
-    return np.linspace(0.0, side, (nodes + 1) // 2 if nine else nodes), nodes
+    x = np.linspace(0.0, side, (nodes + 1) // 2 if nine else nodes)
+    return rectangle(x, x, nine)
 
 
 def nearest(nodes: Array, x: float, y: float) -> int:
@@ -60,61 +56,60 @@ def nearest(nodes: Array, x: float, y: float) -> int:
 def pressure(points: int, nine: bool) -> Solved:
     """Scene `pressure`: one load step, from a dome of a fifth of the side: a flat membrane resists no pressure."""
     side, scene = 0.1, load_scene("pressure")
-    x, _ = square(points, side, nine)
-    sheet = Membrane(rectangle(x, x, nine), gent(1e3, 200e3, 160.0), 1e-3, 3, pressure=5.0)
-    share = sheet.nodes / side
-    sheet.displacement[:, 2] = 0.2 * side * (16.0 * np.prod(share * (1.0 - share), axis=1))
-    edge = ((share < NEAR) | (share > 1.0 - NEAR)).any(axis=1)
+    sheet = Membrane(square(points, side, nine), GENT, 1e-3, 3, pressure=5.0)
+    place = sheet.nodes / side
+    sheet.displacement[:, 2] = 0.2 * side * (16.0 * np.prod(place * (1.0 - place), axis=1))
+    edge = ((place < NEAR) | (place > 1.0 - NEAR)).any(axis=1)
     sheet.solve(np.repeat(edge[:, None], 3, axis=1))
-    data = np.load(REFERENCES / "pressure.npz")
-    moved = data["x"] - np.column_stack([data["X"], np.zeros(len(data["X"]))])
     centre = sheet.displacement[nearest(sheet.nodes, 0.05, 0.05), 2]
-    return Solved(sheet, centre / scene.FOLLOWER - 1.0, lambda p: quarter_field(data["X"], moved, p, (0.05, 0.05)))
+    return Solved(sheet, centre / scene.FOLLOWER - 1.0, pressure_field)
 
 
 def tension(points: int, nine: bool) -> Solved:
     """Scene `tension`: one load step, from a uniform stretch along the pull."""
     scene = load_scene("tension")
-    side = scene.SIDE
-    x, _ = square(points, side, nine)
-    sheet = Membrane(rectangle(x, x, nine), gent(1e3, 200e3, 160.0), 1e-3, 2)
-    along = sheet.nodes[:, 0] / side
+    sheet = Membrane(square(points, scene.SIDE, nine), GENT, 1e-3, 2)
+    along = sheet.nodes[:, 0] / scene.SIDE
     sheet.displacement[:, 0] = 0.1 * along
     grips = (along < NEAR) | (along > 1.0 - NEAR)
     sheet.solve(np.repeat(grips[:, None], 2, axis=1))
-    data = np.load(REFERENCES / "tension.npz")
-    moved = data["x"] - data["X"]
-
-    def reference(places: Array) -> Array:
-        offset = places - np.array([0.0, 0.05])
-        field = interpolated(data["X"], moved, np.column_stack([offset[:, 0], np.abs(offset[:, 1])]))
-        field[:, 1] *= np.where(offset[:, 1] < 0.0, -1.0, 1.0)
-        return field
-
     contraction = sheet.displacement[nearest(sheet.nodes, 0.05, 0.0), 1]
-    return Solved(sheet, contraction / scene.CONTRACTION - 1.0, reference)
+    return Solved(sheet, contraction / scene.CONTRACTION - 1.0, tension_field)
 
 
 def stretch(points: int, nine: bool) -> Solved:
     """Scene `stretch` with a hole, to twice its size: one load step, from a uniform stretch, edges on rollers."""
     scene = load_scene("stretch")
     half, cells = scene.HALF, max(2, (points - 1) // (4 if nine else 2))
-    sheet = Membrane(around_hole(scene.RADIUS, half, cells, nine), neo_hookean(scene.MU), scene.THICKNESS, 2)
+    mesh = around_hole(scene.RADIUS, half, cells, nine)
+    sheet = Membrane(mesh, incompressible(scene.MU), scene.THICKNESS, 2)
     sheet.displacement[:] = sheet.nodes
-    edges = np.abs(sheet.nodes) > half * (1.0 - NEAR)
-    sheet.solve(edges)
-    forces, _ = sheet.assembled()
-    force = forces[sheet.nodes[:, 0] > half * (1.0 - NEAR), 0].sum()
-    known = known_hole("equibiaxial", 2.0)
-    assert known is not None
+    sheet.solve(np.abs(sheet.nodes) > half * (1.0 - NEAR))
+    force = sheet.forces()[sheet.nodes[:, 0] > half * (1.0 - NEAR), 0].sum()
+    return Solved(sheet, force / scene.ELEMENTS["hole"]["equibiaxial"][2.0] - 1.0, hole_field)
 
-    def reference(places: Array) -> Array:
-        # Splines do not reach outside the nodes; the mesh is straight between the nodes of its hole.
-        field = interpolated(*known, places)
-        field[np.hypot(*places.T) < scene.RADIUS] = np.nan
-        return field
 
-    return Solved(sheet, force / scene.ELEMENTS["hole"]["equibiaxial"][2.0] - 1.0, reference)
+def around_hole(radius: float, half: float, cells: int, nine: bool) -> Mesh:
+    """A square [-half, half]^2 with a round hole: `cells` elements across, eight times as many around."""
+    count = 8 * cells
+    angle = np.arange(count) * 2.0 * np.pi / count
+    direction = np.stack([np.cos(angle), np.sin(angle)])
+    # Vertices on each side are evenly spaced in the tangent of the angle, as corners must be among them.
+    edge = half * direction / np.abs(direction).max(axis=0)
+    outwards = np.linspace(0.0, 1.0, cells + 1)[:, None]
+    points = (1.0 - outwards) * (radius * direction)[:, None] + outwards * edge[:, None]
+    ring, row = np.arange(count), count * np.arange(cells)[:, None]
+    corners = [row + ring, row + count + ring, row + count + (ring + 1) % count, row + (ring + 1) % count]
+    mesh = MeshQuad(points.reshape(2, -1), np.stack([c.ravel() for c in corners]))
+    if not nine:
+        return mesh
+    curved = MeshQuad2.from_mesh(mesh)
+    nodes = curved.doflocs.copy()
+    # Middles of edges on the hole lie inside it by the height of the arc.
+    away = np.hypot(*nodes)
+    inside = away < radius * (1.0 - 1e-12)
+    nodes[:, inside] *= radius / away[inside]
+    return MeshQuad2(nodes, curved.t)
 
 
 SCENES: dict[str, Callable[[int, bool], Solved]] = {"pressure": pressure, "tension": tension, "stretch": stretch}

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from study import build_scene
+
 from warp_pd import Bimodular, BondAssociated, BondBased, Explicit, Newton, Relaxation, Result, Simulation
-from warp_pd.__main__ import build_scene
-from warp_pd.interfaces import History, Law
+from warp_pd.interfaces import Law
 from warp_pd.laws import force_law
 
-from .references import Errors, Frames, dynamic_errors, hole_errors, pressure_errors, tear_errors, tension_errors
+from .errors import Errors, Frames, dynamic_errors, hole_field, pressure_field, static_errors, tension_field
 
 WEIGHTS = ("published", "plain", "corrected")
 STRETCH_LAWS = {"bonds": {"force": "bond_based"}, "bonds refitted": {"force": "bond_based_refitted"}}
@@ -48,49 +49,36 @@ class Study:
 
     Attributes:
         scene: Its name.
-        about: What is measured, and how accurate the reference is.
         laws: Laws that apply.
         solvers: Solvers that apply.
-        errors: Relative error of a scalar and L2 error of the displacement field, from the result, the collected
-            frames and the history of the finer run.
+        errors: Relative error of a scalar and L2 error of the displacement field, from the result and the frames.
         settings: Of the scene, besides points and horizon.
         times: Frames to collect [s].
-        finer: Run that is the reference, twice as fine as the finest, where there are no finite elements.
     """
 
     scene: str
-    about: str
     laws: tuple[str, ...]
     solvers: tuple[str, ...]
-    errors: Callable[[Result, Frames, History], Errors]
+    errors: Callable[[Result, Frames], Errors]
     settings: Mapping[str, Any] = field(default_factory=dict)
     times: tuple[float, ...] = ()
-    finer: Configuration | None = None
 
 
 STUDIES = (
     Study(
         "pressure",
-        "Sheet under static follower pressure (BA 6.2): deflection of the centre, and the displacement field. "
-        "Reference: Q9 membrane, 1e-6. Nodal correspondence finds no equilibrium because of its zero-energy modes "
-        "([neural law](neural-law.md)).",
         (*WEIGHTS, "closed_form", "bond_based", *ELEMENTS),
         ("newton", "relaxation", "explicit"),
-        pressure_errors,
+        static_errors("center_deflection", pressure_field),
     ),
     Study(
         "tension",
-        "Sheet pulled to twice its length (BA 6.1): contraction of the free edge, and the displacement field. "
-        "Reference: Q9 membrane, 1e-5.",
         (*WEIGHTS, "closed_form", "bond_based", *ELEMENTS),
         ("newton", "relaxation", "explicit"),
-        tension_errors,
+        static_errors("edge_contraction", tension_field),
     ),
     Study(
         "pressure_dynamic",
-        "Sheet under sudden pressure (NN 6.1): largest deflection and field at 0.25, 0.5, 0.75 and 1 s, root mean "
-        "squares. Reference: Q4 membrane, accurate to 0.5, 0.5, 1 and 0.2 % at these times. Smaller differences mean "
-        "nothing.",
         (*WEIGHTS, "nodal", "closed_form", "neural_fused"),
         ("explicit",),
         dynamic_errors,
@@ -99,25 +87,10 @@ STUDIES = (
     ),
     Study(
         "stretch",
-        "Incompressible sheet with a hole, stretched to twice its size in both directions (HE chapter 5): force on an "
-        "edge, and the displacement field. `bonds` and `bonds refitted` are the bond laws made for this mode, with "
-        "layers of points outside the sheet. Reference: Q9 membrane, 1e-4. With published weights there was no "
-        "equilibrium (26 points: float32 diverged, float64 did not converge in 150 s).",
-        ("plain", "corrected", "bonds", "bonds refitted", *ELEMENTS),
+        ("plain", "corrected", *STRETCH_LAWS, *ELEMENTS),
         ("newton", "relaxation"),
-        hole_errors,
+        static_errors("edge_force", hole_field),
         {"stretch": 2.0, "defect": "hole"},
-    ),
-    Study(
-        "double_notch",
-        "Sheet torn between two notches (BA 6.3): largest load, and in place of a field the L2 norm of load over "
-        "extension. Reference: plain weights, 3.15, float32, twice as fine as the finest row. A critical stretch is no "
-        "fracture energy, so the load falls with the spacing: there is no order to observe.",
-        ("published", "plain"),
-        ("explicit",),
-        tear_errors,
-        {"duration": 1.8, "frames": 180},
-        finer=Configuration("double_notch", "plain", 3.15, 0, 32, "explicit"),
     ),
 )
 
@@ -150,8 +123,6 @@ def applies(study: Study, run: Configuration) -> bool:
     if run.solver == "newton":
         # Wider horizons have no multigrid, see docs/solvers.md.
         return run.precision == 64 and run.horizon < 2.5 and run.law in ("plain", "corrected", "bond_based")
-    if study.finer is not None:
-        return run.precision == 32 and 2.0 < run.horizon < 4.0
     if run.solver == "explicit" and len(study.solvers) > 1:
         # Damped dynamics find the equilibrium more slowly than relaxation; one horizon shows by how much.
         return run.horizon == 2.015 and run.law in WEIGHTS

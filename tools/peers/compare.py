@@ -22,7 +22,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from study import RUNS, page_header, paragraph, run_tool, study_parser, table, write_page  # noqa: E402
+from study import RUNS, provenance, renew, run_tool, study_parser, table  # noqa: E402
 
 STYLES = {
     "peri/pmb": "1.6863e22 0.0030151 10.0 0.0",
@@ -89,24 +89,19 @@ def times_table(times: dict[str, list[float]], points: int) -> list[str]:
     return table(["code", "point-steps/s, best", "median", "bond-based over this"], rows)
 
 
-def one_core(peers: Peers, points: int, rounds: int) -> list[str]:
-    """Lines about LAMMPS."""
-    codes = {
-        "warp_pd, bond-based": partial(ours, peers, "bond_based", points, 64),
-        "LAMMPS peri/pmb": partial(lammps, peers, "peri/pmb", points, 200),
-        "LAMMPS peri/lps": partial(lammps, peers, "peri/lps", points, 100),
-        "warp_pd, bond-associated, 28 stresses a point": partial(ours, peers, "bond_associated", points, 64),
-    }
-    return [f"## One core, {points} x {points} points", "", *times_table(in_turn(codes, rounds), points), ""]
-
-
-def two_cores(peers: Peers, points: int, rounds: int) -> list[str]:
-    """Lines about pypd."""
-    codes = {
+def codes_on(peers: Peers, points: int) -> dict[str, Callable[[], float]]:
+    """What is timed: LAMMPS beside this code on one core, pypd on two."""
+    if "," not in peers.cores:
+        return {
+            "warp_pd, bond-based": partial(ours, peers, "bond_based", points, 64),
+            "LAMMPS peri/pmb": partial(lammps, peers, "peri/pmb", points, 200),
+            "LAMMPS peri/lps": partial(lammps, peers, "peri/lps", points, 100),
+            "warp_pd, bond-associated, 28 stresses a point": partial(ours, peers, "bond_associated", points, 64),
+        }
+    return {
         "warp_pd, bond-based": partial(ours, peers, "bond_based", points, 64),
         "pypd (Numba, displacements in the plane)": partial(pypd, peers, points, 400),
     }
-    return [f"## Two cores, {points} x {points} points", "", *times_table(in_turn(codes, rounds), points), ""]
 
 
 def in_turn(codes: dict[str, Callable[[], float]], rounds: int) -> dict[str, list[float]]:
@@ -129,51 +124,24 @@ def main() -> None:
     folder = options.peers.resolve()
     if not (folder / "venv/bin/lmp").exists():
         parser.error(f"--peers = {str(options.peers)!r}: LAMMPS is not there; run tools/peers/install.sh first")
-    lines = one_core(Peers(folder, "0"), options.points, options.rounds)
+    cases = [(Peers(folder, "0"), options.points)]
     if (folder / "pypd").is_dir():
-        lines += two_cores(Peers(folder, "0,1"), options.pypd_points, options.rounds)
-    print("\n".join(lines))
+        cases.append((Peers(folder, "0,1"), options.pypd_points))
+    sections = {}
+    for peers, points in cases:
+        lines = times_table(in_turn(codes_on(peers, points), options.rounds), points)
+        print("\n".join(lines), flush=True)
+        cores = "Two cores" if "," in peers.cores else "One core"
+        made = provenance(processor(), options.commit)
+        sections[f"## {cores}, {points} x {points} points"] = [f"Measured on {made}.", "", *lines]
     if options.out is not None:
-        header = page_header("peers/compare.py", processor(), options.commit)
-        write_page(options.out, "\n".join(["# Beside other codes", "", *introduction(header), *lines, *remarks()]))
+        renew(options.out, sections)
 
 
 def processor() -> str:
     """Name of the processor."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     return next((line.split(":")[1].strip() for line in lines if "model name" in line), "CPU")
-
-
-def introduction(header: str) -> list[str]:
-    """What was measured, and where."""
-    return paragraph(
-        f"{header} Square lattice, horizon 3.015 spacings, float64, whole steps with the test whether a bond breaks. "
-        "All codes ran in turn, several rounds. The best time of each counts."
-    )
-
-
-ONCE = (
-    "Since commit 13069ed a CPU computes each bond of a lattice once (kernels/bonds_once.py), and where bonds "
-    "break by their stretch the same kernel says which blocks of points have bonds to break: the sum of the "
-    "forces, after `break_bonds`, leaves those out. All of it is to the last bit what the reference kernels do. "
-    "Measured on 2026-11-22, float64, pypd in its version of August 2025 (its kernels have other names than "
-    "above, and a stiffness for every bond), with a priority above all that the machine did else, best of many "
-    "steps: 64 x 64 points on one core 256 ns a point-step at commit 13069ed, 141 ns with bonds once, 101 ns now "
-    "(force and test 76, `break_bonds` 6, sum 16), pypd 106 ns: 1.05 times its speed (0.41, then 0.74). On two "
-    "cores 71 ns, and pypd 64 ns: 0.91 (0.30 in the table). 128 x 128 points: 105 ns on one core, and pypd 104 "
-    "(1.0); 58 to 71 ns on two, and pypd 65 (1.1 to 0.91). At 64 x 64 a step takes 290 us on two cores, of which "
-    "25 to 50 us go to waking the second one; while other work used them, the median was 93 to 102 ns a point-step "
-    "there, 0.65 of pypd."
-)
-
-
-def remarks() -> list[str]:
-    """What the numbers do not say."""
-    return paragraph(ONCE) + paragraph(
-        "The newer BPM package of LAMMPS is reported to run peridynamic bonds 3.6 to 5.5 times faster than "
-        "`peri/pmb`. It was not compared. LAMMPS also looks for contact between points without a bond. pypd moves "
-        "points in the plane only. Nobody else publishes times of a bond-associated law: ours is here for comparison."
-    )
 
 
 if __name__ == "__main__":

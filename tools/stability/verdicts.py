@@ -1,4 +1,4 @@
-"""Verdicts: what a case found of a law, and the cell of the table that says so."""
+"""Verdicts: what a case found of a law."""
 
 from __future__ import annotations
 
@@ -35,46 +35,6 @@ class Finding:
     remark: str = ""
     field: np.ndarray | None = None
     unit: str = ""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """What the table says of a case and a law.
-
-    Attributes:
-        verdict: In float32.
-        number: In float32, or None.
-        remark: Of float32.
-        double: Number in float64, or None.
-        double_verdict: Verdict in float64.
-        difference: Between float32 and float64, or None.
-        seconds: That both took.
-        unit: See Finding.
-        made: Device, date and commit.
-    """
-
-    verdict: str
-    number: float | None
-    remark: str
-    double: float | None
-    double_verdict: str
-    difference: float | None
-    seconds: float
-    unit: str = ""
-    made: str = ""
-
-    def text(self) -> str:
-        """Content of the cell in the table."""
-        if self.verdict == NONE:
-            return "n/a"
-        shown = "" if self.number is None else f" {self.unit}{two_digits(self.number)}"
-        share = f" {self.remark}" if self.verdict == SMALLER and self.remark.startswith("at ") else ""
-        mark = "" if self.verdict == self.double_verdict else f" (float64: {self.double_verdict})"
-        return f"{self.verdict}{share}{':' if shown else ''}{shown}{mark}"
-
-
-# Cases down, laws across.
-Table = dict[str, dict[str, Cell]]
 
 
 def short(number: float) -> str:

@@ -146,8 +146,16 @@ def on_cpu(array: Array) -> bool:
     return array.device is not None and bool(array.device.is_cpu)
 
 
-def to_host(array: Array) -> np.ndarray:
-    """A copy on the host, in the precision of the device."""
+def to_host(array: Array, points: np.ndarray | None = None) -> np.ndarray:
+    """A copy on the host, in the precision of the device.
+
+    Args:
+        array: The array.
+        points: Entries to copy, of an array with one index; the device gathers them. None: all.
+    """
+    if points is not None:
+        chosen: Array = wp.array(points, dtype=wp.int32, device=array.device)
+        return np.asarray(wp.indexedarray(array, [chosen]).contiguous().numpy())
     # For an array on a GPU, numpy() is a copy already.
     return np.asarray(array.numpy().copy() if on_cpu(array) else array.numpy())
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..geometry.on_demand import CHUNK, for_each_chunk, mean_of
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Segment, crosses, lattice_box
 from .masks import pack
@@ -38,7 +37,7 @@ def lattice_families(
     severed = _severed(sheet, ox, oy)
     first, family_class = _classes(near_x, near_y)
     if severed is not None:
-        first, family_class = _with_lost(first, family_class, *severed)
+        first, family_class = _with_lost(family_class, *severed)
     if sheet.stiffness is not None:
         factors, which = np.unique(sheet.stiffness, return_inverse=True)
         code = family_class * np.int64(len(factors)) + which.ravel()
@@ -54,7 +53,7 @@ def lattice_families(
         here = np.where(touched[at] == first, at, -1) if len(touched) else np.full(len(first), -1)
         exists[here >= 0] &= ~lost[here[here >= 0]]
         severed_rows[here >= 0] = lost[here[here >= 0]].any(axis=1)
-    areas, reference_area = sheet.stored("areas"), mean_of(sheet.stored("areas"))
+    areas, reference_area = sheet.areas, float(sheet.areas.mean())
     member = np.where(exists, to_y * lattice.columns + to_x, 0)
     return Families(
         horizon=horizon,
@@ -88,69 +87,45 @@ def _classes(near_x: np.ndarray, near_y: np.ndarray) -> tuple[np.ndarray, np.nda
     _, first_x, of_x = np.unique(near_x, return_index=True, return_inverse=True)
     _, first_y, of_y = np.unique(near_y, return_index=True, return_inverse=True)
     first = (len(near_x) * first_y[:, None] + first_x).ravel()
-    found = np.empty((len(near_y), len(near_x)), np.int32)
-    rows, columns = (len(first_x) * of_y).astype(np.int32)[:, None], of_x.astype(np.int32)
-    some = max(1, CHUNK // len(near_x))
-
-    def fill(begin: int) -> None:
-        chunk = slice(begin, begin + some)
-        np.add(rows[chunk], columns, out=found[chunk])
-
-    for_each_chunk(0, len(near_y), fill, some)
-    return first, found.ravel()
+    family_class = np.add.outer((len(first_x) * of_y).astype(np.int32), of_x.astype(np.int32))
+    return first, family_class.ravel()
 
 
-def _with_lost(
-    first: np.ndarray, family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The same where some points lost members: those that lost the same have classes of their own.
+def _with_lost(family_class: np.ndarray, touched: np.ndarray, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First point and class where some points lost members: those that lost the same have classes of their own.
 
     Args:
-        first: First point of each class.
         family_class: Class of each point, int32; changed.
         touched: The points, rising.
         lost: Which members they lost.
     """
     patterns, which = np.unique(pack(lost), axis=0, return_inverse=True)
-    wide = len(patterns) + 1
-    sizes = np.zeros(len(first), np.int64)
-    for begin in range(0, len(family_class), CHUNK):
-        sizes += np.bincount(family_class[begin : begin + CHUNK], minlength=len(first))
-    was = family_class[touched].astype(np.int64)
-    left = np.flatnonzero(sizes > np.bincount(was, minlength=len(first)))
-    found, first_touched, of_touched = np.unique(wide * was + 1 + which.ravel(), return_index=True, return_inverse=True)
-    codes = np.sort(np.append(wide * left, found))
-    begins = np.zeros(len(codes), np.int64)
-    begins[np.searchsorted(codes, found)] = touched[first_touched]
-    for number, code in zip(np.searchsorted(codes, wide * left), left, strict=True):
-        begins[number] = _first_of(family_class, int(code), int(first[code]), touched)
-    renumbered = np.zeros(len(first), np.int32)
-    renumbered[left] = np.searchsorted(codes, wide * left)
-    for begin in range(0, len(family_class), CHUNK):
-        family_class[begin : begin + CHUNK] = renumbered[family_class[begin : begin + CHUNK]]
-    family_class[touched] = np.searchsorted(codes, found)[of_touched.ravel()]
-    return begins, family_class
-
-
-def _first_of(family_class: np.ndarray, wanted: int, begin: int, touched: np.ndarray) -> int:
-    """The first point of a class, from `begin` on, that is not among `touched`, rising ones."""
-    while True:
-        at = begin + np.flatnonzero(family_class[begin : begin + CHUNK] == wanted)
-        at = at[~np.isin(at, touched)]
-        if len(at):
-            return int(at[0])
-        begin += CHUNK
+    number, wide = int(family_class.max()) + 1, len(patterns) + 1
+    found, of_touched = np.unique(
+        wide * family_class[touched].astype(np.int64) + 1 + which.ravel(), return_inverse=True
+    )
+    family_class[touched] = number + of_touched
+    codes = np.append(wide * np.arange(number), found)
+    left = np.flatnonzero(np.bincount(family_class, minlength=len(codes)))
+    left = left[np.argsort(codes[left])]
+    renumbered = np.zeros(len(codes), np.int32)
+    renumbered[left] = np.arange(len(left))
+    family_class = renumbered[family_class]
+    first = np.zeros(len(left), np.int64)
+    # Of several points of a class the last one assigned stays, which is the first of them.
+    first[family_class[::-1]] = np.arange(len(family_class))[::-1]
+    return first, family_class
 
 
 def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Points near a cut, rising, and which of their members lie across it; None without cuts."""
-    lattice, points = sheet.lattice, sheet.stored("points")
+    lattice, points = sheet.lattice, sheet.points
     if not sheet.cuts or lattice is None:
         return None
     offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
     reach = float(np.linalg.norm(offsets, axis=1).max())
     spacings = reach / min(lattice.dx, lattice.dy) + 1.0
-    boxes = [lattice_box(points[np.zeros(1, int)][0], lattice, segment, spacings) for segment in sheet.cuts]
+    boxes = [lattice_box(points[0], lattice, segment, spacings) for segment in sheet.cuts]
     touched = functools.reduce(np.union1d, boxes)
     touched = touched[_near_cuts(points[touched], sheet.cuts, reach)]
     tail = np.repeat(points[touched][:, None], len(offsets), axis=1)
@@ -169,6 +144,6 @@ def _near_cuts(points: np.ndarray, cuts: Sequence[Segment], reach: float) -> np.
     near = np.zeros(len(points), bool)
     for start, end in cuts:
         a, b = np.array(start), np.array(end)
-        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        near |= np.linalg.norm(points - a - share[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
+        fraction = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        near |= np.linalg.norm(points - a - fraction[:, None] * (b - a), axis=1) <= reach * (1.0 + 1e-6)
     return near

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..device.checks import InputError, kind_and_text, numbers, one_of, user_code
 from ..device.cores import cores
-from ..geometry.on_demand import CHUNK
 from ..kernels.families import WORD
 from ..kernels.kinematics import DEGENERATE, SAMPLE
 from .intersections import shapes_by_row
@@ -156,10 +155,7 @@ class Families:
     def points_of_rows(self) -> np.ndarray:
         """Number of points of each row, shape (R,), on a lattice or grid."""
         assert self.family_class is not None
-        family_class, rows = self.family_class, len(self.exists)
-        begins = range(0, len(family_class), CHUNK)
-        counts = cores().map(lambda at: np.bincount(family_class[at : at + CHUNK], minlength=rows), begins)
-        return np.asarray(np.sum(list(counts), axis=0))
+        return np.bincount(self.family_class, minlength=len(self.exists))
 
     @property
     def commonest_row(self) -> int:
@@ -325,8 +321,8 @@ def remaining_inverse(shape: np.ndarray, undamaged: np.ndarray) -> tuple[np.ndar
         undamaged: Inverse shape tensors of the undamaged intersections, zero where degenerate, shape (..., 3).
     """
     determinant = shape[..., 0] * shape[..., 2] - shape[..., 1] ** 2
-    share = determinant * (undamaged[..., 0] * undamaged[..., 2] - undamaged[..., 1] ** 2)
-    usable = share >= SAMPLE
+    ratio = determinant * (undamaged[..., 0] * undamaged[..., 2] - undamaged[..., 1] ** 2)
+    usable = ratio >= SAMPLE
     inverse = np.stack([shape[..., 2], -shape[..., 1], shape[..., 0]], axis=-1)
     inverse /= np.where(usable, determinant, 1.0)[..., None]
     return np.where(usable[..., None], inverse, 0.0), usable

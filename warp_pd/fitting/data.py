@@ -29,7 +29,7 @@ class Curve:
         at: Its values in SI units, shape (n,).
         measure: Measure of the scene.
         values: What was measured, in SI units, shape (n,).
-        sigma: Standard deviation of the noise, in SI units, or None: the same share of the largest value in every test.
+        sigma: Standard deviation of the noise, in SI units, or None: the same part of the largest value in every test.
         name: Name of the test, for reports.
         rows: Lines of its file, shape (n,), or None.
     """

@@ -12,11 +12,11 @@ from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces.frame import Frame
 from ..run.built import Built
-from ..run.frame_points import AllPoints, snapshot
+from ..run.frame_points import FramePoints
 from ..run.simulation import Simulation
 from ..solvers.search import Search
 
-# Linear solves end at this share of their right side; those of a fit need no more than its states have.
+# Linear solves end at this fraction of their right side; those of a fit need no more than its states have.
 ACCURACY = {64: 1e-9, 32: 1e-5}
 FIT_ACCURACY = {64: 1e-6, 32: 1e-4}
 # A load factor that is not reached in one step is approached in steps this many times halved at most.
@@ -77,7 +77,7 @@ class Equilibrium:
     Attributes:
         built: The simulation on a device.
         factor: Load factor of the present state.
-        accuracy: Share of the right side at which linear solves end.
+        accuracy: Fraction of the right side at which linear solves end.
     """
 
     def __init__(self, scene: Simulation, device: str | None = None, precision: int | None = None) -> None:
@@ -158,7 +158,7 @@ class Equilibrium:
     def frame(self) -> Frame:
         """The present state as measures see it."""
         self.built.context.run("frame")
-        return snapshot(AllPoints(self.built), 1, self.factor * self.duration).in_double()
+        return FramePoints(self.built).frame(1, self.factor * self.duration).in_double()
 
     def bare_frame(self) -> Frame:
         """The displacement of the present state alone, for probes."""

@@ -97,7 +97,7 @@ class PointField:
     """Displacements at places of the undeformed sheet, linear in its triangles, as a camera measures them.
 
     Attributes:
-        weights: Sparse matrix, shape (M, N), of the shares of the points.
+        weights: Sparse matrix, shape (M, N), of the fractions of the points.
         inside: Which of the places asked for lie on the sheet, shape (asked,).
     """
 
@@ -127,17 +127,17 @@ class PointField:
         count = min(24, len(corners))
         _, near = cKDTree(corners.mean(axis=1)).query(where, k=count)
         near = near.reshape(len(where), count)
-        shares = _barycentric(corners[near], where[:, None])
-        best = np.argmax(shares.min(axis=-1), axis=1)
+        fractions = _barycentric(corners[near], where[:, None])
+        best = np.argmax(fractions.min(axis=-1), axis=1)
         rows = np.arange(len(where))
-        share = shares[rows, best]
-        gap = np.maximum(0.0, -share.min(axis=1)) * np.sqrt(2.0)
+        fraction = fractions[rows, best]
+        gap = np.maximum(0.0, -fraction.min(axis=1)) * np.sqrt(2.0)
         inside = gap <= tolerance
         if not inside.any():
             raise InputError("places: none of them is on the sheet; check their unit and origin")
         points = sheet.triangles[near[rows, best]][inside]
         kept = int(inside.sum())
-        entries = share[inside].ravel(), (np.repeat(np.arange(kept), 3), points.ravel())
+        entries = fraction[inside].ravel(), (np.repeat(np.arange(kept), 3), points.ravel())
         return PointField(sparse.csr_matrix(entries, shape=(kept, sheet.size)), inside)
 
     def values(self, frame: Frame) -> np.ndarray:

@@ -16,11 +16,11 @@ from ..run.simulation import Simulation
 from .data import Curve, Test
 from .model import Experiment, SceneTests
 
-# A combination of constants is not told by the data if its singular value is smaller than this share of the largest, or
+# The data do not tell a combination of constants if its singular value is below this fraction of the largest, or
 # its relative uncertainty larger than this; a single constant is told badly from this uncertainty on.
 SINGULAR, UNTOLD, BADLY = 1e-6, 10.0, 0.3
-# A constant belongs to a combination from this share of it on.
-SHARE = 0.3
+# A constant belongs to a combination from this fraction of it on.
+FRACTION = 0.3
 CORRELATED = 0.95
 # Standard deviations from the fit, by the median, of an outlier.
 OUTLIER, MAD = 5.0, 1.4826
@@ -60,7 +60,7 @@ class Judgement:
         covariance = (v[kept].T * spread[kept] ** 2) @ v[kept]
         errors = relative * np.sqrt(np.diag(covariance))
         for direction in v[lost]:
-            errors[np.abs(direction) > SHARE * np.abs(direction).max()] = np.inf
+            errors[np.abs(direction) > FRACTION * np.abs(direction).max()] = np.inf
         for name, error, value in zip(vary, errors, values, strict=True):
             if math.isfinite(error) and error > BADLY * abs(value):
                 words.append(f"the data tell {name} badly: its standard error is {100.0 * error / abs(value):.0f} %")
@@ -77,12 +77,14 @@ class Judgement:
 
 
 def _untold(vary: Sequence[str], direction: np.ndarray) -> str:
-    share = direction / np.abs(direction).max()
-    names = [name for name, part in zip(vary, share, strict=True) if abs(part) > SHARE]
+    fraction = direction / np.abs(direction).max()
+    names = [name for name, part in zip(vary, fraction, strict=True) if abs(part) > FRACTION]
     if len(names) == 1:
         return f"the data do not tell {names[0]}"
-    sign = np.sign(share[np.argmax(np.abs(share))])
-    powers = " ".join(f"{name}^{sign * part:+.2f}" for name, part in zip(vary, share, strict=True) if abs(part) > SHARE)
+    sign = np.sign(fraction[np.argmax(np.abs(fraction))])
+    powers = " ".join(
+        f"{name}^{sign * part:+.2f}" for name, part in zip(vary, fraction, strict=True) if abs(part) > FRACTION
+    )
     return (
         f"the data cannot tell {' from '.join(names) if len(names) == 2 else ', '.join(names) + ' apart'}: "
         f"they may change together as {powers}"
@@ -167,8 +169,8 @@ class Fit:
         """The constants, their errors and correlations, and what the fit noticed."""
         lines = [f"{'constant':14s} {'estimate':>13s} {'standard error':>15s} {'':>9s} {'start':>12s}"]
         for name, value, error, start in zip(self.names, self.values, self.judgement.errors, self.start, strict=True):
-            share = f"{100.0 * error / abs(value):8.3g} %" if value and math.isfinite(error) else ""
-            lines.append(f"{name:14s} {value:13.6g} {error:15.3g} {share:>10s} {start:12.6g}")
+            fraction = f"{100.0 * error / abs(value):8.3g} %" if value and math.isfinite(error) else ""
+            lines.append(f"{name:14s} {value:13.6g} {error:15.3g} {fraction:>10s} {start:12.6g}")
         if len(self.names) > 1:
             lines.append("correlations")
             for name, row in zip(self.names, self.judgement.correlations, strict=True):

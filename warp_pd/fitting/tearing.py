@@ -78,7 +78,7 @@ def tearing_energy(
         found = TearingFit(energy, load, float(loads[-1]), released, runs)
         if abs(found.error) <= tolerance:
             break
-        # A discrete sheet tears a little above its energy, by a share that hardly depends on it.
+        # A discrete sheet tears a little above its energy, by a fraction that hardly depends on it.
         energy = released / onset
     return found
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from ..device.checks import InputError
 from .holes import square_grid, triangulation_without
-from .on_demand import Stored, entries
 from .shape import Shape
 from .topology import boundary_edges
-from .triangulation import Lattice, Segment, crossed_triangles, lattice_box
+from .triangulation import Segment, crossed_triangles, triangles_near
 
 AnyShape = TypeVar("AnyShape", bound=Shape)
 
@@ -25,33 +24,15 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
     """
     if segment[0] == segment[1]:
         raise InputError(f"{name}: expected a segment of some length")
-    gone = _crossed(shape, segment)
+    near = triangles_near(shape.points, shape.triangles, segment)
+    gone = near[crossed_triangles(shape.points, shape.triangles[near], segment)]
     if not len(gone):
         low, high = shape.points.min(axis=0), shape.points.max(axis=0)
         raise InputError(
             f"{name} crosses no bond: expected segments inside the sheet, "
             f"which spans {low.tolist()} to {high.tolist()}, that pass between points"
         )
-    # As they are stored: `replace` alone would compute them.
-    arrays: dict[str, Any] = {name: shape.stored(name) for name in ("points", "areas")}
-    arrays["triangles"] = entries(shape.stored("triangles")).without(gone)
-    return replace(shape, **arrays, cuts=(*shape.cuts, segment))
-
-
-def _crossed(shape: Shape, segment: Segment) -> np.ndarray:
-    """Numbers of the triangles that a segment crosses, rising, for `Entries.without`."""
-    triangles, points = entries(shape.stored("triangles")), shape.stored("points")
-    at = triangles.remaining(None if shape.whole_lattice is None else _near(points, shape.whole_lattice, segment))
-    places = points[triangles.at(at).ravel()]
-    return np.asarray(at[crossed_triangles(places, np.arange(len(places)).reshape(-1, 3), segment)])
-
-
-def _near(points: Stored, lattice: Lattice, segment: Segment) -> np.ndarray:
-    """Numbers of the triangles of a lattice before any cut in the box around a segment, rising."""
-    cells = lattice_box(points[np.zeros(1, int)][0], lattice, segment, 2.0)
-    cells = cells[(cells % lattice.columns < lattice.columns - 1) & (cells // lattice.columns < lattice.rows - 1)]
-    numbers = cells - cells // lattice.columns
-    return np.asarray((2 * numbers[:, None] + np.arange(2)).ravel())
+    return replace(shape, triangles=np.delete(shape.triangles, gone, 0), cuts=(*shape.cuts, segment))
 
 
 def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:

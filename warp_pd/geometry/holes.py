@@ -23,7 +23,7 @@ def triangulation_without(removed: np.ndarray, shape: Shape) -> tuple[np.ndarray
     """
     if shape.lattice is not None:
         intact_cells = whole_cells(shape.lattice, removed)
-        return cell_triangles(shape.lattice.columns, intact_cells), cell_areas(shape.lattice, intact_cells)
+        return cell_triangles(intact_cells), cell_areas(shape.lattice, intact_cells)
     if shape.grid is not None and (shape.grid >= 0).all():
         _, areas = _cells_without(np.zeros(shape.size, bool), shape.grid, shape.spacing)
         if np.allclose(areas, shape.areas, rtol=1e-9, atol=0.0):
@@ -43,4 +43,4 @@ def _cells_without(removed: np.ndarray, grid: np.ndarray, spacing: float) -> tup
     index = np.full(columns * rows, -1, np.int32)
     index[place] = np.arange(len(grid), dtype=np.int32)
     whole = whole_cells(box, absent)
-    return index[cell_triangles(columns, whole)], cell_areas(box, whole)[place]
+    return index[cell_triangles(whole)], cell_areas(box, whole)[place]

@@ -170,7 +170,7 @@ def _grid_cells(points: np.ndarray, grid: np.ndarray, least: float) -> tuple[np.
     row, column = grid[on, 1], grid[on, 0]
     padded = np.pad(whole, 1)
     covered[on] = padded[row, column] & padded[row + 1, column] & padded[row, column + 1] & padded[row + 1, column + 1]
-    return number.ravel()[cell_triangles(int(columns), whole)].astype(np.int64), covered
+    return number.ravel()[cell_triangles(whole)].astype(np.int64), covered
 
 
 def _require_edges(triangles: np.ndarray, edges: np.ndarray, points: np.ndarray) -> None:

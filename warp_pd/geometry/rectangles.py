@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..device.checks import InputError, count, counts, finite, one_of, positive, vector
 from .clouds import cloud
-from .on_demand import OnDemand
 from .shape import Shape
 from .triangulation import Lattice, lattice_triangles, turned_grid
 
 # Points are counted in 32 bits.
 MAX_POINTS = 2**31 - 1
-# Lattices of so many points do not store what follows from rows and columns.
-STORED_POINTS = 2**19
 
 
 def rectangle(
@@ -51,30 +46,17 @@ def rectangle(
             f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: expected {MAX_POINTS}"
         )
     x, y = x0 + dx * np.arange(columns), y0 + dy * np.arange(rows)
-    share_x, share_y = np.full(columns, dx), np.full(rows, dy)
+    width_x, width_y = np.full(columns, dx), np.full(rows, dy)
     if not centred:
-        share_x[[0, -1]] *= 0.5
-        share_y[[0, -1]] *= 0.5
-
-    def points_of(begin: int, end: int) -> np.ndarray:
-        of_rows = slice(begin // columns, -(-end // columns))
-        found = np.empty((of_rows.stop - of_rows.start, columns, 2))
-        found[..., 0], found[..., 1] = x, y[of_rows, None]
-        return found.reshape(-1, 2)[begin - of_rows.start * columns :][: end - begin]
-
-    def areas_of(begin: int, end: int) -> np.ndarray:
-        of_rows = slice(begin // columns, -(-end // columns))
-        found: np.ndarray = (share_y[of_rows, None] * share_x).ravel()
-        return found[begin - of_rows.start * columns :][: end - begin]
-
-    arrays: dict[str, Any] = {
-        "points": OnDemand(columns * rows, lambda i: np.stack([x[i % columns], y[i // columns]], axis=-1), points_of),
-        "areas": OnDemand(columns * rows, lambda i: share_y[i // columns] * share_x[i % columns], areas_of),
-        "triangles": OnDemand(2 * (columns - 1) * (rows - 1), lambda i: lattice_triangles(columns, i)),
-    }
-    if columns * rows < STORED_POINTS:
-        arrays = {name: array[np.arange(len(array))] for name, array in arrays.items()}
-    return Shape(**arrays, spacing=float(np.sqrt(dx * dy)), lattice=Lattice(columns, rows, dx, dy))
+        width_x[[0, -1]] *= 0.5
+        width_y[[0, -1]] *= 0.5
+    return Shape(
+        points=np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1).reshape(-1, 2),
+        areas=(width_y[:, None] * width_x).ravel(),
+        triangles=lattice_triangles(columns, rows),
+        spacing=float(np.sqrt(dx * dy)),
+        lattice=Lattice(columns, rows, dx, dy),
+    )
 
 
 def line(length: float, points: int) -> Shape:

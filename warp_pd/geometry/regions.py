@@ -20,7 +20,7 @@ class Region(np.ndarray):
     `np.array(region)`, is never checked.
 
     Attributes:
-        of: Positions of those points [m], shape (N, 2), or what computes them; or None.
+        of: Positions of those points [m], shape (N, 2); or None.
     """
 
     of: Any
@@ -46,7 +46,7 @@ class Region(np.ndarray):
 
 
 def region_of(indices: np.ndarray, points: Any) -> Region:
-    """Indices as a region of points, shape (N, 2), or of what computes them."""
+    """Indices as a region of points, shape (N, 2)."""
     region = np.asarray(indices, np.int32).view(Region)
     region.of = points
     return region

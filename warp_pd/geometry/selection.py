@@ -41,7 +41,7 @@ class SelectableShape(Shape):
         Raises:
             InputError: for another name.
         """
-        return region_of(edge_points(self, names), self.stored("points"))
+        return region_of(edge_points(self, names), self.points)
 
     def nearest(self, x: float, y: float, z: float | None = None) -> int:
         """Index of the point nearest to (x, y), on a curved sheet to (x, y, z).
@@ -59,7 +59,7 @@ class SelectableShape(Shape):
         """Indices of the points no further than `radius` [m] from `centre`, (x, y), on a curved sheet (x, y, z)."""
         offset = self.points - vector("centre", centre, self.points.shape[1])
         reach = positive("radius", radius) * (1.0 + 1e-9)
-        return region_of(np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach), self.stored("points"))
+        return region_of(np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach), self.points)
 
     def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
         """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.
@@ -70,4 +70,4 @@ class SelectableShape(Shape):
             InputError: for a condition that is no function, or gives anything but N truth values.
         """
         holds = checks.truth_values("condition", condition, *self.points.T)
-        return region_of(np.flatnonzero(holds), self.stored("points"))
+        return region_of(np.flatnonzero(holds), self.points)

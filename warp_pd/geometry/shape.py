@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import cast
 
 import numpy as np
 
-from .on_demand import Stored, StoredField
 from .triangulation import Lattice, Segment
 
 
@@ -58,24 +56,20 @@ class Shape:
     @property
     def size(self) -> int:
         """Number of points."""
-        return len(self.stored("points"))
+        return len(self.points)
 
     @property
     def extent(self) -> np.ndarray:
         """Size along each axis [m]."""
         # The first and the last corner of a lattice.
-        corners = None if self.whole_lattice is None else self.stored("points")[np.array([0, self.size - 1])]
-        return np.asarray(np.ptp(self.points if corners is None else corners, axis=0))
+        corners = self.points if self.whole_lattice is None else self.points[[0, -1]]
+        return np.asarray(np.ptp(corners, axis=0))
 
     @property
     def whole_lattice(self) -> Lattice | None:
         """The grid, if the points are all of it in order; None for a part of a lattice, too."""
         lattice = self.lattice
         return lattice if lattice is not None and self.size == lattice.columns * lattice.rows else None
-
-    def stored(self, name: str) -> Stored:
-        """The array `points`, `areas` or `triangles`; of a large lattice what computes its entries."""
-        return cast(Stored, vars(self)[name])
 
     @property
     def widest_spacing(self) -> float:
@@ -101,7 +95,3 @@ class Shape:
         if self.frames is None:
             return np.tile([0.0, 0.0, 1.0], (self.size, 1))
         return np.cross(self.frames[..., 0], self.frames[..., 1])
-
-
-for _name in ("points", "areas", "triangles"):
-    setattr(Shape, _name, StoredField(_name))

@@ -62,7 +62,7 @@ def tube(radius: float, length: float, points: int | tuple[int, int]) -> Shape:
     index = np.arange(around * along, dtype=np.int32)
     fraction = np.where((index < around) | (index >= around * (along - 1)), 0.5, 1.0)
     # One column more than there are points around: the last one is the first.
-    cells = cell_triangles(around + 1, np.ones((along - 1, around), bool))
+    cells = cell_triangles(np.ones((along - 1, around), bool))
     row, column = np.divmod(cells, around + 1)
     return Shape(
         points=np.column_stack([radius * cosine, radius * sine, height]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,68 @@ class Lattice:
     rows: int
     dx: float
     dy: float
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return self.columns * self.rows
+
+
+@dataclass(frozen=True)
+class CoarseLattice:
+    """Every so many-th column and row of a lattice, and the last ones.
+
+    Attributes:
+        fine: The lattice.
+        stride: Of columns and rows.
+    """
+
+    fine: Lattice
+    stride: int
+
+    @functools.cached_property
+    def columns(self) -> np.ndarray:
+        """The columns that it keeps, rising."""
+        return np.unique(np.append(np.arange(0, self.fine.columns, self.stride), self.fine.columns - 1))
+
+    @functools.cached_property
+    def rows(self) -> np.ndarray:
+        """The rows that it keeps, rising."""
+        return np.unique(np.append(np.arange(0, self.fine.rows, self.stride), self.fine.rows - 1))
+
+    def points(self, begin: int = 0, end: int | None = None) -> np.ndarray:
+        """The points that it keeps, by their index in the lattice, rising; of those from `begin` to `end` - 1."""
+        kept = np.add.outer(self.fine.columns * self.rows, self.columns).ravel()
+        return np.asarray(kept[slice(*np.searchsorted(kept, [begin, self.fine.points if end is None else end]))])
+
+    def torn(self, triangles: np.ndarray) -> np.ndarray:
+        """Which of its triangles (`lattice_triangles`) lie in a cell that holds any of some triangles, bool.
+
+        Args:
+            triangles: Of the fine lattice, shape (F, 3).
+        """
+        return self._triangles_at(*self._cells(triangles))
+
+    def cut(self, triangles: np.ndarray) -> np.ndarray:
+        """Which of its triangles lie in a cell that lacks any of the triangles of the fine lattice, bool.
+
+        Args:
+            triangles: Those that are there, shape (F, 3).
+        """
+        columns, number = self.fine.columns - 1, (self.fine.columns - 1) * (self.fine.rows - 1)
+        row, column = self._cells(triangles)
+        there = np.bincount(row * columns + column, minlength=number)
+        return self._triangles_at(*np.divmod(np.flatnonzero(there < 2), columns))
+
+    def _cells(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column of the cell of the fine lattice that each of its triangles halves."""
+        return triangles.min(axis=1) // self.fine.columns, (triangles % self.fine.columns).min(axis=1)
+
+    def _triangles_at(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Which of its triangles lie in a cell that holds one of some cells of the fine lattice."""
+        found = np.zeros((len(self.rows) - 1, len(self.columns) - 1, 2), bool)
+        found[np.searchsorted(self.rows, row, "right") - 1, np.searchsorted(self.columns, column, "right") - 1] = True
+        return found.ravel()
 
 
 def crosses(tail: np.ndarray, head: np.ndarray, segment: Segment) -> np.ndarray:
@@ -67,26 +130,21 @@ def lattice_box(corner: np.ndarray, lattice: Lattice, segment: Segment, reach: f
     return np.asarray((lattice.columns * row[:, None] + column).ravel())
 
 
-def cell_triangles(columns: int, whole: np.ndarray) -> np.ndarray:
-    """Two triangles for each whole cell, the diagonals alternating."""
-    cells = np.flatnonzero(whole)
-    return lattice_triangles(columns, (2 * cells[:, None] + np.arange(2)).ravel())
+def cell_triangles(whole: np.ndarray) -> np.ndarray:
+    """Triangles of the cells of a lattice that are whole, by a mask of shape (rows - 1, columns - 1)."""
+    rows, columns = whole.shape
+    return np.asarray(lattice_triangles(columns + 1, rows + 1).reshape(rows, columns, 6)[whole].reshape(-1, 3))
 
 
-def lattice_triangles(columns: int, at: np.ndarray) -> np.ndarray:
-    """Some triangles of a lattice, int32, shape (F, 3): two for each cell, the diagonals alternating.
-
-    Args:
-        columns: Points along x.
-        at: Their numbers, shape (F,): twice that of the cell, and one more for the second.
-    """
-    row, column = np.divmod(at // 2, columns - 1)
-    a = (row * columns + column).astype(np.int32)
-    even, second = (row + column) % 2 == 0, at % 2 == 1
-    b, c, d = a + 1, a + np.int32(1 + columns), a + np.int32(columns)
-    odd_corner, last = np.where(even | ~second, a, b), np.where(second | ~even, d, c)
-    middle = np.where(second, c, b)
-    return np.stack([odd_corner, middle, last], axis=-1)
+def lattice_triangles(columns: int, rows: int) -> np.ndarray:
+    """Triangles of a lattice, int32, shape (F, 3): two for each cell, the diagonals alternating."""
+    points = np.arange(columns * rows, dtype=np.int32).reshape(rows, columns)
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    even = np.add.outer(np.arange(rows - 1), np.arange(columns - 1)) % 2 == 0
+    found = np.empty((rows - 1, columns - 1, 2, 3), np.int32)
+    found[..., 0, 0], found[..., 0, 1], found[..., 0, 2] = a, b, np.where(even, c, d)
+    found[..., 1, 0], found[..., 1, 1], found[..., 1, 2] = np.where(even, a, b), c, d
+    return found.reshape(-1, 3)
 
 
 def whole_cells(lattice: Lattice, inside: np.ndarray) -> np.ndarray:
@@ -206,6 +264,18 @@ def crossed_triangles(points: np.ndarray, triangles: np.ndarray, segment: Segmen
     for a, b in ((0, 1), (1, 2), (2, 0)):
         gone |= crosses(points[triangles[:, a]], points[triangles[:, b]], segment)
     return gone
+
+
+def triangles_near(points: np.ndarray, triangles: np.ndarray, segment: Segment) -> np.ndarray:
+    """Numbers of the triangles that may meet the bounding box of a segment, rising: no side of it has all corners."""
+    ends = np.array(segment)
+    margin = 1e-6 * float(np.ptp(ends, axis=0).max())
+    beyond = np.zeros(len(points), np.uint8)
+    for axis in (0, 1):
+        beyond |= (points[:, axis] < ends[:, axis].min() - margin).astype(np.uint8) << 2 * axis
+        beyond |= (points[:, axis] > ends[:, axis].max() + margin).astype(np.uint8) << 2 * axis + 1
+    a, b, c = (beyond[triangles[:, k]] for k in range(3))
+    return np.flatnonzero((a & b & c) == 0)
 
 
 def voronoi_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The processes that compute one sheet together, as a simulation sees them; by default one alone."""
+"""The communicator of the processes that compute one sheet together; by default one process alone."""
 
 from __future__ import annotations
 
@@ -7,94 +7,98 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..device.fields import Array, Stored, to_host
+from ..device.fields import Array, Stored
 from ..device.launches import Call
-from ..families.share import Share
+from ..families.partition import Partition
+from ..geometry.triangulation import CoarseLattice
 
 T = TypeVar("T")
 
-# Set in the processes that a launcher of this package started: it says itself that one of them has ended.
-SPEAKS = "WARP_PD_LAUNCHER_SPEAKS"
+# Environment variable of the processes that this package's launcher started: it reports itself that one has ended.
+LAUNCHER_REPORTS = "WARP_PD_LAUNCHER_REPORTS"
 
 
 class LostError(RuntimeError):
     """Another process of this run has ended."""
 
 
-class Crew:
-    """One process alone, which does everything itself. Several: see torch_backend/processes.py.
+class Communicator:
+    """One process alone, which does everything itself. Several: see run/distributed/communicator.py.
 
     Every process calls the same methods in the same order.
 
     Attributes:
-        rank: Number of this process, from 0.
+        rank: Number of this process, from 0, the root.
         size: Number of processes.
-        share: What this process has of the sheet; None if there is one alone.
+        partition: The part of the sheet that this process has; None if there is one process alone.
     """
 
     rank: int = 0
     size: int = 1
-    share: Share | None = None
+    partition: Partition | None = None
 
     @property
-    def leads(self) -> bool:
+    def is_root(self) -> bool:
         """Whether this process writes files and reports progress."""
         return self.rank == 0
 
-    def together(self, work: Callable[[], T]) -> T:
-        """Do work in all processes; if it fails in one, all end."""
+    def root(self, work: Callable[[], T]) -> T | None:
+        """Do work in the root, which may ask for whole arrays; None in the others. If it fails, it fails in all."""
         return work()
 
-    def lead(self, work: Callable[[], T]) -> T | None:
-        """Do work in the first process, which may ask for whole arrays; None in the others. If it fails, all end."""
+    def barrier(self, work: Callable[[], T]) -> T:
+        """Do work in all processes and wait for all; if it fails in one, it fails in all."""
         return work()
 
-    def in_turn(self, work: Callable[[], T]) -> T:
-        """Do work in the first process, then in all others."""
+    def root_first(self, work: Callable[[], T]) -> T:
+        """Do work in the root, then in all others."""
         return work()
+
+    def broadcast(self, value: T) -> T:
+        """The value of the root."""
+        return value
+
+    def gather(self, value: T) -> list[T]:
+        """The values of all processes, by rank; every process gets them."""
+        return [value]
 
     def any(self, flag: bool) -> bool:
         """Whether a flag is set in any process."""
         return flag
 
-    def least(self, value: float) -> float:
-        """The least of a number of all processes."""
+    def minimum(self, value: float) -> float:
+        """The least of the numbers of all processes."""
         return value
 
-    def gather(self, value: T) -> list[T]:
-        """What all processes have, by their number."""
-        return [value]
+    def set_partition(self, partition: Partition) -> None:
+        """Take a part of the sheet, and tell the others."""
+        self.partition = partition
 
-    def spread(self, value: T) -> T:
-        """The value that the first process has."""
-        return value
-
-    def divide(self, share: Share) -> None:
-        """Take a share of the sheet, and tell the others."""
-        self.share = share
-
-    def bind(self, register: list[Stored]) -> None:
-        """Know the fields that the first process may ask for."""
+    def register_fields(self, fields: list[Stored]) -> None:
+        """Know the fields that the root may ask for."""
         return None
 
-    def whole(self, stored: Stored, index: int, share: Share | None) -> np.ndarray:
-        """A copy of a field of the whole sheet on the host; within `lead` only.
+    def gather_field(
+        self, stored: Stored, index: int, partition: Partition, coarse: CoarseLattice | None
+    ) -> np.ndarray:
+        """A copy of a field of the whole sheet on the host; within `root` only.
 
         Args:
             stored: The field here.
-            index: Its number in the register.
-            share: What is here.
+            index: Its number among the registered fields.
+            partition: What is here.
+            coarse: The points to copy, of a field of points; None: all.
         """
-        return to_host(stored.array)
+        raise NotImplementedError("one process alone has all fields")
 
-    def exchange(self, fields: Sequence[Stored], share: Share) -> Call:
-        """A call that fills the halo of some fields with what its owners have."""
-        raise NotImplementedError("one process alone has no halo")
+    def exchange(self, fields: Sequence[Stored], partition: Partition) -> Call:
+        """A call that fills the ghost points of some fields with the values of their owners."""
+        raise NotImplementedError("one process alone has no ghost points")
 
-    def bring(self, pairs: Sequence[tuple[Array, Array]], share: Share) -> Call:
-        """A call that fills arrays of the points of own blocks with what their owners have of others."""
+    def gather_to_blocks(self, pairs: Sequence[tuple[Array, Array]], partition: Partition) -> Call:
+        """A call that fills the second array of each pair (points of own blocks) from the owners of the points."""
         raise NotImplementedError("one process alone has all blocks")
 
-    def gather_blocks(self, mine: Array, everything: Array, share: Share) -> Call:
+    def gather_blocks(self, mine: Array, everything: Array, partition: Partition) -> Call:
         """A call that fills an array [rows, blocks] of the whole sheet with the blocks of all processes."""
         raise NotImplementedError("one process alone has all blocks")

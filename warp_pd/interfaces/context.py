@@ -16,13 +16,14 @@ from ..device.cores import start_warp
 from ..device.fields import Array, Field, FieldRegister, Stored, to_host
 from ..device.graph import LaunchSequence, run_once
 from ..device.launches import Launch, Stage, compile_launches
-from ..families.share import BLOCK as SUM_BLOCK
-from ..families.share import Share
+from ..families.partition import BLOCK as SUM_BLOCK
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
+from ..geometry.triangulation import CoarseLattice
 from ..kernels.effects import OWN, Kernel
 from ..kernels.families import COMPACT, CURVED, WITH_SHARES
 from ..kernels.numeric import Numeric
-from .communicator import Crew
+from .communicator import Communicator
 
 # Below this number of points, small blocks let a launch use all multiprocessors of a GPU.
 SMALL, SMALL_BLOCK, BLOCK = 2**17, 64, 256
@@ -124,8 +125,8 @@ class Context:
         placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
             frames are counted from there; or None.
         undivided: The whole sheet, without stress, if several processes share it.
-        share: What is here of the sheet; None if it is all here.
-        crew: The processes that share it.
+        partition: What is here of the sheet; None if it is all here.
+        communicator: The processes that share it.
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
@@ -142,8 +143,8 @@ class Context:
     clock: Clock
     undivided: Sheet | None = None
     placement: np.ndarray | None = None
-    share: Share | None = None
-    crew: Crew = field(default_factory=Crew)
+    partition: Partition | None = None
+    communicator: Communicator = field(default_factory=Communicator)
     module: str = OWN
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
@@ -189,12 +190,12 @@ class Context:
 
     def own(self, array: Array) -> Array:
         """The own points of an array of points, as a view; all of them if one process has the whole sheet."""
-        return array if self.share is None else array[self.share.own]
+        return array if self.partition is None else array[self.partition.owned]
 
     @property
     def own_blocks(self) -> int:
         """Number of own blocks of points, by which sums go."""
-        points = self.sheet.size if self.share is None else self.share.block_points
+        points = self.sheet.size if self.partition is None else self.partition.block_points
         return -(-points // SUM_BLOCK)
 
     def launch_on_blocks(
@@ -218,21 +219,23 @@ class Context:
             outputs: Those of `arrays` that it writes.
             others: Its other arguments.
         """
-        share = self.share
+        partition = self.partition
         given: dict[str, Any] = {**sums, **others}
         own: dict[str, Any] = {name: None if array is None else self.own(array) for name, array in arrays.items()}
-        if share is None or share.owners is None:
+        if partition is None or partition.owners is None:
             stage.launch(owner, kernel, self.own_blocks, **own, **given)
             return
         # Where points are scattered, the processes bring those of their blocks together.
         there = {name: array for name, array in arrays.items() if array is not None}
         brought = {
-            name: self.array(f"{name}_in_blocks", owner, array.dtype, shape=share.block_points, per="table")
+            name: self.array(f"{name}_in_blocks", owner, array.dtype, shape=partition.block_points, per="table")
             for name, array in there.items()
         }
-        stage.call(self.crew.bring([(array, brought[name]) for name, array in there.items()], share))
+        stage.call(
+            self.communicator.gather_to_blocks([(array, brought[name]) for name, array in there.items()], partition)
+        )
         if outputs:
-            blocks = -(-(share.own.stop - share.own.start) // SUM_BLOCK)
+            blocks = -(-(partition.owned.stop - partition.owned.start) // SUM_BLOCK)
             unused = {
                 name: self.array(f"unused_{name}", owner, made.dtype, shape=(*made.shape[:-1], blocks), per="table")
                 for name, made in sums.items()
@@ -242,43 +245,48 @@ class Context:
 
     def all_blocks(self, stage: Stage, sums: Array, name: str, owner: str) -> Array:
         """Sums [rows, blocks] of all processes, brought together in a stage; the array itself if there is one."""
-        if self.share is None:
+        if self.partition is None:
             return sums
         shape = (sums.shape[0], -(-self.whole.size // SUM_BLOCK))
         everything = self.array(name, owner, sums.dtype, shape=shape, per="table")
-        stage.call(self.crew.gather_blocks(sums, everything, self.share))
+        stage.call(self.communicator.gather_blocks(sums, everything, self.partition))
         return everything
 
-    def whole_array(self, array: Array) -> np.ndarray:
-        """A copy of a field on the host, of the whole sheet; with several processes within `Crew.lead` only."""
-        if self.share is None:
-            return to_host(array)
+    def whole_array(self, array: Array, coarse: CoarseLattice | None = None) -> np.ndarray:
+        """A copy of a field on the host, of the whole sheet; with several processes within `Communicator.root` only.
+
+        Args:
+            array: The field.
+            coarse: The points to copy, of a field of points; None: all.
+        """
+        if self.partition is None:
+            return to_host(array, None if coarse is None else coarse.points())
         index, stored = next((k, s) for k, s in enumerate(self.fields) if s.array is array)
-        return self.crew.whole(stored, index, self.share)
+        return self.communicator.gather_field(stored, index, self.partition, coarse)
 
     def total(self, array: Array) -> float:
         """Sum of an array of points of the whole sheet, in one order on any number of processes."""
-        found = self.crew.spread(self.crew.lead(lambda: float(self.whole_array(array).sum())))
+        found = self.communicator.broadcast(self.communicator.root(lambda: float(self.whole_array(array).sum())))
         assert found is not None
         return found
 
     def values_here(self, stored: Stored, whole: np.ndarray) -> np.ndarray:
         """What is here of the values of a field of the whole sheet, on the host."""
-        share, per = self.share, stored.field.per
-        if share is None or per not in ("point", "bond", "face"):
+        partition, per = self.partition, stored.field.per
+        if partition is None or per not in ("point", "bond", "face"):
             return whole
         if per == "face":
-            return np.asarray(whole[share.faces])
+            return np.asarray(whole[partition.faces])
         if per == "point":
-            return share.rows(whole)
+            return partition.rows(whole)
         # Families that are not whole here are empty.
-        found = np.asarray(whole[:, share.points])
-        found[:, ~share.near] = 0
+        found = np.asarray(whole[:, partition.points])
+        found[:, ~partition.near] = 0
         return found
 
     def number(self, point: int) -> int:
         """Number of a point here in the whole sheet."""
-        return point if self.share is None else int(self.share.points[point])
+        return point if self.partition is None else int(self.partition.points[point])
 
     def stage(self, name: str, when: str) -> Stage:
         """A new stage.

@@ -1,4 +1,4 @@
-"""Where a sheet that several processes share needs its halo renewed; it follows from what launches declare.
+"""Where a sheet on several processes needs its ghost points exchanged; it follows from what launches declare.
 
 Every array of points is right up to some depth outside the own points, in horizons: 2 just after an exchange. A launch
 that reads arrays at its own point gives what is right as deep as these are, one that gathers an array a horizon less.
@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from ..device.checks import InputError
 from ..device.fields import Stored
 from ..device.launches import Call, Item, Launch, Stage, arrays_in
-from ..families.share import HALO
+from ..families.partition import HALO
 from .context import Context
-from .overlap import has_streams, overlapped
+from .overlap import has_streams, overlap_exchanges
 
 # Launches that work on the own points, or on blocks of them, and those that work on more than a point's own family.
 OWN_BLOCKS, LIST, WHOLE = "block", "list", ("once", "body")
@@ -152,8 +152,8 @@ def add_exchanges(context: Context) -> None:
     Raises:
         InputError: for a launch that needs more than the halo has.
     """
-    share = context.share
-    if share is None:
+    partition = context.partition
+    if partition is None:
         return
     exchanges = Exchanges(context)
     found = exchanges.find()
@@ -162,12 +162,12 @@ def add_exchanges(context: Context) -> None:
         added: set[int] = set()
         for place, item in enumerate(stage.items):
             if place in found[stage.name]:
-                call: Call = context.crew.exchange(found[stage.name][place], share)
+                call: Call = context.communicator.exchange(found[stage.name][place], partition)
                 items.append(call)
                 added.add(id(call))
             items.append(item)
         if 0 in found[stage.name]:
             stage.wraparound = None
         if has_streams(context.device):
-            items = overlapped(items, added, share, exchanges.of_points, exchanges.numbered)
+            items = overlap_exchanges(items, added, partition, exchanges.of_points, exchanges.numbered)
         stage.items = items

@@ -32,14 +32,14 @@ class FrameReport:
 
     Attributes:
         when: Text for the time, such as "t = 0.5 s".
-        share: Fraction of the run that is done, 0 to 1.
+        fraction: Fraction of the run that is done, 0 to 1.
         steps_per_second: Rate of the steps so far.
         frames: Number of frames of the run.
         row: Row of the history.
     """
 
     when: str
-    share: float
+    fraction: float
     steps_per_second: float
     frames: int
     row: Mapping[str, float]

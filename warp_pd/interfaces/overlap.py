@@ -1,6 +1,6 @@
-"""The interior of a shared sheet is computed while its halo is on the way.
+"""The interior of a partition is computed while its ghost points are on the way.
 
-The launches that follow an exchange are divided by their points: the inner ones, whose families are all own, run at
+The launches that follow an exchange are divided by their points: the inner ones, whose families are all owned, run at
 once; those near the border run after the exchange, on the side stream, too. Which launches may be divided follows from
 what they declare.
 """
@@ -13,7 +13,7 @@ from dataclasses import replace
 import warp as wp
 
 from ..device.launches import Call, Item, Launch, Touched, arrays_in
-from ..families.share import Share
+from ..families.partition import Partition
 
 
 def has_streams(device: wp.Device) -> bool:
@@ -21,15 +21,19 @@ def has_streams(device: wp.Device) -> bool:
     return bool(device.is_cuda)
 
 
-def overlapped(
-    items: Sequence[Item], exchanges: Set[int], share: Share, of_points: Set[int], numbered: Callable[[Launch], bool]
+def overlap_exchanges(
+    items: Sequence[Item],
+    exchanges: Set[int],
+    partition: Partition,
+    of_points: Set[int],
+    numbered: Callable[[Launch], bool],
 ) -> list[Item]:
     """The items of a stage, with exchanges that run beside the launches of the inner points after them.
 
     Args:
         items: The items, with exchanges.
         exchanges: Which of them are exchanges, by identity.
-        share: What is here.
+        partition: What is here.
         of_points: Addresses of the arrays that have an entry for each point.
         numbered: Whether the threads of a launch have the numbers of points: no array is a view that begins elsewhere.
     """
@@ -44,7 +48,7 @@ def overlapped(
         beside: list[Item] = []
         before: list[Touched] = []
         while left and isinstance(launch := left[0], Launch) and numbered(launch):
-            parts = _parts(launch, share)
+            parts = _parts(launch, partition)
             if not parts or not _may_go_first(launch, item.touched.writes, before, of_points):
                 break
             before.append(by_point(launch))
@@ -54,12 +58,12 @@ def overlapped(
     return found
 
 
-def _parts(launch: Launch, share: Share) -> list[Launch]:
+def _parts(launch: Launch, partition: Partition) -> list[Launch]:
     """The points near the borders of a launch, and those inside, beside them; nothing if none is inside."""
     if launch.source.effects.per != "point" and launch.span is None:
         return []
     begin, end = launch.points
-    first, last = max(begin, share.inner.start), min(end, share.inner.stop)
+    first, last = max(begin, partition.inner.start), min(end, partition.inner.stop)
     if first >= last:
         return []
     # The interior last: what waits for the exchange is on its way before the device is full.

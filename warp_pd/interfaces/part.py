@@ -12,7 +12,7 @@ from ..device.checks import InputError
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..families.share import Share
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from .built_part import BuiltPart
 from .context import Context
@@ -59,12 +59,12 @@ class Part(Protocol):
         """Components of points that it holds or moves."""
         return ()
 
-    def divided(self, sheet: Sheet, share: Share) -> Part:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
         """The same part for the points that one of several processes has.
 
         Args:
             sheet: The whole sheet.
-            share: The points that are here.
+            partition: The points that are here.
 
         Raises:
             InputError: by default: several processes cannot run it.

@@ -23,9 +23,8 @@ from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
 from .fast_path import fast_path, has_blocks
 from .point_fields import ShownFields, factors
-from .shared_tables import law_tables
 from .variational import FastForce, Key
-from .weight_tables import MAX_CORRECTED
+from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
 BROKEN = ("redistribute", "drop")
@@ -135,12 +134,12 @@ class BondAssociatedForce(FamilyLaw):
         self.material, self.fast = law.material, law.fast
         self.shown_stress = law.material
         broken = law.broken if breakable else None
-        if self.weights == "published" and context.share is not None:
+        if self.weights == "published" and context.partition is not None:
             raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
         if self.weights == "published" or broken == "redistribute":
             # Their kernels compute the weights themselves.
             require_one_material(sheet, f"weights {self.weights!r} and broken {law.broken!r}")
-        families, inverse, weights, self.correction = law_tables(context, law, self.weights)
+        families, inverse, weights, self.correction = law_tables(context, law.horizon, law.influence, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
         self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
@@ -177,7 +176,7 @@ class BondAssociatedForce(FamilyLaw):
         They do not where the energy is tracked: several processes have a launch of its own for it, and the same bits.
         """
         features = self.context.features
-        able = self.context.share is None and not features.gradual and not features.tracked
+        able = self.context.partition is None and not features.gradual and not features.tracked
         found = able and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
         if found:
             self._breaking = breaking

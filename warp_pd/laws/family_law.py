@@ -52,7 +52,7 @@ def whole_sheet(law: Law, context: Context) -> Sheet:
     Raises:
         InputError: if several processes share it.
     """
-    if context.share is not None:
+    if context.partition is not None:
         refuse_shares(law)
     return context.sheet
 
@@ -114,7 +114,7 @@ class FamilyLaw(BuiltLaw):
             raise InputError(
                 f"force = {type(law).__name__}: expected BondAssociated, Visco or BondBased on a curved sheet"
             )
-        if context.share is not None and not self.divides:
+        if context.partition is not None and not self.divides:
             refuse_shares(law)
         if context.sheet.spacings is not None and not self.takes_graded:
             raise InputError(

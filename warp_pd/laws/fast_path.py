@@ -183,12 +183,12 @@ class FastPath:
         self.listed = stencil is not None
         self.gridded = force.families.layout == "grid"
         # Several processes divide launches around exchanges, and lists of damaged families are of the whole sheet.
-        self.beside = self.listed and w.share is None and force.intact is None
+        self.beside = self.listed and w.partition is None and force.intact is None
         self.lists = None if stencil is None else Lists.of(force, self.whole_families, stencil[1])
         self.compact = is_compact(w.layout)
         # The families of a cloud are all alike to their kernel: its strips may be short, and then stay in the cache.
         self.ring = CLOUD_RING if self.compact else RING
-        here, divided = self.whole_families, self.listed or (self.compact and w.share is None)
+        here, divided = self.whole_families, self.listed or (self.compact and w.partition is None)
         self.strips = self._strips() if divided else [Strip(0, here.start, here.stop, 0, force.points)]
         self.lag = LAG if self.beside and len(self.strips) > 1 else 0
         self.moments: Array | None = None
@@ -208,8 +208,8 @@ class FastPath:
     @property
     def whole_families(self) -> slice:
         """Points around all whole families; the empty ones of the outermost halo would take as long as others."""
-        share = self.force.context.share
-        return slice(0, self.force.points) if share is None else share.whole_families
+        partition = self.force.context.partition
+        return slice(0, self.force.points) if partition is None else partition.whole_families
 
     def _strips(self) -> list[Strip]:
         """Strips of the sheet, each with the points whose force is complete after it."""

@@ -8,7 +8,9 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..families import Families, InfluenceFunction, build_families, inverse_shape, require_diagonals, unpack
+from ..families.local_families import builds_alone, local_cloud_families, local_rows
 from ..geometry.sheet import Sheet
+from ..interfaces.context import Context
 
 if TYPE_CHECKING:
     from ..families.weights import CorrectedWeights, RectangleWeights
@@ -19,9 +21,28 @@ MAX_CORRECTED = 4.5
 MAX_CORRECTED_CLOUD = 100_000
 
 
-def weight_tables(
-    sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str
-) -> tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]:
+Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]
+
+
+def law_tables(context: Context, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
+    """Families of the points here and their tables; arguments and results as for `weight_tables`.
+
+    A process builds those of its own points alone where it can: plain weights of a cloud.
+    """
+    partition = context.partition
+    if partition is not None and weights == "plain" and builds_alone(context.whole, partition):
+        families = local_cloud_families(context.whole, partition, horizon, influence, context.communicator.gather)
+        inverse, size = families.inverse_shapes()
+        return families, inverse, families.stiffened(plain_weights(families, size)), None
+    families, inverse, found, correction = weight_tables(context.whole, horizon, influence, weights)
+    found = families.stiffened(found)
+    if partition is None:
+        return families, inverse, found, correction
+    here = local_rows(families, partition)
+    return here.families, here.table(inverse), here.table(found), correction
+
+
+def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:
     """Families and their tables.
 
     Args:

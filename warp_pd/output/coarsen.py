@@ -48,8 +48,8 @@ def clusters(reference: NDArray[np.floating], first: Triangles, last: Triangles,
     if np.count_nonzero(used) <= most:
         return cluster
     # What tore to shreds has no clusters: such a sheet is coarsened as it was at first.
-    for held in (last, first):
-        cluster = _joined(reference, held, used, most)
+    for faces in (last, first):
+        cluster = _joined(reference, faces, used, most)
         if len(np.unique(cluster[used])) <= 1.5 * most:
             break
     return cluster
@@ -87,7 +87,7 @@ def _keys(corners: NDArray[np.int64], points: int) -> NDArray[np.generic]:
     return np.ascontiguousarray(corners).view([("", corners.dtype)] * 3).ravel()
 
 
-def _joined(reference: NDArray[np.floating], held: Triangles, used: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
+def _joined(reference: NDArray[np.floating], faces: Triangles, used: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
     """Clusters of points that some triangles hold together.
 
     Nodes of the grid are at the ends of the sheet, so that points on its edges stand for what is there.
@@ -96,13 +96,13 @@ def _joined(reference: NDArray[np.floating], held: Triangles, used: NDArray[np.b
     from scipy.sparse.csgraph import connected_components
 
     low, high = reference[used].min(axis=0), reference[used].max(axis=0)
-    corners = reference[held]
+    corners = reference[faces]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     across = np.maximum(np.round((high - low) / np.sqrt(area / most)), 1)
     step = np.where(high > low, (high - low) / across, 1.0)
     node = np.round((reference - low) / step).astype(np.int64)
     cell = (node[:, 0] * (across[1] + 1) + node[:, 1]) * (across[2] + 1) + node[:, 2]
-    ends = np.concatenate([held[:, [0, 1]], held[:, [1, 2]], held[:, [2, 0]]])
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     ends = ends[cell[ends[:, 0]] == cell[ends[:, 1]]]
     size = len(reference)
     graph = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(size, size))

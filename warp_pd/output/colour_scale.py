@@ -12,7 +12,7 @@ from .picture_frames import Shown
 
 # Perceptually uniform maps: of fields with one sign, of damage, and of fields with both signs (Moreland 2009).
 ONE_SIGN, DAMAGE, BOTH_SIGNS = "viridis", "inferno_r", "coolwarm"
-# A field has both signs if its smaller side is more than this share of its larger one.
+# A field has both signs if its smaller side is more than this fraction of its larger one.
 SMALLER_SIDE = 0.02
 
 

@@ -15,9 +15,9 @@ from .vtkhdf import read_series
 
 # Panels of the sheet, and of the numbers; of a sheet with more points than that only the last frame is drawn.
 PANELS, MOST_NUMBERS, LARGE = 4, 9, 300_000
-# A displacement out of the plane above this share of the size of the sheet is drawn in space.
+# A displacement out of the plane above this fraction of the size of the sheet is drawn in space.
 OUT_OF_PLANE = 1e-3
-# A component below this share of the largest one of its vector is noise.
+# A component below this fraction of the largest one of its vector is noise.
 NOISE = 1e-3
 NOT_DRAWN = {"time", "step", "half_step_kinetic", "balance_error", "largest_damage", "mean_damage", *ENERGIES}
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..device.checks import InputError, one_of, said
 from ..interfaces.frame import format_time
-from .point_fields import HeldFields
+from .point_fields import FrameFields
 from .vtkhdf import read_frame, read_series
 
 FILE = "frames.vtkhdf"
@@ -38,7 +38,7 @@ class SavedFrame:
     when: str
     positions: NDArray[np.float32]
     triangles: NDArray[np.int64]
-    fields: HeldFields
+    fields: FrameFields
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A field.
@@ -119,7 +119,7 @@ class Frames(Sequence[SavedFrame]):
             raise IndexError(f"frames[{index}]: expected {-len(self)} to {len(self) - 1}") from None
         time, positions, triangles, fields = read_frame(self.path, number)
         return SavedFrame(
-            number, time, format_time(time, self._load_duration), positions, triangles, HeldFields(fields)
+            number, time, format_time(time, self._load_duration), positions, triangles, FrameFields(fields)
         )
 
     def __iter__(self) -> Iterator[SavedFrame]:

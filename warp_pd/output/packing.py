@@ -1,4 +1,4 @@
-"""Arrays inside a page: whole numbers of 16 bits in place of real ones, compressed, as text."""
+"""Arrays inside a page: whole numbers of at most 16 bits in place of real ones, compressed, as text."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Numbers are 1 to LEVELS; 0 stands for "no value".
-LEVELS = 65535
-LEVEL_OF_COMPRESSION = 4
+LEVEL_OF_COMPRESSION = 6
 
 
 @dataclass
@@ -20,9 +18,11 @@ class Arrays:
     """Arrays of a page, each a text of its own that the page unpacks when it needs it.
 
     Attributes:
+        bits: Precision of a series, at most 16: its numbers become 1 to 2^bits - 1, and 0 stands for "no value".
         texts: Compressed bytes of each array, as base64.
     """
 
+    bits: int = 16
     texts: list[str] = field(default_factory=list)
 
     def add(self, values: NDArray[Any]) -> dict[str, Any]:
@@ -36,20 +36,34 @@ class Arrays:
         kind = "float32" if np.issubdtype(values.dtype, np.floating) else "uint32"
         return self._entry(np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<")), kind, values.shape)
 
-    def add_series(self, values: NDArray[np.floating]) -> dict[str, Any]:
-        """Numbers of the points at each frame, shape (frames, points), in 16 bits between their extremes.
+    def add_triangles(self, corners: NDArray[np.integer]) -> dict[str, Any]:
+        """Triangles in order of their first corners, shape (T, 3).
 
-        Stored are differences between frames, low bytes apart from high ones: these compress well.
+        Stored are the differences of first corners between triangles, and of the others from the first.
+        """
+        apart = corners.astype(np.int64)
+        apart[:, 1:] -= apart[:, :1]
+        apart[1:, 0] -= corners[:-1, 0]
+        return self._entry(apart.astype("<u4"), "triangles", corners.shape)
+
+    def add_series(self, values: NDArray[np.floating]) -> dict[str, Any]:
+        """Numbers of the points at each frame, shape (frames, points), as levels between their extremes.
+
+        Stored are differences between frames and between points that follow each other, the sign in the lowest bit, low
+        bytes apart from high ones: these compress well.
         """
         finite = np.isfinite(values)
         low = float(values.min(where=finite, initial=np.inf)) if finite.any() else 0.0
         high = float(values.max(where=finite, initial=-np.inf)) if finite.any() else 0.0
-        span = high - low if high > low else 1.0
-        share = np.where(finite, (values.astype(np.float64) - low) / span, 0.0)
-        levels = np.where(finite, np.round(1.0 + share * (LEVELS - 1)), 0.0).astype(np.uint16)
+        step = (high - low if high > low else 1.0) / (2**self.bits - 2)
+        above = np.where(finite, (values.astype(np.float64) - low) / step, 0.0)
+        levels = np.where(finite, np.round(1.0 + above), 0.0).astype(np.uint16)
         levels[1:] -= levels[:-1].copy()
-        apart = np.stack([levels & 0xFF, levels >> 8]).astype(np.uint8)
-        return {**self._entry(apart, "series", values.shape), "low": low, "high": high, "span": span}
+        levels[:, 1:] -= levels[:, :-1].copy()
+        signed = levels.view(np.int16)
+        folded = ((signed << 1) ^ (signed >> 15)).view(np.uint16)
+        apart = np.stack([folded & 0xFF, folded >> 8]).astype(np.uint8)
+        return {**self._entry(apart, "series", values.shape), "low": low, "high": high, "step": step}
 
     def _entry(self, values: NDArray[Any], kind: str, shape: tuple[int, ...]) -> dict[str, Any]:
         packed = zlib.compress(values.tobytes(), LEVEL_OF_COMPRESSION)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..interfaces.frame import format_time
-from .point_fields import HeldFields
+from .point_fields import FrameFields
 from .vtkhdf import read_ball, read_bodies, read_frame, read_series
 
 
@@ -65,7 +65,7 @@ def _shown(path: Path, index: int, load_duration: float | None, scene: str) -> S
         points=points,
         reference=points - fields["displacement"],
         triangles=triangles,
-        fields=HeldFields(fields),
+        fields=FrameFields(fields),
         ball=read_ball(path, index),
         bodies=read_bodies(path, index),
         scene=scene,

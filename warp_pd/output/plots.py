@@ -356,11 +356,11 @@ def _scale_the_box(axes: Any, seen: View, points: float) -> None:
         style = {"textcoords": "offset points", "annotation_clip": False}
         most = int(min(length / TICK_NEXT, 4))
         for tick in MaxNLocator(most).tick_values(start[c], end[c]) if most else ():
-            share = (tick - start[c]) / (end[c] - start[c])
+            fraction = (tick - start[c]) / (end[c] - start[c])
             # Two labels would collide at a corner.
-            if not CORNER < share * length < length - CORNER:
+            if not CORNER < fraction * length < length - CORNER:
                 continue
-            at = rim[0] + share * (rim[1] - rim[0])
+            at = rim[0] + fraction * (rim[1] - rim[0])
             axes.plot(*np.array([at, at + 4.0 / points * away]).T, color="0.4", linewidth=0.7, clip_on=False)
             axes.annotate(f"{round(tick, 12):g}", at, tuple(TICK_APART * away), fontsize=8, **place, **style)
         name = f"{'xyz'[c]} (m)"

@@ -14,7 +14,7 @@ from ..interfaces.frame import Frame
 TAKEN = ("displacement", "velocity", "damage")
 
 
-class HeldFields(dict[str, NDArray[Any]]):
+class FrameFields(dict[str, NDArray[Any]]):
     """Fields by name; one that is missing is told in one line."""
 
     def __missing__(self, name: str) -> NDArray[Any]:
@@ -26,12 +26,12 @@ class HeldFields(dict[str, NDArray[Any]]):
         raise InputError(f"field {name!r}: the frames hold {', '.join(self)}; expected one of them")
 
 
-def point_fields(frame: Frame, held: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
+def point_fields(frame: Frame, chosen: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
     """Point data of a frame by name, in the types the file stores.
 
     Args:
         frame: The frame.
-        held: Names of those that the file holds besides the displacement; None: all.
+        chosen: Names of those that the file holds besides the displacement; None: all.
     """
     fields = {"displacement": frame.displacement, "velocity": frame.velocity}
     if frame.damage is not None:
@@ -40,7 +40,7 @@ def point_fields(frame: Frame, held: Collection[str] | None = None) -> dict[str,
         if name in TAKEN or not name or "/" in name or name == ".":
             raise ValueError(f"point_data has a field '{name}'; expected any other name, without '/'")
         fields[name] = values
-    kept = fields if held is None else {name: fields[name] for name in fields if name in {"displacement", *held}}
+    kept = fields if chosen is None else {name: fields[name] for name in fields if name in {"displacement", *chosen}}
     return {name: stored(np.asarray(values)) for name, values in kept.items()}
 
 

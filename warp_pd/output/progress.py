@@ -48,29 +48,29 @@ class Progress:
             text += f", balance {100.0 * row['balance_error']:+.2f} %"
         if "largest_damage" in row:
             text += f", damage {row['largest_damage']:.2f}"
-        self._show(100.0 * report.share, text, every=max(1, report.frames // 10))
+        self._show(100.0 * report.fraction, text, every=max(1, report.frames // 10))
 
     def residual(self, steps: int, residual: float, tolerance: float) -> None:
-        """A quasi-static run on its way: the share is that of the decades to go."""
-        share = 0.0
+        """A quasi-static run on its way, in percent of the decades to go."""
+        percent = 0.0
         if math.isfinite(residual) and residual > 0.0:
-            share = 100.0 * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))
-        self._show(share, f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})", every=10)
+            percent = 100.0 * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))
+        self._show(percent, f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})", every=10)
 
     def close(self) -> None:
         """Leave the bar as it stands."""
         if self._bar is not None:
             self._bar.close()
 
-    def _show(self, share: float, text: str, every: int) -> None:
+    def _show(self, percent: float, text: str, every: int) -> None:
         if self.quiet or self._bar is None:
             return
         if self._bar.disable:
-            if self._rounds % every == 0 or share >= 100.0:
-                self._say(f"{share:5.1f} %  {text}")
+            if self._rounds % every == 0 or percent >= 100.0:
+                self._say(f"{percent:5.1f} %  {text}")
             self._rounds += 1
             return
-        self._bar.n = round(share, 1)
+        self._bar.n = round(percent, 1)
         self._bar.set_description_str(text)
 
     def _say(self, line: str) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from .picture_frames import Shown
 
-# A side of the box that is shorter than this share of the longest is drawn as long as that; one that is shorter than
-# the second share is flat, and is left as it is.
+# A side of the box that is shorter than this fraction of the longest is drawn as long as that; one that is shorter than
+# the second fraction is flat, and is left as it is.
 SHORTEST, FLAT = 0.25, 1e-6
 # Squares of the grid of material lines along the longest side of a flat sheet, and of a curved one.
 SQUARES, SQUARES_OF_CURVED = 12, 8
@@ -128,5 +128,5 @@ def _crossing(
     """Deformed places [m] where the sides between two corners of triangles cross a level, shape (S, 3)."""
     a, b = frame.triangles[cut, first], frame.triangles[cut, second]
     start, end = frame.reference[a, component], frame.reference[b, component]
-    share = ((level - start) / (end - start))[:, None]
-    return np.asarray(frame.points[a] + share * (frame.points[b] - frame.points[a]))
+    fraction = ((level - start) / (end - start))[:, None]
+    return np.asarray(frame.points[a] + fraction * (frame.points[b] - frame.points[a]))

@@ -68,8 +68,8 @@ def _add_strokes(
     counts = np.clip(np.ceil(lengths / (BETWEEN * pixel)), 1, PIXELS).astype(int)
     owner = np.repeat(np.arange(len(strokes)), counts)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    share = ((within + 0.5) / counts[owner])[:, None]
-    samples = strokes[owner, 0] + share * (strokes[owner, 1] - strokes[owner, 0])
+    fraction = ((within + 0.5) / counts[owner])[:, None]
+    samples = strokes[owner, 0] + fraction * (strokes[owner, 1] - strokes[owner, 0])
     place = _pixels(samples, low, pixel, columns)
     seen = samples[:, 2] + lift >= nearest[place]
     place, first = np.unique(place[seen], return_index=True)

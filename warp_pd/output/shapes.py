@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Linear red, green and blue from natural rubber to torn. It darkens all the way, so that it also reads in
-# grey print, and turns red early: along a crack the damage is near 0.4, the share of bonds that cross it.
+# grey print, and turns red early: along a crack the damage is near 0.4, the fraction of bonds that cross it.
 RAMP_DAMAGE = (0.0, 0.15, 0.4, 0.7, 1.0)
 RAMP_COLOUR = np.array(
     [[0.80, 0.52, 0.26], [0.86, 0.36, 0.13], [0.72, 0.06, 0.10], [0.32, 0.01, 0.24], [0.03, 0.02, 0.22]]

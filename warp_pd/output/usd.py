@@ -77,7 +77,7 @@ class UsdAnimation:
         self._save_every = int(save_every)
         self._unsaved = 0
         self._frames = 0
-        self._held_faces: NDArray[np.integer] | None = None
+        self._last_faces: NDArray[np.integer] | None = None
         self._has_damage = False
         self._reference_box = bounding_box(np.asarray(surface.points, np.float64))
         self._view_box = self._reference_box
@@ -196,7 +196,7 @@ class UsdAnimation:
             points = np.asarray(mesh.GetPointsAttr().Get(index))
             faces = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(index)).reshape(-1, 3)
             self._widen_view(points, faces, _ball_center(stage, index), poses(stage, self.surface.bodies, index))
-        self._held_faces = faces
+        self._last_faces = faces
         self._has_damage = bool(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("damage"))
         self._frames = first
         stage.SetEndTimeCode(first - 1)
@@ -216,11 +216,11 @@ class UsdAnimation:
 
     def _write_faces(self, mesh: UsdGeom.Mesh, faces: NDArray[np.int32], code: Usd.TimeCode) -> None:
         """Write the triangles if a crack has cut any since the last frame; USD holds them until then."""
-        if self._held_faces is not None and np.array_equal(faces, self._held_faces):
+        if self._last_faces is not None and np.array_equal(faces, self._last_faces):
             return
         mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)), code)
         mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray.FromNumpy(np.ascontiguousarray(faces).ravel()), code)
-        self._held_faces = faces
+        self._last_faces = faces
 
     def _write_ball(self, stage: Usd.Stage, frame: Frame, code: Usd.TimeCode) -> None:
         if frame.ball_center is None or self.surface.ball_diameter is None:

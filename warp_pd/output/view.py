@@ -14,18 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..device.checks import InputError, one_of
+from ..device.checks import InputError, count, one_of
 from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packing import Arrays
 from .quantities import choices, column_unit, curves
-from .series import SeriesInfo
-from .vtkhdf import read_frame, read_outlines, read_series
+from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
 
+# What a page loads, in this order; vendor.* are the libraries.
 STYLES = ("vendor.css", "page.css")
-# The library of others, and the scripts of the page, which it loads in this order.
-LIBRARY = "vendor.js"
-SCRIPTS = ("data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
+SCRIPTS = ("vendor.js", "data.js", "colours.js", "sheet.js", "curves.js", "panel.js")
 # What a page holds unless told otherwise: points; and numbers, in all frames, but some frames in any case.
 POINTS, NUMBERS, FEWEST_FRAMES = 40_000, 12_000_000, 16
 
@@ -38,21 +36,30 @@ class Limits:
         points: Points of the sheet, about; None for all.
         frames: Frames; None for as many as fit.
         fields: Names of the fields besides the displacement; None for all.
+        bits: Precision of a number of a point. 16 bits bear zooming in; 10 are what a screen shows of a whole sheet.
     """
 
     points: int | None = POINTS
     frames: int | None = None
     fields: Collection[str] | None = None
+    bits: int = 16
 
-    def chosen_fields(self, held: Sequence[str]) -> list[str]:
+    def __post_init__(self) -> None:
+        """Refuse fewer points than a sheet has, and fewer frames than a run has."""
+        if self.points is not None:
+            count("points", self.points, 4)
+        if self.frames is not None:
+            count("frames", self.frames, 2)
+
+    def chosen_fields(self, known: Sequence[str]) -> list[str]:
         """Names of the fields that a page shows.
 
         Raises:
             InputError: for one that the frames do not hold.
         """
         for name in self.fields or ():
-            one_of("fields", name, held)
-        return [name for name in held if self.fields is None or name in ("displacement", *self.fields)]
+            one_of("fields", name, known)
+        return [name for name in known if self.fields is None or name in ("displacement", *self.fields)]
 
     def chosen_frames(self, frames: int, numbers: int) -> NDArray[np.int64]:
         """Indices of the frames that a page shows, the first and last among them, if each has so many numbers."""
@@ -74,7 +81,8 @@ def page(
         summary: Content of its summary.json; empty for a run that has none.
         history: Its history, one row per frame; empty for a run that has none.
         limits: How much of the run the page holds.
-        shared: Address of the folder with `shared_files`, for pages that share them; by default they are inside.
+        shared: Address of the folder output/page of the package, for a page that loads scripts and styles from there;
+            by default they are inside.
 
     Raises:
         InputError: for frames that are missing or damaged.
@@ -83,7 +91,7 @@ def page(
         raise InputError(f"file = {str(path)!r}: expected the frames of a run")
     limits = limits or Limits()
     info = read_series(path)
-    arrays = Arrays()
+    arrays = Arrays(limits.bits)
     content = {
         "title": str(summary.get("scene") or info.metadata.get("scene") or path.parent.name),
         "summary": _finite(dict(summary)),
@@ -91,15 +99,6 @@ def page(
         **_sheet(path, info, limits, arrays),
     }
     return _html(content, arrays, shared)
-
-
-def shared_files() -> dict[str, str]:
-    """Scripts and styles that are the same on every page, by the names of the files that pages can share."""
-    return {
-        LIBRARY: _part(LIBRARY),
-        "page.js": "\n".join(map(_part, SCRIPTS)),
-        "page.css": "\n".join(map(_part, STYLES)),
-    }
 
 
 def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict[str, Any]:
@@ -126,8 +125,8 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
         "frames": [{"time": float(info.times[k]), "when": format_time(float(info.times[k]), static)} for k in shown],
         "loadDuration": static,
         "leftOut": _left_out(info, sheet, shown),
-        "reference": arrays.add(reference[sheet.points]),
-        "triangles": arrays.add(sheet.triangles),
+        "reference": [arrays.add_series(reference[None, sheet.points, c]) for c in range(3)],
+        "triangles": arrays.add_triangles(sheet.triangles),
         "intact": arrays.add(sheet.intact),
         **_fields({name: np.stack(series)[:, place] for name, series in values.items()}, sheet, arrays),
         "bodies": _bodies(path, shown, arrays),
@@ -136,7 +135,7 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
 
 def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) -> dict[str, Any]:
     """The fields at the points that are drawn, a series for each component."""
-    loose = ~_held(sheet)
+    loose = ~_joined(sheet)
     stored, offered = {}, []
     for name, series in values.items():
         columns = series.reshape(*series.shape[:2], -1).astype(np.float32)
@@ -147,12 +146,12 @@ def _fields(values: Mapping[str, NDArray[Any]], sheet: Drawn, arrays: Arrays) ->
     return {"fields": stored, "choices": offered}
 
 
-def _held(sheet: Drawn) -> NDArray[np.bool_]:
+def _joined(sheet: Drawn) -> NDArray[np.bool_]:
     """Whether a point has an intact triangle, or there is none at all, shape (frames, points)."""
-    held = np.full((len(sheet.intact), len(sheet.points)), not len(sheet.triangles))
-    for row, intact in zip(held, sheet.intact, strict=True):
+    joined = np.full((len(sheet.intact), len(sheet.points)), not len(sheet.triangles))
+    for row, intact in zip(joined, sheet.intact, strict=True):
         row[sheet.triangles[intact]] = True
-    return held
+    return joined
 
 
 def _bodies(path: Path, shown: NDArray[np.int64], arrays: Arrays) -> list[dict[str, Any]]:
@@ -170,7 +169,7 @@ def _history(history: Sequence[Mapping[str, float]], measures: Mapping[str, Any]
     """Columns of the history, and which of them share a graph."""
     if not history:
         return {"columns": {}, "graphs": []}
-    columns = {name: [_finite(float(row[name])) for row in history] for name in history[0]}
+    columns = {name: [_finite(float(f"{row[name]:.6g}")) for row in history] for name in history[0]}
     return {"columns": columns, "graphs": curves(list(columns), measures), "timeUnit": column_unit("time", {})}
 
 
@@ -219,10 +218,10 @@ def _html(content: Mapping[str, Any], arrays: Arrays, shared: str | None) -> str
 def _inside() -> tuple[str, str]:
     """Elements with the styles and the scripts."""
     style = "\n".join(map(_part, STYLES))
-    return f"<style>{style}</style>", "\n".join(f"<script>{_part(name)}</script>" for name in (LIBRARY, *SCRIPTS))
+    return f"<style>{style}</style>", "\n".join(f"<script>{_part(name)}</script>" for name in SCRIPTS)
 
 
 def _beside(folder: str) -> tuple[str, str]:
     """Elements that name the files of the styles and the scripts."""
-    scripts = "\n".join(f'<script src="{folder}/{name}"></script>' for name in (LIBRARY, "page.js"))
-    return f'<link rel="stylesheet" href="{folder}/page.css">', scripts
+    styles = "\n".join(f'<link rel="stylesheet" href="{folder}/{name}">' for name in STYLES)
+    return styles, "\n".join(f'<script src="{folder}/{name}"></script>' for name in SCRIPTS)

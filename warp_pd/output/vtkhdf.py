@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,12 +25,45 @@ from numpy.typing import NDArray
 
 from ..device.checks import InputError
 from ..interfaces.frame import Body, Frame, Surface
-from .hdf_columns import add_rows, columns, create_column, shorten
-from .partitions import is_joined, joined_info, read_joined_frame
 from .point_fields import plain_value, point_fields, same_arrays
-from .series import KINDS, POLYGONS, VERSION, NotASeriesError, SeriesInfo
 from .shapes import require_writable
-from .vtkhdf_bodies import add_poses, bodies_in, lay_out_bodies, outlines_in
+
+VERSION = (2, 2)
+# The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
+KINDS = ("Vertices", "Lines", "Polygons", "Strips")
+POLYGONS = KINDS.index("Polygons")
+# What the names of columns with the position and quaternion of a body begin with.
+POSE = "pose_"
+# HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
+# file. Chunks of many frames make splits rare.
+_CHUNK_BYTES = 2**20
+# HDF5 takes no chunk of 4 GB.
+_MOST_BYTES = 2**30
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesInfo:
+    """What a VTKHDF file of frames holds.
+
+    Attributes:
+        frames: Number of frames.
+        times: Simulated time of each frame [s], shape (frames,).
+        points: Number of points of the sheet.
+        faces: Number of intact triangles at each frame, shape (frames,).
+        fields: Names of the point data.
+        metadata: Configuration, version, units, as given with the surface.
+    """
+
+    frames: int
+    times: NDArray[np.float64]
+    points: int
+    faces: NDArray[np.int64]
+    fields: tuple[str, ...]
+    metadata: dict[str, Any]
+
+
+class NotASeriesError(Exception):
+    """The file is HDF5, but what it holds does not fit together as a series of frames."""
 
 
 class VtkHdfSeries:
@@ -60,8 +94,8 @@ class VtkHdfSeries:
         self._chosen = fields
         self._frames = 0
         self._fields: tuple[str, ...] = ()
-        self._held_faces: NDArray[np.integer] | None = None
-        self._held_intact: NDArray[np.bool_] | None = None
+        self._last_faces: NDArray[np.integer] | None = None
+        self._last_intact: NDArray[np.bool_] | None = None
         self._closed = False
         if append_from:
             self._continue_from(append_from)
@@ -134,32 +168,32 @@ class VtkHdfSeries:
         root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
         # What an earlier call began and did not finish is not part of any frame.
         _cut(root, frame.index)
-        faces = self._held_faces
-        if faces is None or not same_arrays(frame.intact_faces, self._held_intact):
+        faces = self._last_faces
+        if faces is None or not same_arrays(frame.intact_faces, self._last_intact):
             faces = frame.faces(self.surface)
-            if not same_arrays(faces, self._held_faces):
+            if not same_arrays(faces, self._last_faces):
                 _add_faces(root, faces, len(self.surface.points))
         begin = len(root["Points"])
-        add_rows(root["Points"], frame.positions(self.surface))
+        _add_rows(root["Points"], frame.positions(self.surface))
         for name, values in fields.items():
-            add_rows(root["PointData"][name], values)
-            add_rows(steps["PointDataOffsets"][name], [begin])
+            _add_rows(root["PointData"][name], values)
+            _add_rows(steps["PointDataOffsets"][name], [begin])
         if frame.ball_center is not None:
-            add_rows(root["FieldData/ball_center"], [frame.ball_center])
-            add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
-            add_rows(steps["FieldDataSizes/ball_center"], [[3, 1]])
-        add_poses(root, steps, self.surface, frame)
-        add_rows(steps["PointOffsets"], [begin])
-        add_rows(steps["NumberOfParts"], [1])
-        add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
-        add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
-        add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
+            _add_rows(root["FieldData/ball_center"], [frame.ball_center])
+            _add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
+            _add_rows(steps["FieldDataSizes/ball_center"], [[3, 1]])
+        _add_poses(root, steps, self.surface, frame)
+        _add_rows(steps["PointOffsets"], [begin])
+        _add_rows(steps["NumberOfParts"], [1])
+        _add_rows(steps["PartOffsets"], [len(root["NumberOfPoints"]) - 1])
+        _add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
+        _add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
         file.flush()
-        add_rows(steps["Values"], [frame.time])
+        _add_rows(steps["Values"], [frame.time])
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
-        self._held_faces = faces
-        self._held_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
+        self._last_faces = faces
+        self._last_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
 
     def _continue_from(self, first: int) -> None:
         """Drop the frames from `first` on, and take up where the frame before it left off."""
@@ -179,7 +213,7 @@ class VtkHdfSeries:
             file.flush()
             _cut(root, first)
             begin = root["Steps/ConnectivityIdOffsets"][first - 1, POLYGONS]
-            self._held_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
+            self._last_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
         self._fields = info.fields
         self._frames = first
 
@@ -195,7 +229,7 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
         raise FileNotFoundError(f"path is {path}; expected a file that exists")
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return joined_info(file) if is_joined(file) else _read_info(file)
+            return _read_info(file)
     except (OSError, KeyError, IndexError, RuntimeError, NotASeriesError) as error:
         reason = " ".join(str(error).strip("'\"").split())
         raise InputError(f"{path}: expected a whole file of frames in VTKHDF ({reason})") from error
@@ -218,8 +252,6 @@ def read_frame(
     if not 0 <= index < info.frames:
         raise ValueError(f"index is {index}; expected 0 to {info.frames - 1}, the frames of {path}")
     with h5py.File(path, "r", locking=False) as file:
-        if is_joined(file):
-            return read_joined_frame(file, index)
         root = file["VTKHDF"]
         rows = slice(index * info.points, (index + 1) * info.points)
         begin = int(root["Steps/ConnectivityIdOffsets"][index, POLYGONS])
@@ -239,13 +271,13 @@ def read_ball(path: str | os.PathLike[str], index: int) -> tuple[NDArray[np.floa
 def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
     """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
     with h5py.File(path, "r", locking=False) as file:
-        return bodies_in(file, index)
+        return _bodies_in(file, index)
 
 
 def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
     """The ball and other rigid bodies of a VTKHDF file, each with its poses, shape (frames, 7)."""
     with h5py.File(path, "r", locking=False) as file:
-        return outlines_in(file)
+        return _outlines_in(file)
 
 
 def _read_info(file: h5py.File) -> SeriesInfo:
@@ -279,32 +311,32 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
     root.attrs["Version"] = np.array(VERSION, np.int64)
     # Readers take a fixed-length ASCII string only.
     root.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", len("PolyData")))
-    create_column(root, "Points", np.float32, (3,), points)
-    create_column(root, "NumberOfPoints", np.int64)
+    _create_column(root, "Points", np.float32, (3,), points)
+    _create_column(root, "NumberOfPoints", np.int64)
     for kind in KINDS:
         cells = root.create_group(kind)
         faces = len(surface.faces) if kind == "Polygons" else 0
-        create_column(cells, "NumberOfCells", np.int64)
-        create_column(cells, "NumberOfConnectivityIds", np.int64)
-        create_column(cells, "Offsets", np.int64, rows_per_frame=faces + 1)
-        create_column(cells, "Connectivity", np.int64, rows_per_frame=3 * faces)
+        _create_column(cells, "NumberOfCells", np.int64)
+        _create_column(cells, "NumberOfConnectivityIds", np.int64)
+        _create_column(cells, "Offsets", np.int64, rows_per_frame=faces + 1)
+        _create_column(cells, "Connectivity", np.int64, rows_per_frame=3 * faces)
     steps = root.create_group("Steps")
     # Created one after the other these two stand side by side in the file, and change in one write.
     steps.attrs["NSteps"] = np.int64(0)
-    create_column(steps, "Values", np.float64)
+    _create_column(steps, "Values", np.float64)
     for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
-        create_column(steps, name, np.int64)
+        _create_column(steps, name, np.int64)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
-        create_column(steps, name, np.int64, (len(KINDS),))
+        _create_column(steps, name, np.int64, (len(KINDS),))
     for name, values in fields.items():
-        create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
-        create_column(steps.require_group("PointDataOffsets"), name, np.int64)
+        _create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
+        _create_column(steps.require_group("PointDataOffsets"), name, np.int64)
     if frame.ball_center is not None:
-        create_column(root.create_group("FieldData"), "ball_center", np.float64, (3,))
-        create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
-        create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
+        _create_column(root.create_group("FieldData"), "ball_center", np.float64, (3,))
+        _create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
+        _create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
     own = file.create_group("warp_pd")
-    lay_out_bodies(root, steps, own, surface)
+    _lay_out_bodies(root, steps, own, surface)
     for name, value in {"title": surface.title, **surface.metadata}.items():
         own.attrs[name] = value
     if surface.ball_diameter is not None:
@@ -313,14 +345,14 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
 
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
     """Add the triangles of a frame, shape (number of faces, 3), and the other, empty kinds of cells."""
-    add_rows(root["NumberOfPoints"], [points])
+    _add_rows(root["NumberOfPoints"], [points])
     for kind in KINDS:
         corners = faces if kind == "Polygons" else np.empty((0, 3), np.int64)
         cells = root[kind]
-        add_rows(cells["NumberOfCells"], [len(corners)])
-        add_rows(cells["NumberOfConnectivityIds"], [corners.size])
-        add_rows(cells["Offsets"], 3 * np.arange(len(corners) + 1))
-        add_rows(cells["Connectivity"], corners.ravel())
+        _add_rows(cells["NumberOfCells"], [len(corners)])
+        _add_rows(cells["NumberOfConnectivityIds"], [corners.size])
+        _add_rows(cells["Offsets"], 3 * np.arange(len(corners) + 1))
+        _add_rows(cells["Connectivity"], corners.ravel())
 
 
 def _before_last(root: h5py.Group, count: str) -> list[int]:
@@ -335,18 +367,101 @@ def _cut(root: h5py.Group, frames: int) -> None:
     steps = root["Steps"]
     parts = int(steps["PartOffsets"][frames - 1]) + 1 if frames else 0
     points = int(root["NumberOfPoints"][0]) if frames else 0
-    for column in columns(steps):
-        shorten(column, frames)
-    shorten(root["Points"], frames * points)
-    for column in columns(root["PointData"]):
-        shorten(column, frames * points)
+    for column in _columns(steps):
+        _shorten(column, frames)
+    _shorten(root["Points"], frames * points)
+    for column in _columns(root["PointData"]):
+        _shorten(column, frames * points)
     if "FieldData" in root:
-        for column in columns(root["FieldData"]):
-            shorten(column, frames)
-    shorten(root["NumberOfPoints"], parts)
+        for column in _columns(root["FieldData"]):
+            _shorten(column, frames)
+    _shorten(root["NumberOfPoints"], parts)
     for kind in KINDS:
         cells = root[kind]
-        shorten(cells["NumberOfCells"], parts)
-        shorten(cells["NumberOfConnectivityIds"], parts)
-        shorten(cells["Offsets"], int(np.sum(cells["NumberOfCells"])) + parts)
-        shorten(cells["Connectivity"], int(np.sum(cells["NumberOfConnectivityIds"])))
+        _shorten(cells["NumberOfCells"], parts)
+        _shorten(cells["NumberOfConnectivityIds"], parts)
+        _shorten(cells["Offsets"], int(np.sum(cells["NumberOfCells"])) + parts)
+        _shorten(cells["Connectivity"], int(np.sum(cells["NumberOfConnectivityIds"])))
+
+
+def _lay_out_bodies(root: Any, steps: Any, own: Any, surface: Surface) -> None:
+    """Store the outlines, and create the columns of poses."""
+    for body in surface.bodies:
+        column = f"{POSE}{body.name}"
+        _create_column(root.require_group("FieldData"), column, np.float64, (7,))
+        _create_column(steps.require_group("FieldDataOffsets"), column, np.int64)
+        _create_column(steps.require_group("FieldDataSizes"), column, np.int64, (2,))
+        stored = own.create_group(body.name)
+        stored.attrs["kind"], stored.attrs["sizes"] = body.kind, body.sizes
+        stored["vertices"], stored["triangles"] = body.vertices, body.triangles
+
+
+def _add_poses(root: Any, steps: Any, surface: Surface, frame: Frame) -> None:
+    """Add the poses of a frame."""
+    poses = () if frame.bodies is None else frame.bodies
+    for body, pose in zip(surface.bodies, poses, strict=True):
+        column = f"{POSE}{body.name}"
+        _add_rows(root["FieldData"][column], [pose])
+        _add_rows(steps["FieldDataOffsets"][column], [frame.index])
+        _add_rows(steps["FieldDataSizes"][column], [[7, 1]])
+
+
+def _bodies_in(file: Any, index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
+    """Vertices [m], shape (V, 3), and triangles of each body in a frame."""
+    found = []
+    for name, stored in file["warp_pd"].items():
+        body = Body(name, str(stored.attrs["kind"]), (), stored["vertices"][:], stored["triangles"][:])
+        found.append((body.placed(file["VTKHDF/FieldData"][f"{POSE}{name}"][index]), body.triangles))
+    return found
+
+
+def _outlines_in(file: Any) -> list[tuple[Body, NDArray[np.float64]]]:
+    """The ball, a sphere without vertices, and each body, with its position [m] and quaternion, shape (frames, 7)."""
+    found = []
+    own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
+    if "ball_diameter" in own.attrs:
+        centres = columns["ball_center"][:]
+        poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
+        radius = 0.5 * float(own.attrs["ball_diameter"])
+        found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
+    for name, stored in own.items():
+        kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
+        body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
+        found.append((body, columns[f"{POSE}{name}"][:]))
+    return found
+
+
+def _create_column(
+    group: Any,
+    name: str,
+    dtype: Any,
+    row_shape: tuple[int, ...] = (),
+    rows_per_frame: int = 1,
+) -> None:
+    """A column without rows that can grow."""
+    row_bytes = np.dtype(dtype).itemsize * int(np.prod(row_shape, dtype=int))
+    # A whole number of frames, at most 16 of them, so that a short run of a small sheet makes a small file.
+    frames = min(max(_CHUNK_BYTES // (row_bytes * max(rows_per_frame, 1)), 1), 16)
+    rows = min(max(frames * rows_per_frame, 64), _MOST_BYTES // row_bytes)
+    group.create_dataset(name, (0, *row_shape), dtype, maxshape=(None, *row_shape), chunks=(rows, *row_shape))
+
+
+def _add_rows(column: Any, rows: Any) -> None:
+    """Add rows at the end."""
+    before = len(column)
+    column.resize(before + len(rows), axis=0)
+    column[before:] = rows
+
+
+def _columns(group: Any) -> list[Any]:
+    """All columns in a group and in the groups inside it."""
+    found: list[Any] = []
+    for member in group.values():
+        found.extend(_columns(member) if hasattr(member, "values") else [member])
+    return found
+
+
+def _shorten(column: Any, rows: int) -> None:
+    """Remove all but the first rows."""
+    if len(column) > rows:
+        column.resize(rows, axis=0)

@@ -12,7 +12,7 @@ import warp as wp
 from ..device.checks import InputError, not_negative, resolved, said
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families.share import Share
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact, Part, StepLimit
 from ..interfaces.context import Context
@@ -75,7 +75,7 @@ class RigidBody(Contact):
         if any(getattr(other, "name", None) == self.name for other in others):
             raise InputError(f"contact: two bodies are called {self.name!r}: expected different names")
 
-    def divided(self, sheet: Sheet, share: Share) -> Contact:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
         """Itself: it knows no points.
 
         Raises:

@@ -41,7 +41,7 @@ class BodyChecks(BuiltPart):
         self._frames += 1
         self._compare_bodies()
         # Of a divided sheet, a process has a part alone.
-        if self.context.share is None and len(self.context.sheet.triangles):
+        if self.context.partition is None and len(self.context.sheet.triangles):
             self._compare_with_sheet()
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:

@@ -13,7 +13,7 @@ from ..device.checks import InputError, positive, resolved, said, vector
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..families.share import Share
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact, StepLimit
 from ..interfaces.context import Context
@@ -59,7 +59,7 @@ class RigidBall(Contact):
         """Position of the centre at a time [m], shape (3,)."""
         return np.array(self.start, float) + time * np.array(self.velocity, float)
 
-    def divided(self, sheet: Sheet, share: Share) -> Contact:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
         """Itself: it knows no points."""
         return self
 

@@ -72,11 +72,11 @@ class FrameChecks(BuiltPart):
 
     def _in_whole(self, lowest: np.ndarray) -> np.ndarray:
         """Per block, the number of a point in the whole sheet, or that of all points, where blocks know own points."""
-        share, points = self.context.share, self.context.whole.size
-        if share is None:
+        partition, points = self.context.partition, self.context.whole.size
+        if partition is None:
             return lowest
         begins = BLOCK * np.arange(len(lowest))
-        found = lowest + share.bounds[share.summer_of(begins)]
+        found = lowest + partition.bounds[partition.block_owner_of(begins)]
         return np.where(found < begins + BLOCK, found, points)
 
     def top_speed(self) -> float:

@@ -14,8 +14,8 @@ from ..device.checks import finite, one_of, point_indices, vector
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..device.schedules import factor_schedule
+from ..families.partition import Partition
 from ..families.point_gradient import point_gradient, surface_vector_matrix
-from ..families.share import Share
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltLoad, External, Load
 from ..interfaces.context import Context
@@ -45,7 +45,7 @@ class Pressure(Load):
         finite("Pressure.value", self.value)
         one_of("Pressure.follower", self.follower, (True, False))
 
-    def divided(self, sheet: Sheet, share: Share) -> Load:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
         """Itself: it knows no points."""
         return self
 
@@ -73,7 +73,7 @@ class BodyForce(Load):
     def __post_init__(self) -> None:
         vector("BodyForce.value", self.value, 3)
 
-    def divided(self, sheet: Sheet, share: Share) -> Load:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
         """Itself: it knows no points."""
         return self
 
@@ -112,10 +112,10 @@ class PointForce(Load):
         part = sheet.areas[points] / sheet.areas[points].sum()
         return points, np.outer(part, np.array(self.value, dtype=np.float64))
 
-    def divided(self, sheet: Sheet, share: Share) -> Load:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
         """What each point that is here has of the whole force."""
         points, force = self.forces(sheet)
-        at, here = share.here(points)
+        at, here = partition.here(points)
         return ForcesHere(here, force[at], self.ramp)
 
 
@@ -252,7 +252,7 @@ class ExternalForce(External):
         self.following = [load for load in self.changing if load.follows_displacement]
         self._constant: Array | None = None
         # All of several processes have the same fields.
-        if self.changing and self.constant is not None and (self.constant.any() or context.share is not None):
+        if self.changing and self.constant is not None and (self.constant.any() or context.partition is not None):
             self._constant = context.array("constant_loads", "loads", context.types.vec3, self.constant)
         self._dead: Array | None = None
 

@@ -15,7 +15,7 @@ import warp as wp
 from ..device.checks import InputError, finite, point_indices, positive
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..families.share import Share
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BondBreaking, BuiltLaw, BuiltRupture, Rupture
 from ..interfaces.context import Context
@@ -36,12 +36,12 @@ class BondCriterion(Rupture):
         """Squared stretch |Y|^2/|X|^2 [-] up to which no bond exceeds the criterion, or None if there is none."""
         return None
 
-    def divided(self, sheet: Sheet, share: Share) -> Rupture:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
         """The same criterion for the points that are here."""
         if self.spared is None:
             return self
         points = point_indices(f"{type(self).__name__}.spared", self.spared, sheet.size)
-        here: Any = replace(self, spared=share.here(points)[1])  # type: ignore[type-var]
+        here: Any = replace(self, spared=partition.here(points)[1])  # type: ignore[type-var]
         return here  # type: ignore[no-any-return]
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
@@ -171,7 +171,7 @@ class Damaged(BuiltRupture):
         if rupture.spared is not None:
             mask = np.zeros(sheet.size, np.uint8)
             # Of several processes one may have none of them.
-            here = context.share is not None
+            here = context.partition is not None
             mask[rupture.spared if here else point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
             self.spared = context.array("spared", owner, wp.uint8, mask)
         tracked = context.features.tracked and law.has_energy
@@ -245,7 +245,9 @@ class BreakingBonds(Damaged):
             Breaking(found, self.spared is not None), self.criterion, self.spared, rupture.squared_stretch,
         )  # fmt: skip
         self._with_force = law.break_with_force(self._breaking)
-        screened = self.screens and context.layout == "lattice" and not context.device.is_cuda and context.share is None
+        screened = (
+            self.screens and context.layout == "lattice" and not context.device.is_cuda and context.partition is None
+        )
         self._screen = screening(context.bits, found, context.module) if screened else None
         self._kernel = breaking(
             context.layout, context.bits, found, self.spared is not None, screened, self.tracked_energy, context.module

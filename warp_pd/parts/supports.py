@@ -12,7 +12,7 @@ import warp as wp
 from ..device.checks import InputError, numbers, point_indices, said
 from ..device.launches import Stage
 from ..device.schedules import Schedule, schedule
-from ..families.share import Share
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
 from ..interfaces.context import Context
@@ -28,7 +28,7 @@ class Support(Part):
 
     does_work = True
 
-    def divided(self, sheet: Sheet, share: Share) -> Part:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
         """Itself: its constraints are divided."""
         return self
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..device.checks import InputError, point_indices, positive
 from ..device.launches import Stage
-from ..families.share import Share
+from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
@@ -63,7 +63,7 @@ class TearingEnergy(BondCriterion):
     def __post_init__(self) -> None:
         positive("TearingEnergy.energy", self.energy)
 
-    def divided(self, sheet: Sheet, share: Share) -> Rupture:
+    def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
         """The same criterion for the points that are here.
 
         Raises:
@@ -71,7 +71,7 @@ class TearingEnergy(BondCriterion):
         """
         if sheet.spacings is not None:
             raise InputError("damage = TearingEnergy: expected a sheet of one spacing with several processes")
-        return super().divided(sheet, share)
+        return super().on_partition(sheet, partition)
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The critical stretch, for bonds that break at once.
@@ -134,7 +134,7 @@ class SofteningBonds(Damaged):
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.critical = rupture.critical_stretch(context, law)
-        begin, self.end = (1.0 + share * (self.critical - 1.0) for share in (BEGIN, END))
+        begin, self.end = (1.0 + fraction * (self.critical - 1.0) for fraction in (BEGIN, END))
         _, self.beginning = _elongation(context, begin, rupture.spared)
         self._spacing = tearing_spacing(context.sheet, rupture.spared)
         self._kernel = softening(

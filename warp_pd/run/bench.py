@@ -213,13 +213,13 @@ def _clock(built: Built, seconds: float, repeats: int) -> list[float]:
     return times
 
 
-def break_some(built: Built, share: float, seed: int = 0) -> None:
-    """Break one bond, at both ends, of enough points that about the fraction `share` of all have lost one."""
+def break_some(built: Built, fraction: float, seed: int = 0) -> None:
+    """Break one bond, at both ends, of enough points that about this fraction of all have lost one."""
     families, rng = built.law.families, np.random.default_rng(seed)
     assert built.law.intact is not None
     intact = built.law.intact.numpy()
     count = built.simulation.sheet.size
-    tail = rng.permutation(count)[: max(1, round((1.0 if share >= 1.0 else 0.5 * share) * count))]
+    tail = rng.permutation(count)[: max(1, round((1.0 if fraction >= 1.0 else 0.5 * fraction) * count))]
     member = rng.integers(0, families.members, len(tail))
     exists = families.rows_of_points(families.exists)[tail, member]
     tail, member = tail[exists], member[exists]
@@ -301,16 +301,16 @@ def table(timings: Iterable[Timing], copied: float, counted: dict[int, float] | 
             features += f", {100.0 * c.damaged:g} % damaged"
         if not c.fast:
             features += ", reference kernels"
-        share = t.array_bytes / t.step / copied
+        fraction = t.array_bytes / t.step / copied
         lines.append(
             f"| {t.points} | {c.law} | {c.layout} | {c.horizon:g} | {c.precision} | {features} | {_time(t.step)} | "
             f"{100.0 * t.spread:.1f} % | {t.point_steps:.3g} | {t.bond_steps:.3g} | {t.array_bytes / t.points:.0f} | "
-            f"{100.0 * share:.0f} % | {_share(t, counted)} | {t.setup:.2f} | {t.compile:.2f} |"
+            f"{100.0 * fraction:.0f} % | {_fraction(t, counted)} | {t.setup:.2f} | {t.compile:.2f} |"
         )
     return "\n".join(lines)
 
 
-def _share(timing: Timing, counted: dict[int, float] | None) -> str:
+def _fraction(timing: Timing, counted: dict[int, float] | None) -> str:
     if counted is None:
         return ""
     return f"{100.0 * timing.multiply_adds / timing.step / counted[timing.case.precision]:.0f} %"
@@ -324,7 +324,7 @@ def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[
 def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case]:
     """Every feature alone, all together, damaged sheets, a hole, the cloud, the reference kernels."""
     alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
-    torn = [Case(points, horizon, precision, features=("rupture",), damaged=share) for share in (0.01, 1.0)]
+    torn = [Case(points, horizon, precision, features=("rupture",), damaged=fraction) for fraction in (0.01, 1.0)]
     return [
         Case(points, horizon, precision),
         *alone,

@@ -11,7 +11,7 @@ import numpy as np
 from ..device.checks import InputError, one_of
 from ..device.fields import Array, in_double
 from ..interfaces import BuiltContact, BuiltLoad, BuiltPart, BuiltRupture, BuiltSolver, Part, System
-from ..interfaces.communicator import Crew
+from ..interfaces.communicator import Communicator
 from ..interfaces.context import State, find_device
 from ..interfaces.exchange import add_exchanges
 from ..interfaces.phases import SETUP, Phase
@@ -67,14 +67,16 @@ class Built(System):
         return in_double(self.context.whole_array(array))
 
 
-def compose(scene: Scene, device: str | None = None, precision: int | None = None, crew: Crew | None = None) -> Built:
+def compose(
+    scene: Scene, device: str | None = None, precision: int | None = None, communicator: Communicator | None = None
+) -> Built:
     """Allocate arrays and declare kernels and launches of a scene; compiles nothing yet.
 
     Args:
         scene: What to build.
         device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
-        crew: The processes that share the sheet; None: this one alone.
+        communicator: The processes that share the sheet; None: this one alone.
 
     Raises:
         InputError: for parts that do not fit together, or a device that does not exist.
@@ -83,7 +85,7 @@ def compose(scene: Scene, device: str | None = None, precision: int | None = Non
     parts = parts_of(scene)
     bits = one_of("precision", precision or scene.solver.precision, (32, 64))
     constraints = tuple(c for part in parts for c in part.constraints(scene.sheet))
-    context = scene_context(scene, parts, constraints, find_device(device), bits, crew or Crew())
+    context = scene_context(scene, parts, constraints, find_device(device), bits, communicator or Communicator())
     constraints = constraints_here(constraints, context)
     law = scene.force.build(context)
     law.request_fields(scene.fields_of_law())
@@ -136,7 +138,7 @@ def _require_divisible(built: Built) -> None:
     Raises:
         InputError: for one.
     """
-    if built.context.share is not None and not built.solver.divides:
+    if built.context.partition is not None and not built.solver.divides:
         raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")
 
 

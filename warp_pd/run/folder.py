@@ -14,9 +14,7 @@ from typing import Any
 
 from ..device.checks import InputError, OutputError, said
 from ..interfaces import History
-from ..output.series import FOLDER
 from . import restart
-from .restart_parts import remove_others
 
 try:
     import fcntl
@@ -67,13 +65,13 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
 
 
 def _require_free(folder: Path, overwrite: bool) -> None:
-    held = results_in(folder)
-    if held and not overwrite:
+    left = results_in(folder)
+    if left and not overwrite:
         raise InputError(
-            f"out = {str(folder)!r}: it holds {held[0]}; expected a folder without results, or overwrite (--overwrite) "
+            f"out = {str(folder)!r}: it holds {left[0]}; expected a folder without results, or overwrite (--overwrite) "
             "or resume (--resume)"
         )
-    if "summary.json" in held and run_summary(folder) is None:
+    if "summary.json" in left and run_summary(folder) is None:
         raise InputError(f"out = {str(folder)!r}: its summary.json is not of a run; expected another folder")
 
 
@@ -159,17 +157,12 @@ def clear(folder: Path) -> None:
     drawn = (run_summary(folder) or {}).get("pictures", [])
     for name in (*RESULTS, *drawn):
         (folder / Path(name).name).unlink(missing_ok=True)
-    for kind in ("frames", "restart"):
-        remove_others(folder, kind, ())
-    with contextlib.suppress(OSError):
-        (folder / FOLDER).rmdir()
 
 
 def clear_unfinished(folder: Path) -> None:
     """Remove what a killed run was about to write; no resumed one reads it."""
     for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
-                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished", f"{FOLDER}/restart.*.part",
-                    f"{FOLDER}/.frames.*.unfinished"):  # fmt: skip
+                    f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()
 

@@ -1,191 +1,125 @@
-"""The points that frames hold: all of the sheet, brought to the first process, or in every process its own."""
+"""The points that frames hold, and frames of them, in the first process."""
 
 from __future__ import annotations
 
 import functools
-from typing import Protocol
 
 import numpy as np
 
-from ..device.fields import Array, to_host
+from ..device.checks import InputError, count
+from ..device.fields import Array
+from ..geometry.triangulation import CoarseLattice, lattice_triangles
 from ..interfaces.frame import Frame, Surface
 from .built import Built
 
 
-class Pictured(Protocol):
-    """The points that the frames of a run hold.
+class FramePoints:
+    """All points of the sheet, or every so many-th column and row of a lattice and the last ones.
 
-    Attributes:
-        built: The simulation.
-        whole: Whether the first process has frames of all points.
-        divided: Whether every process has frames of its own points.
-        own: Number of points that no other process has in its frames; they are the first ones.
+    The surface between the latter is that of a coarser lattice: a cell is torn where any triangle of the sheet in it
+    is. With several processes, what it gives of the state is within `Communicator.root` only.
     """
 
-    built: Built
-    whole: bool
-    divided: bool
-    own: int
+    def __init__(self, built: Built, stride: int = 1) -> None:
+        """Choose the points.
+
+        Raises:
+            InputError: for a stride on a sheet that is no lattice.
+        """
+        self.built, self._coarse, lattice = built, None, built.context.whole.lattice
+        if count("stride", stride, 1) == 1:
+            return
+        if lattice is None or lattice.rows == 1:
+            raise InputError(f"stride = {stride}: expected 1 for a sheet that is not a lattice")
+        self._coarse = CoarseLattice(lattice, stride)
 
     @property
+    def all(self) -> bool:
+        """Whether frames hold all points."""
+        return self._coarse is None
+
+    @functools.cached_property
+    def _chosen(self) -> slice | np.ndarray:
+        return slice(None) if self._coarse is None else self._coarse.points()
+
+    @property
+    def size(self) -> int:
+        """Number of points of a frame."""
+        whole, coarse = self.built.context.whole, self._coarse
+        return whole.size if coarse is None else len(coarse.columns) * len(coarse.rows)
+
+    @functools.cached_property
+    def _faces(self) -> np.ndarray:
+        """Numbers of the triangles of a coarser lattice that no cut has taken."""
+        coarse, whole = self._coarse, self.built.context.whole
+        assert coarse is not None
+        if not whole.cuts:
+            return np.arange(2 * (len(coarse.columns) - 1) * (len(coarse.rows) - 1))
+        return np.flatnonzero(~coarse.cut(whole.triangles))
+
+    @functools.cached_property
     def surface(self) -> Surface:
         """The reference surface of these points."""
-        ...
+        scene, coarse = self.built.simulation, self._coarse
+        triangles, places, named = scene.sheet.triangles, scene.sheet.points[self._chosen], {}
+        if coarse is not None:
+            triangles = lattice_triangles(len(coarse.columns), len(coarse.rows))[self._faces]
+            named = {"stride": coarse.stride}
+        static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
+        contacts = self.built.contacts
+        return Surface(
+            points=np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]),
+            faces=triangles,
+            ball_diameter=next((d for c in contacts if (d := c.ball_diameter()) is not None), None),
+            title=scene.scene,
+            metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static, **named},
+            bodies=tuple(body for c in contacts if (body := c.outline()) is not None),
+        )
 
     @property
-    def volume(self) -> np.ndarray:
+    def _volume(self) -> np.ndarray:
         """Volume of each of these points [m^3]."""
-        ...
-
-    @property
-    def placement(self) -> np.ndarray | None:
-        """What stretched the sheet before it was clamped [m], of these points; or None."""
-        ...
-
-    def values(self, array: Array) -> np.ndarray:
-        """A copy of a field of points on the host."""
-        ...
-
-    def intact(self, array: Array) -> np.ndarray:
-        """Which triangles are intact, bool."""
-        ...
-
-    def take(self, index: int, now: float) -> Frame | None:
-        """The state as a frame, or None in a process that has none. All processes call it."""
-        ...
-
-
-class AllPoints:
-    """All points, in the first process."""
-
-    whole, divided = True, False
-
-    def __init__(self, built: Built) -> None:
-        self.built, self.own = built, built.context.whole.size
+        whole = self.built.context.whole
+        return np.asarray(whole.areas[self._chosen] * whole.thickness)
 
     @functools.cached_property
-    def surface(self) -> Surface:
-        """The reference surface."""
-        sheet = self.built.simulation.sheet
-        return surface_of(self.built, sheet.positions, sheet.triangles)
-
-    @property
-    def volume(self) -> np.ndarray:
-        """Volume of each point [m^3], shape (N,)."""
-        return self.built.volume
-
-    @property
-    def placement(self) -> np.ndarray | None:
-        """What stretched the sheet before it was clamped [m], shape (N, 3); or None."""
-        context = self.built.context
-        return self.built.simulation.sheet.placement() if context.share else context.placement
-
-    def values(self, array: Array) -> np.ndarray:
-        """A copy of a field on the host; with several processes within `Crew.lead` only."""
-        return self.built.to_host(array)
-
-    def intact(self, array: Array) -> np.ndarray:
-        """Which triangles are intact, shape (F,)."""
-        return self.built.to_host(array).view(bool)
-
-    def take(self, index: int, now: float) -> Frame | None:
-        """The state as a frame, in the first process."""
-        return self.built.context.crew.lead(lambda: snapshot(self, index, now))
-
-
-class OwnPoints:
-    """In every process its own points of a lattice, and after them the corners of its triangles that others own.
-
-    Attributes:
-        own: Number of own points.
-        first: Number of the first one in the whole sheet.
-    """
-
-    whole, divided = False, True
-
-    def __init__(self, built: Built) -> None:
-        self.built = built
-        context = built.context
-        assert context.sheet.lattice is not None
-        share, size = context.share, context.sheet.size
-        own = slice(0, size) if share is None else share.own
-        self.own, self.first = own.stop - own.start, context.number(own.start)
-        self._held = slice(own.start, min(own.stop + context.sheet.lattice.columns + 1, size))
-
-    @functools.cached_property
-    def surface(self) -> Surface:
-        """The reference surface of what this process holds."""
-        sheet, held = self.built.simulation.sheet, self._held
-        positions = sheet.stored("points")[self.first + np.arange(held.stop - held.start)]
-        positions = np.column_stack([positions, np.zeros(len(positions))])
-        return surface_of(self.built, positions, self.built.context.sheet.triangles - np.int32(held.start))
-
-    @functools.cached_property
-    def volume(self) -> np.ndarray:
-        """Volume of each of these points [m^3]."""
-        sheet = self.built.context.sheet
-        return sheet.stored("areas")[np.arange(self._held.start, self._held.stop)] * sheet.thickness
-
-    @property
-    def placement(self) -> np.ndarray | None:
+    def _placement(self) -> np.ndarray | None:
         """What stretched these points before the sheet was clamped [m]; or None."""
-        placement = self.built.context.placement
-        return None if placement is None else placement[self._held]
+        context = self.built.context
+        placement = self.built.simulation.sheet.placement() if context.partition else context.placement
+        return None if placement is None else placement[self._chosen]
 
-    def values(self, array: Array) -> np.ndarray:
-        """A copy of a field on the host."""
-        return to_host(array[self._held])
+    def _values(self, array: Array) -> np.ndarray:
+        """A copy of a field of points on the host."""
+        return self.built.context.whole_array(array, self._coarse)
 
-    def intact(self, array: Array) -> np.ndarray:
-        """Which of the own triangles are intact."""
-        return to_host(array).view(bool)
+    def _intact(self, array: Array) -> np.ndarray:
+        """Which triangles of the surface are intact."""
+        intact = np.asarray(self.built.context.whole_array(array).view(bool))
+        if self._coarse is None:
+            return intact
+        torn = self._coarse.torn(self.built.context.whole.triangles[~intact])
+        return np.asarray(~torn[self._faces])
 
-    def take(self, index: int, now: float) -> Frame | None:
-        """What this process holds as a frame."""
-        return self.built.context.crew.together(lambda: snapshot(self, index, now))
-
-
-def snapshot(pictured: Pictured, index: int, now: float) -> Frame:
-    """The state as a frame of some points; the launches of the stage "frame" have run."""
-    built: Built = pictured.built
-    shown = {}
-    for stored in built.context.fields.shown():
-        values = pictured.values(stored.array)
-        shown[stored.field.output] = values / pictured.volume if stored.field.density else values
-    rupture, placement = built.rupture, pictured.placement
-    displacement = shown.pop("displacement")
-    if placement is not None:
-        # From the sheet as it was clamped, in the same precision.
-        displacement = (displacement - placement).astype(displacement.dtype)
-    poses = [pose for c in built.contacts if (pose := c.pose()) is not None]
-    return Frame(
-        index=index,
-        time=now,
-        displacement=displacement,
-        velocity=shown.pop("velocity"),
-        intact_faces=None if rupture is None else pictured.intact(rupture.intact_faces),
-        damage=None if rupture is None else pictured.values(rupture.damage),
-        ball_center=next((centre for c in built.contacts if (centre := c.centre(now)) is not None), None),
-        point_data=shown,
-        bodies=np.array(poses) if poses else None,
-    )
-
-
-def surface_of(built: Built, positions: np.ndarray, triangles: np.ndarray) -> Surface:
-    """A reference surface, as writers need it.
-
-    Args:
-        built: The simulation.
-        positions: Of its points [m], shape (N, 3).
-        triangles: Shape (F, 3).
-    """
-    scene = built.simulation
-    static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
-    return Surface(
-        points=positions,
-        faces=triangles,
-        ball_diameter=next((d for c in built.contacts if (d := c.ball_diameter()) is not None), None),
-        title=scene.scene,
-        metadata={"scene": scene.scene, "section": scene.section, "units": "SI", **static},
-        bodies=tuple(body for c in built.contacts if (body := c.outline()) is not None),
-    )
+    def frame(self, index: int, now: float) -> Frame:
+        """The state as a frame; the launches of the stage "frame" have run."""
+        built, shown = self.built, {}
+        for stored in built.context.fields.shown():
+            values = self._values(stored.array)
+            shown[stored.field.output] = values / self._volume if stored.field.density else values
+        rupture, displacement = built.rupture, shown.pop("displacement")
+        if self._placement is not None:
+            # From the sheet as it was clamped, in the same precision.
+            displacement = (displacement - self._placement).astype(displacement.dtype)
+        poses = [pose for c in built.contacts if (pose := c.pose()) is not None]
+        return Frame(
+            index=index,
+            time=now,
+            displacement=displacement,
+            velocity=shown.pop("velocity"),
+            intact_faces=None if rupture is None else self._intact(rupture.intact_faces),
+            damage=None if rupture is None else self._values(rupture.damage),
+            ball_center=next((centre for c in built.contacts if (centre := c.centre(now)) is not None), None),
+            point_data=shown,
+            bodies=np.array(poses) if poses else None,
+        )

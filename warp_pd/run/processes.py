@@ -1,4 +1,4 @@
-"""Whether torchrun started this process as one of several, and the crew that they are."""
+"""Processes of the command line: how they start, alone or by torchrun, what joins them, and how they end."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import warp as wp
 
 from ..device.checks import InputError
 from ..device.cores import available_cores, start_warp
-from ..interfaces.communicator import Crew
+from ..interfaces.communicator import Communicator
 
+# Exit codes of the command line.
+WRONG_INPUT, DIVERGED, LOST, INTERRUPTED = 2, 3, 4, 130
 # More would wait for each other, and fill the memory with copies of Torch.
 PROCESSES_PER_CORE = 4
 
@@ -25,18 +27,18 @@ def is_first() -> bool:
     return processes_here() == 1 or os.environ.get("RANK", "0") == "0"
 
 
-def crew_here(device: str | None) -> tuple[Crew, str | None]:
-    """The crew of this process, and the device that it takes.
+def communicator_here(device: str | None) -> tuple[Communicator, str | None]:
+    """The communicator of this process, and the device that it takes.
 
     Args:
         device: What the user asked for: "cuda" and None are a GPU each.
     """
     if processes_here() == 1:
-        return Crew(), device
-    from .distributed.torch_processes import TorchCrew, own_device
+        return Communicator(), device
+    from .distributed.communicator import TorchCommunicator, own_device
 
     mine = own_device(device)
-    return TorchCrew(cuda=mine is not None and mine.startswith("cuda")), mine
+    return TorchCommunicator(cuda=mine is not None and mine.startswith("cuda")), mine
 
 
 def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[str]) -> int:
@@ -53,7 +55,7 @@ def launch(gpus: int, processes: int, device: str | None, arguments: Sequence[st
     """
     _require_room(gpus, processes, device)
     try:
-        from .distributed.torch_launch import launch as start
+        from .distributed.launcher import launch as start
     except ImportError:
         raise InputError("--processes: expected torch to be installed; pip install warp-pd[neural]") from None
     return start(max(gpus, processes), arguments)

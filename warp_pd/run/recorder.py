@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 from ..device.checks import InputError, kind_and_text, user_code
+from ..device.fields import Array
 from ..interfaces import FrameReport, History, Reporter, Writer
 from ..interfaces.frame import Frame, format_time
 from .built import Built
 from .divergence import Soundness
-from .energy_balance import balance_error
-from .fine_history import FineHistory
-from .frame_points import AllPoints, Pictured, snapshot
+from .frame_points import FramePoints
 from .scene import Measure, Outcome
 
 # Restart files of a run, about: each makes the writers bring their files to the disk.
@@ -24,20 +23,43 @@ RESTARTS = 40
 PATIENCE = 5.0
 
 
-class Joint(Protocol):
-    """Writes what every process has a part of; all call the same methods."""
+class FineHistory:
+    """Rows of the history between frames: sums that the device keeps until the host reads them at the next frame.
 
-    def write(self, frame: Frame | None) -> None:
-        """Write a frame of the own points, where processes have one."""
-        ...
+    Attributes:
+        rows: Rows so far, those at frames among them.
+    """
 
-    def save(self) -> None:
-        """Save the state for a restart."""
-        ...
+    def __init__(self, built: Built) -> None:
+        self.built, self.rows = built, History()
+        self._waiting: list[tuple[float, float, Array]] = []
 
-    def close(self) -> None:
-        """The run is over."""
-        ...
+    def keep(self, now: float, dt: float) -> None:
+        """Keep the sums at a time [s], after a step of dt [s], on the device."""
+        # The row at a frame comes from the frame.
+        self.built.context.run("frame")
+        self._waiting.append((now, dt, self.built.sums.keep()))
+
+    def end_frame(self, now: float, dt: float, totals: dict[str, float], begin: float) -> None:
+        """Read the rows since the last frame, at the time `begin` [s], and add that of this one."""
+        before: dict[str, float] = {}
+        kept = [(time, step, self.built.sums.totals(sums)) for time, step, sums in self._waiting]
+        self._waiting = []
+        last = now * (1.0 - 1e-12)
+        for time, step, found in [*(row for row in kept if row[0] < last), (now, dt, totals)]:
+            row: dict[str, float] = {"time": time, "step": step}
+            for part in (self.built.energy, *self.built.parts):
+                row |= part.row_columns(before, found, time - begin)
+            self.rows.append(row)
+            before, begin = found, time
+
+    def forget(self) -> None:
+        """Drop the rows since the last frame: another process reads them."""
+        self._waiting = []
+
+    def resume(self, rows: History, now: float) -> None:
+        """Take the rows of a run that goes on from a time [s]."""
+        self.rows = [row for row in rows if row["time"] <= now * (1.0 + 1e-12)]
 
 
 @dataclass(eq=False)
@@ -56,8 +78,7 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
-        pictured: The points that frames hold.
-        joint: Writes frames that every process holds a part of, and their restart files; or None.
+        points: The points that frames hold.
     """
 
     built: Built
@@ -77,13 +98,12 @@ class Recorder:
     step_seconds: float = 0.0
     fine: FineHistory | None = None
     stop_asked: bool = False
-    pictured: Pictured = field(init=False)
-    joint: Joint | None = None
+    points: FramePoints = field(init=False)
 
     def __post_init__(self) -> None:
         """Begin to look at the state."""
         self.soundness = Soundness(self.built)
-        self.pictured = AllPoints(self.built)
+        self.points = FramePoints(self.built)
         if getattr(self.built.simulation.solver, "history_every", None) is not None:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
@@ -94,7 +114,7 @@ class Recorder:
 
     def progress(self, steps: int, residual: float, tolerance: float) -> None:
         """Report a static solver on its way; stops it if the user asked for that."""
-        if self.built.context.crew.any(self.stop_asked):
+        if self.built.context.communicator.any(self.stop_asked):
             raise KeyboardInterrupt
         if self.reporter is not None:
             self.reporter.residual(steps, residual, tolerance)
@@ -110,7 +130,7 @@ class Recorder:
 
     def keep_going(self) -> None:
         """End a frame that takes long after the user asked to stop; what it computed is repeated when resumed."""
-        if self.built.context.crew.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
+        if self.built.context.communicator.any(self.stop_asked and perf_counter() - self._asked_at > PATIENCE):
             raise KeyboardInterrupt
 
     def frame(self, index: int, now: float, steps: int, dt: float) -> None:
@@ -119,60 +139,51 @@ class Recorder:
         Raises:
             DivergedError: if it is NaN or Inf; nothing of it is written.
         """
-        crew = self.built.context.crew
-        self.stop_asked = crew.any(self.stop_asked)
+        communicator = self.built.context.communicator
+        self.stop_asked = communicator.any(self.stop_asked)
         self.built.context.run("frame")
         self.step_seconds += perf_counter() - self._clock
-        row = crew.lead(lambda: self._look(index, now, dt))
-        frame = self.pictured.take(index, now)
-        measured = frame if self.pictured.whole or not self.built.simulation.measures else self._whole(index, now)
+        taken = communicator.root(lambda: self._take(index, now, dt))
         for part in self.built.parts:
             part.end_frame()
-        crew.lead(lambda: None if row is None else self._judge(measured, row, index, dt))
-        if self.joint is not None:
-            self.joint.write(frame)
-        crew.lead(lambda: None if frame is None or row is None else self._record(frame, row, index, steps, dt))
-        if self.joint is not None and self._restart_due(index):
-            self.joint.save()
-        if self.fine is not None and not crew.leads:
+        communicator.root(lambda: None if taken is None else self._record(*taken, steps, dt))
+        if self.fine is not None and not communicator.is_root:
             self.fine.forget()
-        self.accept(frame)
         self.frame_index, self.time, self.dt = index, now, dt
         self.start_clock()
         if self.stop_asked:
             raise KeyboardInterrupt
 
-    def _look(self, index: int, now: float, dt: float) -> dict[str, float]:
-        """The row of the history without measures, of a state that is sound."""
-        built = self.built
-        totals = built.sums.totals()
+    def _take(self, index: int, now: float, dt: float) -> tuple[dict[str, float], Frame, Frame]:
+        """The row of the history without measures, the frame, and that of all points, which measures get."""
+        totals = self.built.sums.totals()
         self.soundness.stable_dt = self.stable_dt
         self.soundness.require_finite(index, now, dt, totals)
         if self.fine is not None:
             self.fine.end_frame(now, dt, totals, self.time)
-        return self._row(now, totals, now - self.time, dt)
+        row = self._row(now, totals, now - self.time, dt)
+        frame = measured = self.points.frame(index, now)
+        if self.built.simulation.measures and not self.points.all:
+            measured = FramePoints(self.built).frame(index, now)
+        return row, frame, measured
 
-    def _whole(self, index: int, now: float) -> Frame | None:
-        """A frame of all points, for measures, in the first process."""
-        return self.built.context.crew.lead(lambda: snapshot(AllPoints(self.built), index, now))
+    def _record(self, row: dict[str, float], frame: Frame, measured: Frame, steps: int, dt: float) -> None:
+        """Measure, hand the frame to the writers, and save it for a restart.
 
-    def _judge(self, frame: Frame | None, row: dict[str, float], index: int, dt: float) -> None:
-        """Measure, and refuse a frame that holds more energy than was put in."""
-        if frame is not None:
-            self._measure(frame, row)
-        self.soundness.require_no_gain(row, index, dt)
-
-    def _record(self, frame: Frame, row: dict[str, float], index: int, steps: int, dt: float) -> None:
-        """Hand a frame to the writers, and save it for a restart."""
+        Raises:
+            DivergedError: for a frame that holds more energy than was put in.
+        """
+        self._measure(measured, row)
+        self.soundness.require_no_gain(row, frame.index, dt)
         self.history.append(row)
-        self.frame_index, self.time, self.dt = index, frame.time, dt
+        self.frame_index, self.time, self.dt = frame.index, frame.time, dt
         self.steps += steps
         for writer in self.writers:
             writer.write(frame)
         self.accept(frame)
         if self.kept is not None:
             self.kept(self.history)
-        if self.saved is not None and self._restart_due(index):
+        if self.saved is not None and self._restart_due(frame.index):
             self.saved()
         if self.reporter is not None:
             self.reporter.frame(self._report(row))
@@ -180,14 +191,13 @@ class Recorder:
     def _report(self, row: dict[str, float]) -> FrameReport:
         scene = self.built.simulation
         rate = self.steps / self.step_seconds if self.step_seconds > 0.0 else 0.0
-        share = min(1.0, self.time / scene.solver.duration)
+        fraction = min(1.0, self.time / scene.solver.duration)
         when = format_time(self.time, scene.load_duration)
-        return FrameReport(when, share, rate, scene.solver.frame_count, row)
+        return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
 
-    def accept(self, frame: Frame | None) -> None:
-        """Take a sound frame as the last one; None where another process has it."""
-        if frame is not None:
-            self.last, self.soundness.last_time = frame, frame.time
+    def accept(self, frame: Frame) -> None:
+        """Take a sound frame as the last one."""
+        self.last, self.soundness.last_time = frame, frame.time
 
     def _restart_due(self, index: int) -> bool:
         """At the first and last frame, when the user stops the run, and some forty times in between."""
@@ -230,3 +240,25 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
         return None if value is None else float(value)
     except (TypeError, ValueError):
         raise InputError(f"{what} gives {value!r}: expected a number") from None
+
+
+def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, float]) -> float:
+    """Error of the energy balance: (energy now - energy first - work + losses) over the largest energy or work so far.
+
+    See kernels/integrate.py for the kinetic energy that it uses.
+
+    Args:
+        history: Rows of earlier frames.
+        row: The newest row, with all energies.
+    """
+    first = history[0] if history else row
+    kinetic = "half_step_kinetic" if "half_step_kinetic" in row else "kinetic"
+    change = row[kinetic] + row["strain"] - first[kinetic] - first["strain"]
+    error = change - row["external"] + row["damping"] + row["rupture"] + row.get("viscous", 0.0)
+    if "contact" in row:
+        error += row["contact"] - first["contact"] + row.get("sheet_friction", 0.0)
+    if "viscous" in row:
+        error -= first["viscous"]
+    rows = [*history, row]
+    scale = max(max(abs(r["external"]), abs(r["kinetic"] + r["strain"])) for r in rows)
+    return error / scale if scale > 0.0 else 0.0

@@ -10,19 +10,17 @@ import json
 import math
 import os
 import zipfile
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..device.checks import InputError
-from ..device.fields import host_shape, to_host
-from ..geometry.on_demand import OnDemand
+from ..device.fields import host_shape
 from .built import Built
 from .recorder import Recorder
-from .restart_parts import DividedField, Part, divides, own_part, remove_others, save_part
 from .scene import Scene
 
 NAME = "restart.npz"
@@ -66,16 +64,11 @@ def identity(scene: Scene, built: Built) -> Identity:
 def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
     """Names and values of a part and of its parts."""
     if isinstance(part, np.ndarray):
-        yield name, f"array {part.shape} {_hash(np.ascontiguousarray(part).tobytes())}"
-    elif isinstance(part, OnDemand):
-        # It follows from the lattice and the cuts, which have texts of their own.
-        ends = part[np.array([0, len(part) - 1])] if len(part) else np.zeros(0)
-        yield name, f"computed {len(part)} {_hash(ends.tobytes())}"
+        yield name, f"array {part.shape} {_hash(np.ascontiguousarray(part).data)}"
     elif is_dataclass(part):
         yield name, type(part).__name__
         for f in fields(part):
-            value = vars(part).get(f.name)
-            yield from _texts(f"{name}.{f.name}", value if isinstance(value, OnDemand) else getattr(part, f.name))
+            yield from _texts(f"{name}.{f.name}", getattr(part, f.name))
     elif isinstance(part, list | tuple) and any(is_dataclass(p) or isinstance(p, np.ndarray) for p in part):
         for index, p in enumerate(part):
             yield from _texts(f"{name}.{index}", p)
@@ -86,7 +79,7 @@ def _texts(name: str, part: Any) -> Iterator[tuple[str, str]]:
         yield name, text if len(text) <= MAX_LENGTH else f"{type(part).__name__} {_hash(text.encode())}"
 
 
-def _hash(data: bytes) -> str:
+def _hash(data: bytes | memoryview) -> str:
     return hashlib.sha1(data).hexdigest()[:12]
 
 
@@ -113,7 +106,7 @@ def extends(began: Identity, here: Identity) -> bool:
     return more > many and math.isclose(long / many, longer / more, rel_tol=1e-12)
 
 
-def numbers_of(recorder: Recorder, known: Identity, parts: Sequence[Part] = ()) -> np.ndarray:
+def numbers_of(recorder: Recorder, known: Identity) -> np.ndarray:
     """All that a restart file holds besides arrays, as bytes."""
     numbers = {
         "version": VERSION,
@@ -122,11 +115,6 @@ def numbers_of(recorder: Recorder, known: Identity, parts: Sequence[Part] = ()) 
         "solver": recorder.built.solver.host_state(),
         **{name: getattr(recorder, name) for name in NUMBERS},
     }
-    if parts:
-        numbers["files"] = [asdict(part) for part in parts]
-        numbers["divided"] = [
-            s.name for s in recorder.built.context.fields if s.field.restart and divides(recorder.built, s)
-        ]
     return np.frombuffer(json.dumps(numbers).encode(), np.uint8)
 
 
@@ -135,24 +123,6 @@ def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
     built = recorder.built
     arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
     return {**arrays, "numbers": numbers_of(recorder, known)}
-
-
-def save_divided(folder: Path, recorder: Recorder, known: Identity) -> None:
-    """Save the state, in every process what it owns; all processes call it."""
-    built, crew = recorder.built, recorder.built.context.crew
-    parts: list[Part] = []
-    if built.context.share is not None:
-        frame = crew.spread(recorder.frame_index)
-        crew.together(lambda: save_part(folder, built, frame))
-        parts = crew.gather(own_part(built, frame))
-
-    def finish() -> None:
-        kept = [s for s in built.context.fields if s.field.restart and not divides(built, s)]
-        arrays = {stored.name: to_host(stored.array) for stored in kept}
-        save(folder / NAME, {**arrays, "numbers": numbers_of(recorder, known, parts)})
-        remove_others(folder, "restart", [part.file for part in parts])
-
-    crew.together(lambda: finish() if crew.leads else None)
 
 
 def save(path: Path, arrays: dict[str, Any]) -> None:
@@ -187,9 +157,7 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
         same = numbers["settings"] == known.settings
         other = _different(*(p if same else {**s, "precision": p["precision"]} for s, p in sides))
         raise InputError(f"{where}: it belongs to other settings ({other}); expected those that the run began with")
-    parts = tuple(Part(p["file"], tuple(p["points"]), tuple(p["faces"])) for p in numbers.get("files", ()))
-    divided = {name: DividedField(name, path.parent, parts) for name in numbers.get("divided", ())}
-    return {**data, **divided, "numbers": numbers}
+    return {**data, "numbers": numbers}
 
 
 def restore(data: dict[str, Any], recorder: Recorder) -> None:
@@ -204,9 +172,7 @@ def restore(data: dict[str, Any], recorder: Recorder) -> None:
         if not stored.field.restart:
             continue
         found = data.get(name)
-        values = found.here(built.context, stored) if isinstance(found, DividedField) else found
-        if isinstance(found, np.ndarray):
-            values = built.context.values_here(stored, found)
+        values = None if found is None else built.context.values_here(stored, found)
         if values is None or values.shape != host_shape(array):
             raise InputError(f"resume: the restart file has no {name!r} of shape {array.shape}; it is damaged")
         array.assign(values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,8 +28,7 @@ class Result:
         history: One row per frame: time (load time of a static solver), energies, ball reaction, largest damage,
             measures.
         built: The simulation as it ended.
-        frame: The last frame, of the points that frames hold (`run(stride=)`); of a large sheet on several processes,
-            whose frames are written in parallel, what this process has of it.
+        frame: The last frame, of the points that frames hold (`run(stride=)`).
         folder: Where the files are, or None.
         fine_history: Rows between frames as well, of `Explicit(history_every=)`: time, energies, losses, contact
             forces and those of `Reaction`. Otherwise empty.
@@ -127,3 +127,23 @@ class Result:
         if self.folder is None:
             raise InputError(f"{what}: expected a run with a folder, such as run(out='runs/mine')")
         return self.folder
+
+
+def report(result: Result) -> Iterator[str]:
+    """Notes, reported numbers and files, one line each, for the command line."""
+    yield from result.summary["notes"]
+    for name, m in result.summary["measures"].items():
+        if m["value"] is None:
+            wrong = next((note for note in result.summary["notes"] if note.startswith(f"Outcome {name!r}")), None)
+            yield f"{name} = none: {'see above' if wrong else 'it did not happen'}"
+            continue
+        line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")
+        if m["reference"] is not None:
+            unit = "" if m["unit"] == "1" else f" {m['unit']}"
+            line += f"   reference {m['reference']:.6g}{unit} ({m['source']}), error {100 * m['error']:+.3f} %"
+        yield line
+    if result.folder is None:
+        return
+    yield f"results in {result.folder}"
+    for path in sorted(result.folder.iterdir()):
+        yield f"  {path.name}"

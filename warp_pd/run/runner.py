@@ -17,19 +17,17 @@ from typing import Any
 from ..device.checks import InputError, count, kind_and_text, one_of, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
-from ..output.series import Segment
 from . import restart
 from .built import Built, compose
-from .contents import Files, held_fields
 from .divergence import DivergedError
-from .files import add_files, begun_segments, is_divided, notes_of_divided, pictured
-from .fine_history import with_fine_history
+from .files import Files, add_files, require_gatherable, stored_fields
 from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
-from .processes import crew_here
+from .frame_points import FramePoints
+from .processes import communicator_here
 from .recorder import Recorder
 from .result import Result
 from .scene import Scene, check_writers
-from .scene_context import share_of
+from .scene_context import partition_of
 from .summary import Seconds, summary_of
 from .view import LARGE, write_page
 
@@ -95,7 +93,7 @@ def run(
     """
     check_writers(writers or [])
     count("stride", stride, 1)
-    crew, device = crew_here(device)
+    communicator, device = communicator_here(device)
     if fields is not None:
         scene = replace(scene, chosen_fields=fields)
     if history_every is not None:
@@ -103,18 +101,34 @@ def run(
     formats = picture_formats(pictures)
     files = Files(usd, vtkhdf, formats if vtkhdf else (), view and vtkhdf, restarts)
     # Files and progress are those of the first process.
-    new = crew.leads and isinstance(out, str | Path) and not Path(out).exists()
-    folder = crew.together(lambda: writable_folder(out, resume, overwrite) if crew.leads else None)
-    given, shown = (list(writers or []), reporter) if crew.leads else ([], None)
+    new = communicator.is_root and isinstance(out, str | Path) and not Path(out).exists()
+    folder = communicator.barrier(lambda: writable_folder(out, resume, overwrite) if communicator.is_root else None)
+    given, shown = (list(writers or []), reporter) if communicator.is_root else ([], None)
     with contextlib.ExitStack() as stack:
         if new and folder is not None:
             stack.callback(remove_if_empty, folder)
-        crew.together(lambda: stack.enter_context(sole_use(folder)))
+        communicator.barrier(lambda: stack.enter_context(sole_use(folder)))
         begin = perf_counter()
-        if crew.size > 1:
-            crew.divide(crew.together(lambda: share_of(scene, crew)))
-        built = crew.together(lambda: compose(scene, device, precision, crew))
+        if communicator.size > 1:
+            communicator.set_partition(communicator.barrier(lambda: partition_of(scene, communicator)))
+        built = communicator.barrier(lambda: compose(scene, device, precision, communicator))
         return _run(built, folder, begin, resume, files, shown, given, stride)
+
+
+def with_fine_history(scene: Scene, every: float) -> Scene:
+    """A scene whose solver records rows between frames.
+
+    Args:
+        scene: The scene.
+        every: Time between rows [s].
+
+    Raises:
+        InputError: for a solver whose frames are its rows, or a time that is not above zero.
+    """
+    solver: Any = scene.solver
+    if not hasattr(solver, "history_every"):
+        raise InputError(f"history_every = {every!r}: expected the solver Explicit, got {type(solver).__name__}")
+    return replace(scene, solver=replace(solver, history_every=every))
 
 
 def _run(
@@ -122,26 +136,27 @@ def _run(
     writers: list[Writer], stride: int,
 ) -> Result:  # fmt: skip
     """Run what was built since the time `begin` in a folder that no other run uses."""
-    scene, crew = built.simulation, built.context.crew
-    held = held_fields(built)
+    scene, communicator = built.simulation, built.context.communicator
+    fields, points = stored_fields(built), FramePoints(built, stride)
+    communicator.barrier(lambda: require_gatherable(points, folder is not None and files.restarts))
     known = None if folder is None else restart.identity(scene, built)
-    saved, begun = crew.spread(crew.together(lambda: _saved(built, folder, known, resume, files)))
+    saved = communicator.broadcast(communicator.barrier(lambda: _saved(folder, known, resume, files)))
     if reporter is not None:
         reporter.begin(headline(built))
-    compile_seconds = crew.in_turn(built.context.compile)
+    compile_seconds = communicator.root_first(built.context.compile)
     if reporter is not None:
         reporter.compiled(compile_seconds)
     recorder = Recorder(built, writers, reporter)
-    recorder.pictured = crew.together(lambda: pictured(built, begun, stride))
-    crew.together(lambda: _begin(recorder, saved))
+    recorder.points = points
+    communicator.barrier(lambda: _begin(recorder, saved))
     append_from = None if saved is None else recorder.frame_index + 1
-    add_files(recorder, folder, known, files, held, append_from, begun)
+    communicator.root(lambda: add_files(recorder, folder, known, files, fields, append_from))
     setup_seconds = perf_counter() - begin - compile_seconds
     before = len(recorder.history)
     status, message = _march(recorder, saved is not None)
     if saved is not None and status == FINISHED and len(recorder.history) == before:
         message = "the run had finished already: nothing was left to do"
-    last = recorder.last if recorder.pictured.divided else crew.spread(recorder.last)
+    last = communicator.broadcast(recorder.last)
     if last is None:
         raise DivergedError(message) if status == DIVERGED else KeyboardInterrupt
     seconds = Seconds(setup_seconds, compile_seconds, perf_counter() - begin)
@@ -150,36 +165,32 @@ def _run(
         result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
         if folder is not None:
-            result.summary["notes"] += notes_of_divided(recorder, files)
-            _finish(result, folder, replace(files, pictures=(), usd=False) if recorder.pictured.divided else files)
+            _finish(result, folder, files)
         return result.summary, result.history, result.fine_history, folder
 
-    summary, history, fine, folder = crew.spread(crew.lead(finish)) or ({}, [], [], None)
+    summary, history, fine, folder = communicator.broadcast(communicator.root(finish)) or ({}, [], [], None)
     result = Result(summary, history, built, last.in_double(), folder)
     result.fine_history = fine
     return result
 
 
-def _saved(
-    built: Built, folder: Path | None, known: restart.Identity | None, resume: bool, files: Files
-) -> tuple[dict[str, Any] | None, list[Segment] | None]:
-    """What the restart file of a run that goes on holds, or None, and the files of its frames if there are several.
+def _saved(folder: Path | None, known: restart.Identity | None, resume: bool, files: Files) -> dict[str, Any] | None:
+    """What the restart file of a run that goes on holds, or None.
 
     Clears what must not be mistaken for this run's.
     """
     if folder is None or known is None:
-        return None, None
+        return None
     saved = restart.load(folder / restart.NAME, known) if resume else None
-    begun = begun_segments(folder, resume)
     if saved is not None:
-        files.require_same(folder, divided=is_divided(built, begun))
+        files.require_same(folder)
         # They tell of a run that is over, which this one is not.
         for name in ("summary.json", PAGE):
             (folder / name).unlink(missing_ok=True)
     else:
         clear(folder)
     clear_unfinished(folder)
-    return saved, begun
+    return saved
 
 
 def _begin(recorder: Recorder, saved: dict[str, Any] | None) -> None:
@@ -202,7 +213,9 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         recorder.start_clock()
         if resumed:
             built.context.run("frame")
-            recorder.accept(recorder.pictured.take(recorder.frame_index, recorder.time))
+            frame = built.context.communicator.root(lambda: recorder.points.frame(recorder.frame_index, recorder.time))
+            if frame is not None:
+                recorder.accept(frame)
         else:
             recorder.frame(0, 0.0, 0, 0.0)
         recorder.start_clock()
@@ -215,7 +228,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         status, message = STOPPED, "interrupted: --resume goes on from here"
     finally:
         restore_signal()
-        for writer in [*recorder.writers, *([recorder.joint] if recorder.joint else [])]:
+        for writer in recorder.writers:
             writer.close()
         if recorder.reporter is not None:
             recorder.reporter.close()
@@ -247,7 +260,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
 
 def headline(built: Built) -> str:
     """One line that says what runs where."""
-    scene, processes = built.simulation, built.context.crew.size
+    scene, processes = built.simulation, built.context.communicator.size
     return (
         f"{scene.scene}: {scene.sheet.size} points, {built.law.families.bond_count} bonds, horizon "
         f"{scene.force.horizon:g} spacings, {built.law.weights} weights, float{built.context.bits}, on "
@@ -303,10 +316,11 @@ def _stop_at_frames(recorder: Recorder) -> Callable[[], None]:
 
     def ask(number: int, stack: Any) -> None:
         # Several processes get one signal twice, from the terminal and from torchrun, and stop together.
-        if recorder.stop_asked and recorder.built.context.crew.size == 1:
+        if recorder.stop_asked and recorder.built.context.communicator.size == 1:
             raise KeyboardInterrupt
         recorder.ask_to_stop()
-        if recorder.reporter is not None:
+        # By SIGTERM torchrun ends those that are left when one is killed; the launcher says why.
+        if recorder.reporter is not None and number == signal.SIGINT:
             os.write(sys.stderr.fileno(), b"\nstopping at the next frame, or soon; once more stops at once\n")
 
     def undo() -> None:

@@ -199,7 +199,7 @@ class Scene:
         """Refuse points that were taken from another sheet, such as this one before a hole was cut into it."""
         for part in [*self.loads, *self.contacts, *([self.damage] if self.damage is not None else [])]:
             for name, value in getattr(part, "__dict__", {}).items():
-                if isinstance(value, Region) and not value.fits(self.sheet.stored("points")):
+                if isinstance(value, Region) and not value.fits(self.sheet.points):
                     raise InputError(
                         f"{type(part).__name__}.{name}: expected points of this sheet; they were taken from another, "
                         "such as this one before a hole; take them again from the sheet that is simulated"

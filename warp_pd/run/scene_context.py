@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..device.clock import Clock
 from ..device.fields import FieldRegister
-from ..families.share import Share, divided, part_of_sheet
+from ..families.partition import Partition, partition_sheet, sheet_on_partition
 from ..interfaces import Constraint, Part
-from ..interfaces.communicator import Crew
-from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
+from ..interfaces.communicator import Communicator
+from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State, layout_of
 from ..kernels.numeric import numeric
 from ..laws import fast_path
 from ..parts.frame_checks import EnergyBalance
@@ -24,9 +26,14 @@ OWNER = "Simulation"
 
 
 def scene_context(
-    scene: Scene, parts: list[Part], constraints: Sequence[Constraint], device: wp.Device, bits: int, crew: Crew
+    scene: Scene,
+    parts: list[Part],
+    constraints: Sequence[Constraint],
+    device: wp.Device,
+    bits: int,
+    communicator: Communicator,
 ) -> Context:
-    """The context in which the parts of a scene are built; with several processes `crew.share` says what is here."""
+    """The context in which the parts of a scene are built; with several processes, for its partition."""
     sheet, solver = scene.sheet, scene.solver
     held = held_components(sheet, constraints)
     gradual = scene.damage is not None and scene.damage.gradual and solver.dynamic and scene.force.softens
@@ -47,30 +54,30 @@ def scene_context(
     made = Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), features=features, held=held,
         initial_displacement=initial, fields=FieldRegister(device),
-        clock=Clock(solver.duration, solver.default_ramp), placement=placement, crew=crew,
+        clock=Clock(solver.duration, solver.default_ramp), placement=placement, communicator=communicator,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip
-    return made if crew.share is None else _context_here(made, crew.share)
+    return made if communicator.partition is None else _context_here(made, communicator.partition)
 
 
-def share_of(scene: Scene, crew: Crew) -> Share:
+def partition_of(scene: Scene, communicator: Communicator) -> Partition:
     """What a process of several has of the sheet of a scene.
 
     Raises:
         InputError: for more processes than the sheet can be divided into.
     """
     scene.check()
-    return divided(scene.sheet.unstretched(), scene.force.horizon, crew.rank, crew.size)
+    return partition_sheet(scene.sheet.unstretched(), scene.force.horizon, communicator.rank, communicator.size)
 
 
-def _context_here(whole: Context, share: Share) -> Context:
+def _context_here(whole: Context, partition: Partition) -> Context:
     """The context of one of several processes."""
-    whole.crew.bind(whole.fields.stored)
+    whole.communicator.register_fields(whole.fields.stored)
     placement = whole.placement
     return replace(
-        whole, sheet=part_of_sheet(whole.sheet, share), undivided=whole.sheet, share=share,
-        held=share.rows(whole.held), initial_displacement=share.rows(whole.initial_displacement),
-        placement=None if placement is None else share.rows(placement),
+        whole, sheet=sheet_on_partition(whole.sheet, partition), undivided=whole.sheet, partition=partition,
+        held=partition.rows(whole.held), initial_displacement=partition.rows(whole.initial_displacement),
+        placement=None if placement is None else partition.rows(placement),
     )  # fmt: skip
 
 
@@ -80,16 +87,16 @@ def parts_here(parts: Sequence[Part], context: Context) -> list[Part]:
     Raises:
         InputError: for a part that several processes cannot yet run.
     """
-    share = context.share
-    return list(parts) if share is None else [part.divided(context.whole, share) for part in parts]
+    partition = context.partition
+    return list(parts) if partition is None else [part.on_partition(context.whole, partition) for part in parts]
 
 
 def constraints_here(constraints: Sequence[Constraint], context: Context) -> tuple[Constraint, ...]:
     """Held and moved components of the points that are here."""
-    share = context.share
-    if share is None:
+    partition = context.partition
+    if partition is None:
         return tuple(constraints)
-    return tuple(replace(constraint, points=share.here(constraint.points)[1]) for constraint in constraints)
+    return tuple(replace(constraint, points=partition.here(constraint.points)[1]) for constraint in constraints)
 
 
 def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, energy: EnergyBalance) -> State:
@@ -108,8 +115,8 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
     v = None if scene.initial_velocity is None else scene.initial("initial_velocity")
     if scene.initial_displacement is None and context.placement is None:
         u = None
-    if context.share is not None and v is not None:
-        v = context.share.rows(v)
+    if context.partition is not None and v is not None:
+        v = context.partition.rows(v)
     return State(
         displacement=context.array(
             "displacement", OWNER, vec3, u, shape=n, restart=True, halo=True, output="displacement"
@@ -126,3 +133,21 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
         work=energy.work,
         dissipated=energy.dissipated,
     )  # fmt: skip
+
+
+def module_name(scene: Scene, parts: Sequence[Part], features: Features, bits: int) -> str:
+    """One Warp module per configuration, named by everything that decides its kernels."""
+    law = (*_name(type(scene.force)), *scene.force.compile_key(layout_of(scene.sheet), features.breakable))
+    named = sorted({repr(_named((*_name(type(part)), *part.compile_key()))) for part in parts})
+    stretched = [] if scene.sheet.stretch is None else ["prestretched"]
+    key = (bits, features, *_name(type(scene.solver)), _named(law), named, *stretched)
+    return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
+
+
+def _name(kind: type | Callable[..., Any]) -> tuple[str, str]:
+    return kind.__module__, kind.__qualname__
+
+
+def _named(key: tuple[object, ...]) -> list[object]:
+    """The key with functions replaced by their names, so that its text is the same in every process."""
+    return [".".join(_name(entry)) if callable(entry) else entry for entry in key]

@@ -47,9 +47,9 @@ class Simulation(Scene):
 
     def plan(self, device: str | None = None, precision: int | None = None) -> str:
         """Table of the arrays and launches of this simulation."""
-        from .plan import describe
+        from .description import plan
 
-        return describe(self.build(device, precision))
+        return plan(self.build(device, precision))
 
     def draw(self, path: str | os.PathLike[str] | None = None) -> Any:
         """Draw the sheet before anything runs; no device is touched. See `warp_pd.draw_sheet`."""

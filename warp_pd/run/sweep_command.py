@@ -12,10 +12,9 @@ from ..device.checks import InputError
 from ..geometry.picture_files import Drawing, drawing
 from ..interfaces.communicator import LostError
 from ..output.sweep_plot import draw_sweep
-from . import exit_codes
 from .divergence import DivergedError
 from .folder import run_summary, writable_folder
-from .processes import launch
+from .processes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT, launch
 from .runner import FINISHED, STOPPED
 from .scene_files import build_scene, load_scene
 from .sweep import REFUSED, Row, Start, Task, printed_table, sweep, write_table
@@ -61,12 +60,12 @@ def _arguments(task: Task, options: Mapping[str, Any]) -> list[str]:
 
 def _summary(folder: Path, code: int) -> Mapping[str, Any]:
     """The summary of a run of other processes, which have said themselves what went wrong."""
-    if code == exit_codes.WRONG_INPUT:
+    if code == WRONG_INPUT:
         raise InputError("refused, see above")
-    if code == exit_codes.LOST:
+    if code == LOST:
         raise LostError("a process of the run ended; the same command continues")
     summary = run_summary(folder)
-    if summary is None and code == exit_codes.INTERRUPTED:
+    if summary is None and code == INTERRUPTED:
         raise KeyboardInterrupt
     if summary is None:
         raise DivergedError("no frame was written, see above")
@@ -118,5 +117,5 @@ def run_sweep(
     ends = {row.status for row in rows}
     if STOPPED in ends:
         click.echo("warp-pd: interrupted: the same command continues", err=True)
-        return exit_codes.INTERRUPTED
-    return exit_codes.DIVERGED if ends - {FINISHED, REFUSED} else exit_codes.WRONG_INPUT if REFUSED in ends else 0
+        return INTERRUPTED
+    return DIVERGED if ends - {FINISHED, REFUSED} else WRONG_INPUT if REFUSED in ends else 0

@@ -3,40 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..device.checks import InputError, count
+from ..device.checks import InputError
 from .folder import PAGE, read_history, run_summary, write_atomically
+
+if TYPE_CHECKING:
+    from ..output.view import Limits
 
 # A run writes its page itself for sheets of at most so many points.
 LARGE = 200_000
 
 
-def page(
-    folder: str | Path,
-    points: int | None = None,
-    frames: int | None = None,
-    fields: Collection[str] | None = None,
-    shared: str | None = None,
-) -> str:
+def page(folder: str | Path, limits: Limits | None = None, shared: str | None = None) -> str:
     """The page of a run as text: HTML with everything in it.
 
     A run that was killed has neither summary nor history; its frames are shown all the same.
 
     Args:
         folder: The folder of the run.
-        points: Largest number of points to draw; by default 40 000.
-        frames: Largest number of frames; by default as many as keep the page small.
-        fields: Names of the point fields to choose from, besides the displacement; None for all.
-        shared: Address of the folder with scripts and styles, for pages that share them; by default they are inside.
+        limits: How much of the run the page holds; by default 40 000 points, and as many frames as keep it small.
+        shared: Address of the folder output/page of the package, for a page that loads scripts and styles from there;
+            by default they are inside.
 
     Raises:
         InputError: for a folder without frames, damaged frames, or a field that they do not hold.
     """
-    from ..output.view import Limits
     from ..output.view import page as page_of
 
     folder = Path(folder)
@@ -47,11 +40,6 @@ def page(
     path = folder / "frames.vtkhdf"
     if not path.is_file():
         raise InputError(f"folder = {str(folder)!r}: it has no {path.name}; expected the folder of a run with frames")
-    limits = Limits(fields=fields)
-    if points is not None:
-        limits = replace(limits, points=count("points", points, 4))
-    if frames is not None:
-        limits = replace(limits, frames=count("frames", frames, 2))
     history = read_history(folder / "history.csv") if (folder / "history.csv").is_file() else []
     summary: dict[str, Any] = run_summary(folder) or {}
     return page_of(path, summary, history, limits, shared)
@@ -65,8 +53,8 @@ def write_page(
     Args:
         folder: The folder of the run.
         out: The file; by default view.html in the folder.
-        points: As for `page`.
-        frames: As for `page`.
+        points: Largest number of points to draw; by default 40 000.
+        frames: Largest number of frames; by default as many as keep the page small.
 
     Returns:
         The file.
@@ -74,8 +62,10 @@ def write_page(
     Raises:
         InputError: as `page`, or for a file that cannot be written.
     """
+    from ..output.view import POINTS, Limits
+
     path = Path(folder) / PAGE if out is None else Path(out)
-    text = page(folder, points, frames)
+    text = page(folder, Limits(POINTS if points is None else points, frames))
     if path.is_dir():
         raise InputError(f"out = {str(path)!r}: it is a folder; expected a file")
     try:

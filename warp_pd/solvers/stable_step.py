@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,6 @@ import warp as wp
 
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..geometry.on_demand import CHUNK, for_each_chunk
 from ..interfaces import System
 from ..interfaces.context import Context
 from ..kernels.integrate import RIGID
@@ -130,40 +129,25 @@ class StableStep:
         return shorter
 
     def _with_noise(self, fraction: float, old: np.ndarray | None) -> np.ndarray:
-        """`old` plus a fraction of noise for the points here, shape (n, 3); zero where they are supported."""
-        context, held = self.context, self.context.held
-        real = wp.dtype_to_numpy(context.types.real)
-        found = np.empty((len(held), 3), real)
-        of, size = self._noise_of(), context.whole.size
+        """`old` plus a fraction of noise for the points here, shape (n, 3); no noise where they are supported."""
+        held, noise = self.context.held, self._draw()
+        for c in range(3):
+            noise[(held & ((1 << c) | RIGID)) != 0, c] = 0.0
+        if old is not None:
+            noise = old.astype(np.float64) + fraction * noise
+        return noise.astype(wp.dtype_to_numpy(self.context.types.real))
 
-        def fill(begin: int) -> None:
-            some = slice(begin, min(begin + CHUNK, len(held)))
-            noise = of(some)
-            for c in range(3):
-                noise[(held[some] & ((1 << c) | RIGID)) != 0, c] = 0.0
-            found[some] = noise if old is None else old[some].astype(np.float64) + fraction * noise
-
-        for_each_chunk(0, len(held), fill)
+    def _draw(self) -> np.ndarray:
+        """New random numbers from -1 to 1 of the points here, shape (n, 3), on any number of processes the same."""
+        partition, size = self.context.partition, self.context.whole.size
+        begin, end = (0, size) if partition is None else (int(partition.points.min()), int(partition.points.max()) + 1)
+        # The generator takes one step for a number.
+        steps = np.random.PCG64()
+        steps.state = self._noise.bit_generator.state  # type: ignore[assignment]
+        steps.advance(3 * begin)
+        drawn = np.random.Generator(steps).uniform(-1.0, 1.0, (end - begin, 3))
         self._noise.bit_generator.advance(3 * size)  # type: ignore[attr-defined]
-        return found
-
-    def _noise_of(self) -> Callable[[slice], np.ndarray]:
-        """Random numbers from -1 to 1 of some points here, shape (n, 3); those of a point are always the same."""
-        state, share = self._noise.bit_generator.state, self.context.share
-
-        def from_point(first: int, number: int) -> np.ndarray:
-            # The generator takes one step for a number.
-            steps = np.random.PCG64()
-            steps.state = state  # type: ignore[assignment]
-            steps.advance(3 * first)
-            return np.random.Generator(steps).uniform(-1.0, 1.0, (number, 3))
-
-        if share is None or share.owners is None:
-            begin = 0 if share is None else share.span.start
-            return lambda some: from_point(begin + some.start, some.stop - some.start)
-        lowest = int(share.points.min())
-        everything = from_point(lowest, int(share.points.max()) + 1 - lowest)
-        return lambda some: everything[share.points[some] - lowest]
+        return drawn if partition is None else drawn[partition.points - begin]
 
     def host_state(self) -> dict[str, Any]:
         """State of the generator of the noise, for a restart."""

@@ -31,4 +31,4 @@ class StaticRupture:
             return False
         before = self.intact.numpy().copy()
         self._context.run("rupture")
-        return self._context.crew.any(bool((self.intact.numpy() != before).any()))
+        return self._context.communicator.any(bool((self.intact.numpy() != before).any()))

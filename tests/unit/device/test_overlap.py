@@ -25,7 +25,7 @@ STEPS, DT, END = 12, 2e-4, 4e-2
 class Played(OneOfMany):
     """One of several processes that are played by one, each up to its exchange in turn."""
 
-    def exchange(self, fields, share):
+    def exchange(self, fields, partition):
         addresses = frozenset(int(stored.array.ptr) for stored in fields)
         names = ", ".join(stored.name for stored in fields)
         return Call(names, "", 0, lambda: None, None, Touched(addresses, frozenset(), addresses))
@@ -46,7 +46,7 @@ def begun(built):
 
 
 def halo_of(context):
-    return np.delete(np.arange(len(context.share.points)), context.share.own)
+    return np.delete(np.arange(len(context.partition.points)), context.partition.owned)
 
 
 def poison(context, names):
@@ -63,10 +63,10 @@ def arrive(context, everyone, names):
     for name in names:
         values = to_host(context.fields[name])
         for other in everyone:
-            theirs = other.context.share
-            mine = np.flatnonzero(np.isin(context.share.points, theirs.points[theirs.own]))
-            mine = np.setdiff1d(mine, np.arange(*context.share.own.indices(len(context.share.points))))
-            at = np.searchsorted(theirs.points, context.share.points[mine])
+            theirs = other.context.partition
+            mine = np.flatnonzero(np.isin(context.partition.points, theirs.points[theirs.owned]))
+            mine = np.setdiff1d(mine, np.arange(*context.partition.owned.indices(len(context.partition.points))))
+            at = np.searchsorted(theirs.points, context.partition.points[mine])
             found = to_host(other.context.fields[name])
             if name == "intact_bonds":
                 values[:, mine] = found[:, at]
@@ -106,13 +106,15 @@ def played(built, everyone):
 def displacements(name, size, monkeypatch, widened=0):
     """Displacements of the own points of all processes after some steps, one after another."""
     monkeypatch.setattr(exchange, "has_streams", lambda device: True)
-    divided = OneOfMany.divide
+    set_partition = OneOfMany.set_partition
 
-    def widen(self, share):
-        inner = slice(max(share.inner.start - widened, 0), min(share.inner.stop + widened, len(share.points)))
-        divided(self, replace(share, inner=inner))
+    def widen(self, partition):
+        inner = slice(
+            max(partition.inner.start - widened, 0), min(partition.inner.stop + widened, len(partition.points))
+        )
+        set_partition(self, replace(partition, inner=inner))
 
-    monkeypatch.setattr(Played, "divide", widen)
+    monkeypatch.setattr(Played, "set_partition", widen)
     everyone = [process(scene(name), rank, size) for rank in range(size)]
     assert any(item.beside for item in everyone[0].context.stages["step"])
     for _ in range(STEPS):
@@ -172,12 +174,12 @@ def test_blocks_that_share_points_are_divided_by_them(name, monkeypatch):
     parts = [i for i in context.stages["step"] if i.name == "family_block_force"]
     assert all(part.beside for part in parts) and [part.side_stream for part in parts][-1] is False
     ranges = sorted(part.points for part in parts)
-    assert ranges[0][0] <= context.share.own.start and ranges[-1][1] >= context.share.own.stop
-    near = np.flatnonzero(context.share.near)
+    assert ranges[0][0] <= context.partition.owned.start and ranges[-1][1] >= context.partition.owned.stop
+    near = np.flatnonzero(context.partition.near)
     assert (ranges[0][0], ranges[-1][1]) == (near[0], near[-1] + 1)
     assert all(one[1] == other[0] for one, other in itertools.pairwise(ranges))
     inner = parts[-1]
-    assert inner.points == (context.share.inner.start, context.share.inner.stop)
+    assert inner.points == (context.partition.inner.start, context.partition.inner.stop)
     for part in parts:
         begin, end = part.points
         assert part.arguments["blocks"] == -(-(end - begin) // part.span.together)

@@ -9,8 +9,8 @@ from small_runs import BALL, cli, simulate
 from warp_pd import Explicit, Fixed, InputError, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
 from warp_pd.measures import support_force
 from warp_pd.parts import BodyPath
-from warp_pd.run import fine_history
 from warp_pd.run.folder import read_history
+from warp_pd.run.recorder import FineHistory
 
 DURATION, FRAMES, EVERY = 0.02, 4, 4e-4
 
@@ -92,7 +92,7 @@ def test_the_host_reads_nothing_between_frames(monkeypatch):
     built, reads, read = pulled().build("cpu"), [], wp.array.numpy
     built.context.run("start")
     built.context.run("setup")
-    kept = fine_history.FineHistory(built)
+    kept = FineHistory(built)
     # What the host reads has no other trace.
     monkeypatch.setattr(wp.array, "numpy", lambda array: reads.append(array) or read(array))
     kept.keep(1e-4, 1e-4)

@@ -54,7 +54,7 @@ def test_a_large_sheet_gets_a_note_in_place_of_its_page(tmp_path, monkeypatch):
 
 
 def test_what_a_page_leaves_out_it_says(ball):
-    content = content_of(page(ball, points=100, frames=5))
+    content = content_of(page(ball, Limits(100, 5)))
     assert len(content["frames"]) == 5
     assert content["frames"][-1]["when"] == "t = 4 s"
     assert re.fullmatch(r"\d+ of 729 points are drawn; .*", content["leftOut"][0])
@@ -159,7 +159,7 @@ def test_colours_are_those_of_matplotlib():
 
 
 def test_fields_can_be_chosen(ball):
-    content = content_of(page(ball, fields=["damage"]))
+    content = content_of(page(ball, Limits(fields=["damage"])))
     assert sorted(content["fields"]) == ["damage", "displacement"]
     with pytest.raises(InputError, match=r"fields = 'damge'.*damage"):
-        page(ball, fields=["damge"])
+        page(ball, Limits(fields=["damge"]))

@@ -101,7 +101,7 @@ class StopAt(Reporter):
 
     def frame(self, report: FrameReport) -> None:
         """Stop the run if this is the frame."""
-        if round(report.share * report.frames) >= self.index:
+        if round(report.fraction * report.frames) >= self.index:
             raise KeyboardInterrupt
 
 

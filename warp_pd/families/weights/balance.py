@@ -254,8 +254,8 @@ def _start(table: _Table, usable: np.ndarray) -> np.ndarray:
     if table.common is not None:
         return plain_weights(table.areas, table.neighbours, table.common, usable)
     bonds = table.points[table.neighbours] - table.points[:, None]
-    share = np.where(usable, table.influence * table.areas[table.neighbours] * (bonds**2).sum(axis=-1), 0.0)
-    return np.asarray(table.areas[:, None] * share / share.sum(axis=1, keepdims=True))
+    pull = np.where(usable, table.influence * table.areas[table.neighbours] * (bonds**2).sum(axis=-1), 0.0)
+    return np.asarray(table.areas[:, None] * pull / pull.sum(axis=1, keepdims=True))
 
 
 class _Table(NamedTuple):

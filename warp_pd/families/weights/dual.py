@@ -34,8 +34,8 @@ def closest_balanced(matrix: sparse.csr_matrix, plain: np.ndarray, gap: np.ndarr
         multiplier, ratio, _ = _maximise(problem, multiplier, np.full(len(gap), price))
     # Most points can be balanced all the same: stay soft only where much is left.
     left = np.abs(price * multiplier)
-    for share in (0.3, 0.1, 0.03):
-        local = np.where(left > share * left.max(), price, 0.0)
+    for fraction in (0.3, 0.1, 0.03):
+        local = np.where(left > fraction * left.max(), price, 0.0)
         _, local_ratio, balanced = _maximise(problem, multiplier, local)
         if balanced:
             return local_ratio

@@ -93,10 +93,10 @@ def rectangle_corrected(
     target = place[:, :, None] + offsets.T[:, None, :]
     exists = ((target >= 0) & (target < np.array(lengths)[:, None, None])).all(axis=0)
     neighbours = np.where(exists, target[0] * lengths[1] + target[1], -1).astype(np.int32)
-    share, normal = np.empty((2, place.shape[1])), np.empty((2, place.shape[1]))
+    width, normal = np.empty((2, place.shape[1])), np.empty((2, place.shape[1]))
     for axis in range(2):
         low, high = place[axis] == 0, place[axis] == lengths[axis] - 1
-        share[axis] = step[axis] * np.where(low | high, 0.5, 1.0)
+        width[axis] = step[axis] * np.where(low | high, 0.5, 1.0)
         normal[axis] = high.astype(np.float64) - low
 
     clip = [clipped_index(length, depth) for length in lengths]
@@ -109,11 +109,11 @@ def rectangle_corrected(
     repeated[np.unique(balance_kind, return_index=True)[1]] = False
     solved = corrected_weights(
         points=(place * step[:, None]).T,
-        areas=share[0] * share[1],
+        areas=width[0] * width[1],
         neighbours=neighbours,
         influence=influence,
         common=common,
-        edge_vectors=(normal * share[::-1]).T,
+        edge_vectors=(normal * width[::-1]).T,
         strip=~deep,
         kind=kind,
         unbalanced=repeated,

@@ -17,12 +17,12 @@ from ...materials import Material, capabilities, padded_constants
 from .networks import INPUTS, OUTPUTS, Network, inputs
 from .torch_network import bond_network
 
-# Errors are relative to the force on the bond, or to this share of mu where that is smaller: the force passes zero.
+# Errors are relative to the force on the bond, or to this fraction of mu where that is smaller: the force passes zero.
 FLOOR = 0.1
-# Training goes on as long as the validation error falls by this share within `patience` steps.
+# Training goes on as long as the validation error falls by this fraction within `patience` steps.
 MIN_GAIN = 1e-3
 MIN_DAMPING, MAX_DAMPING = 1e-12, 1e12
-SHARES = (0.7, 0.15, 0.15)
+FRACTIONS = (0.7, 0.15, 0.15)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def sampled_states(stretches: tuple[float, float], samples: int, seed: int) -> n
 def split(samples: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows for training, validation and the final test: 70, 15 and 15 %."""
     order = np.random.default_rng(seed).permutation(samples)
-    first, second = round(SHARES[0] * samples), round((SHARES[0] + SHARES[1]) * samples)
+    first, second = round(FRACTIONS[0] * samples), round((FRACTIONS[0] + FRACTIONS[1]) * samples)
     return order[:first], order[first:second], order[second:]
 
 

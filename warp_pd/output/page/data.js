@@ -23,19 +23,33 @@ window.page = window.page || {};
     return bytes;
   }
 
-  // Levels of a series, shape (frames, points): low bytes, then high bytes, of differences between frames.
+  // Levels of a series, shape (frames, points): low bytes, then high bytes, of differences between frames and between
+  // points, with the sign in the lowest bit.
   function levelsOf(bytes, frames, points) {
     const size = frames * points, levels = new Uint16Array(size);
-    for (let k = 0; k < size; k++) {
-      levels[k] = bytes[k] + 256 * bytes[k + size] + (k < points ? 0 : levels[k - points]);
+    for (let frame = 0, k = 0; frame < frames; frame++) {
+      for (let point = 0, rise = 0; point < points; point++, k++) {
+        const folded = bytes[k] + 256 * bytes[k + size];
+        rise += (folded >> 1) ^ -(folded & 1);
+        levels[k] = rise + (frame ? levels[k - points] : 0);
+      }
     }
     return levels;
   }
 
+  // Corners of triangles, from differences between first corners, and of the others from the first.
+  function cornersOf(apart) {
+    for (let k = 0; k < apart.length; k += 3) {
+      if (k) apart[k] += apart[k - 3];
+      apart[k + 1] += apart[k];
+      apart[k + 2] += apart[k];
+    }
+    return apart;
+  }
+
   class Series {
     constructor(entry, levels) {
-      Object.assign(this, { low: entry.low, high: entry.high, levels, points: entry.shape[1] });
-      this.step = entry.span / 65534;
+      Object.assign(this, { low: entry.low, high: entry.high, step: entry.step, levels, points: entry.shape[1] });
     }
 
     // Numbers of one frame into an array; NaN where there is none.
@@ -53,6 +67,7 @@ window.page = window.page || {};
     const bytes = await inflated(entry.text);
     if (entry.kind === "series") return new Series(entry, levelsOf(bytes, ...entry.shape));
     if (entry.kind === "bits") return bytes;
+    if (entry.kind === "triangles") return cornersOf(new Uint32Array(bytes.buffer));
     return new (entry.kind === "float32" ? Float32Array : Uint32Array)(bytes.buffer);
   }
 

@@ -65,10 +65,12 @@
 
   class SheetView {
     static async create(canvas) {
-      const names = content.fields.displacement.map(array);
-      const [reference, triangles, intact, ...moved] = await Promise.all(
-        [content.reference, content.triangles, content.intact].map(array).concat(names),
+      const all = (entries) => Promise.all(entries.map(array));
+      const [places, moved, [triangles, intact]] = await Promise.all(
+        [content.reference, content.fields.displacement, [content.triangles, content.intact]].map(all),
       );
+      const reference = new Float32Array(3 * places[0].points);
+      places.forEach((part, c) => part.read(0, reference, 3, c));
       const bodies = await Promise.all(content.bodies.map(bodyOf));
       return new SheetView(canvas, { reference, triangles, intact, moved, bodies });
     }

@@ -1,0 +1,155 @@
+"""Partitions of a sheet among processes, and their families."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from shared_scenes import SIZE, composed, scene, sheet_of
+
+from warp_pd import InputError, Sheet
+from warp_pd.families import Families, build_families
+from warp_pd.families.local_families import builds_alone, local_cloud_families, local_rows
+from warp_pd.families.partition import BLOCK, partition_sheet, sheet_on_partition
+
+NAMES = ("torn", "cloud", "scattered", "hole", "tube")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("horizon", [1.5, 2.015, 3.15])
+def test_every_point_has_one_owner_and_what_its_forces_need(name, horizon):
+    sheet = sheet_of(name, 33)
+    families = build_families(sheet, horizon, "linear")
+    owners, faces = np.zeros(sheet.size, int), np.zeros(len(sheet.triangles), int)
+    for rank in range(3):
+        partition = partition_sheet(sheet, horizon, rank, 3)
+        here, near = np.zeros((2, sheet.size), bool)
+        here[partition.points], near[partition.points[partition.near]] = True, True
+        own = partition.points[partition.owned]
+        owners[own] += 1
+        faces[partition.faces] += 1
+        assert partition.owners is not None or own[0] % BLOCK == 0
+        inner = families.members_of(partition.points[partition.inner])
+        assert (
+            np.isin(inner[inner >= 0], own).all()
+            and partition.owned.start <= partition.inner.start <= partition.inner.stop
+        )
+        members = families.members_of(own)
+        assert near[own].all() and near[members[members >= 0]].all() and near[sheet.triangles[partition.faces]].all()
+        around = families.members_of(np.flatnonzero(near))
+        assert here[around[around >= 0]].all()
+    assert (owners == 1).all() and (faces == 1).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_families_here_are_those_of_the_whole_sheet(name):
+    sheet = sheet_of(name, 33)
+    families = build_families(sheet, 2.015, "linear")
+    partition = partition_sheet(sheet, 2.015, 1, 3)
+    here = local_rows(families, partition).families
+    local = np.flatnonzero(partition.near)
+    members, whole = here.members_of(local), families.members_of(partition.points[local])
+    assert ((members < 0) == (whole < 0)).all()
+    assert (partition.points[members[members >= 0]] == whole[whole >= 0]).all()
+    assert not here.exists[here.family_class if here.family_class is not None else slice(None)][~partition.near].any()
+    assert here.bond_count == families.bond_count
+    part = sheet_on_partition(sheet, partition)
+    assert (partition.points[part.triangles] == sheet.triangles[partition.faces]).all()
+
+
+def test_more_processes_than_blocks_are_refused():
+    sheet = Sheet.rectangle(1.0, 1.0, points=20, **SIZE)
+    with pytest.raises(InputError, match=r"^processes = 3: expected at most 2 on a sheet of 400 points"):
+        partition_sheet(sheet, 2.015, 0, 3)
+
+
+def test_indices_of_points_here():
+    made = scene("torn")
+    partition = partition_sheet(made.sheet, 2.015, 1, 3)
+    asked = np.array([0, partition.points[0], partition.points[5], made.sheet.size - 1])
+    at, here = partition.here(asked)
+    assert (partition.points[here] == asked[at]).all() and set(at) >= {1, 2}
+
+
+@pytest.mark.parametrize("name", ["cloud", "scattered"])
+def test_a_cloud_in_no_order_has_as_small_a_halo_as_one_in_order(name):
+    """Two cuts of a square leave corners: 2 x 4.03 of 50 columns and rows, at most."""
+    sheet = sheet_of(name, 100)
+    for rank in range(4):
+        partition = partition_sheet(sheet, 2.015, rank, 4)
+        own = partition.owned.stop - partition.owned.start
+        assert abs(own - sheet.size / 4) <= 1
+        assert len(partition.points) / own < 1.17
+
+
+def test_an_outline_is_divided_between_its_rows():
+    sheet = Sheet.outline([(0, 0), (1, 0), (1, 1), (0.5, 1.2), (0, 1)], spacing=0.02, **SIZE)
+    assert sheet.layout == "grid"
+    on = np.flatnonzero(sheet.grid[:, 1] >= 0)
+    for rank in range(3):
+        partition = partition_sheet(sheet, 2.015, rank, 3)
+        own = np.isin(on, partition.points[partition.owned])
+        rows = sheet.grid[on, 1]
+        assert not set(rows[own]) & set(rows[~own])
+        assert len(partition.points) < 1.5 * sheet.size / 3
+
+
+@pytest.mark.parametrize("name", ["cloud", "torn"])
+def test_noise_of_some_points_is_that_of_all(name):
+    """Each process draws its own, and its generator goes on like that of one process."""
+    made = scene(name)
+    expected = np.random.default_rng(0)
+    alone, several = made.build(device="cpu"), [composed(made, rank, 2) for rank in range(2)]
+    free = alone.context.held[:, None] & np.array([1, 2, 4]) == 0
+    expected.uniform(-1.0, 1.0, (made.sheet.size, 3))
+    for _ in range(2):
+        whole = alone.solver.stable_step._with_noise(1.0, None)
+        drawn = np.where(free, expected.uniform(-1.0, 1.0, whole.shape), 0.0).astype(whole.dtype)
+        np.testing.assert_array_equal(whole, drawn)
+        for built in several:
+            points, step = built.context.partition.points, built.solver.stable_step
+            np.testing.assert_array_equal(step._with_noise(1.0, None), whole[points])
+            assert step.host_state() == alone.solver.stable_step.host_state()
+
+
+@pytest.mark.parametrize("name", ["cloud", "scattered", "cut"])
+@pytest.mark.parametrize("horizon", [1.5, 3.15])
+def test_families_of_a_partition_of_a_cloud_are_those_of_the_whole(name, horizon):
+    sheet = sheet_of("cloud" if name == "cut" else name, 33)
+    if name == "cut":
+        sheet = sheet.cut((0.2, 0.43), (0.8, 0.55)).stiffened(sheet.within((0.3, 0.3), 0.2), 3.0)
+    whole = build_families(sheet, horizon, "linear")
+    partitions = [partition_sheet(sheet, horizon, rank, 3) for rank in range(3)]
+    for partition in partitions:
+        assert builds_alone(sheet, partition)
+        # What the others have: no lone point, as many members as any, and the bonds of their own points.
+        own = [int(whole.exists[other.points[other.owned]].sum()) for other in partitions]
+        others = iter([[sheet.size] * 3, [whole.members] * 3, own])
+        found = local_cloud_families(
+            sheet, partition, horizon, "linear", lambda number, others=others: [number, *next(others)]
+        )
+        assert found.bond_count == whole.bond_count + own[partition.rank]
+        expected, near = local_rows(whole, partition).families, partition.near
+        for field in fields(Families):
+            one, other = getattr(found, field.name), getattr(expected, field.name)
+            if isinstance(one, np.ndarray) and field.name != "reverses":
+                assert one.dtype == other.dtype and one.shape == other.shape, field.name
+                np.testing.assert_array_equal(one[near], other[near], err_msg=field.name)
+        assert not found.exists[~near].any() and (found.neighbours[~near] == -1).all()
+        # Bonds between two whole families: forces go along no others.
+        there = found.exists & near[:, None]
+        there[there] = near[found.neighbours[there]]
+        np.testing.assert_array_equal(found.reverses[there], expected.reverses[there])
+        for one, other in zip(found.inverse_shapes(), expected.inverse_shapes(), strict=True):
+            np.testing.assert_array_equal(one[near], other[near])
+
+
+def test_all_processes_refuse_the_same_lone_point():
+    cloud = Sheet.filled(1.0, 1.0, points=33, jitter=0.2, **SIZE)
+    far = np.array([[3.0, 0.5], [5.0, 0.5]])
+    sheet = replace(cloud, points=np.vstack([cloud.points, far]), areas=np.append(cloud.areas, [1e-3, 1e-3]))
+    lone = sheet.size - 2
+    for rank in range(2):
+        with pytest.raises(InputError, match=rf"points\[{lone}\] at \[3.0, 0.5\] has no neighbour"):
+            local_cloud_families(
+                sheet, partition_sheet(sheet, 2.015, rank, 2), 2.015, "linear", lambda number: [number, lone]
+            )

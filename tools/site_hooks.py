@@ -1,0 +1,18 @@
+"""What MkDocs does besides its own: pages of the gallery find the package's scripts in the site too."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+FOLDER = "warp_pd/output/page"
+
+
+def on_post_build(config: Any) -> None:
+    """Copy the scripts and styles into the site, and point the pages of the gallery at the copy."""
+    source, gallery = Path(config.config_file_path).parent / FOLDER, Path(config.site_dir) / "gallery"
+    shutil.copytree(source, gallery / "page", ignore=shutil.ignore_patterns("*.html"), dirs_exist_ok=True)
+    for path in gallery.glob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace(f'"../../{FOLDER}/', '"page/'), encoding="utf-8")

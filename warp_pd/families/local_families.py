@@ -1,0 +1,168 @@
+"""The families of the points of a partition: rows of those of the whole sheet, or of a cloud built alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..geometry.sheet import Sheet
+from .build import checked_horizon
+from .cloud import find_neighbours, point_rows, refuse_lone_points
+from .partition import Partition
+from .tables import Families, InfluenceFunction, WholeFamilies, influence_function
+
+
+@dataclass(frozen=True, eq=False)
+class LocalRows:
+    """Rows of the whole families that a partition needs.
+
+    Families that are not whole here are empty, so that no kernel reads a point that is not here.
+
+    Attributes:
+        families: The families of the points of the partition.
+        rows: Row of the whole families that each row here is, shape (R,).
+        empty: Which rows are empty, shape (R,).
+    """
+
+    families: Families
+    rows: np.ndarray
+    empty: np.ndarray
+
+    def table(self, values: np.ndarray) -> np.ndarray:
+        """Rows here of a table of the whole families, zero where they are empty."""
+        found = np.asarray(values[self.rows])
+        found[self.empty] = 0
+        return found
+
+
+def local_rows(families: Families, partition: Partition) -> LocalRows:
+    """The families of the points of a partition."""
+    rows, empty, family_class = _kept_rows(families, partition)
+    made = LocalRows(families, rows, empty)
+    by_row, local = families.neighbours is not None, _Local(families, partition)
+
+    def row(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else values[rows]
+
+    def point(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else values[partition.points]
+
+    neighbours, exists = None, made.table(families.exists)
+    if families.neighbours is not None:
+        found = families.neighbours[rows]
+        neighbours = np.where(found >= 0, local.of(found), -1).astype(np.int32)
+        neighbours[empty] = -1
+    here = replace(
+        families,
+        exists=exists,
+        member_areas=made.table(families.member_areas),
+        areas=families.areas[rows],
+        bonds=families.bonds[rows] if by_row else families.bonds,
+        influence=families.influence[rows] if by_row else families.influence,
+        common=made.table(families.common) if by_row and families.common.size else families.common,
+        reverses=families.reverses[rows] if by_row else families.reverses,
+        neighbours=neighbours,
+        family_class=family_class,
+        centres=None if families.centres is None else local.of(families.centres[:, partition.points]),
+        first=None if families.first is None else np.maximum(local.of(families.first[rows]), 0),
+        severed=row(families.severed),
+        stiffness=row(families.stiffness),
+        frames=point(families.frames),
+        chords=point(families.chords),
+        whole=_whole(families),
+    )
+    return replace(made, families=here)
+
+
+def _kept_rows(families: Families, partition: Partition) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Rows of the whole families that are rows here, which of them are empty, and the row here of each point."""
+    if families.family_class is None:
+        return partition.points, ~partition.near, None
+    # Row 0 of a grid and the commonest one of a lattice keep their places: kernels know them.
+    family_class = partition.rows(families.family_class).copy()
+    kept = np.arange(len(families.exists))
+    if families.layout == "grid":
+        kept = np.unique(np.append(family_class[partition.near], 0))
+        family_class[partition.near] = np.searchsorted(kept, family_class[partition.near])
+    # Empty rows keep their area, which the families around them read.
+    far = np.flatnonzero(~partition.near)
+    emptied, of_far = np.unique(family_class[far], return_inverse=True)
+    family_class[far] = len(kept) + of_far.ravel()
+    return np.append(kept, emptied), np.arange(len(kept) + len(emptied)) >= len(kept), family_class
+
+
+class _Local:
+    """Indices here of points of the whole sheet, -1 for those that are not here."""
+
+    def __init__(self, families: Families, partition: Partition) -> None:
+        self.partition, self._table = partition, None
+        if partition.owners is not None:
+            self._table = np.full(families.points, -1, np.int32)
+            self._table[partition.points] = np.arange(len(partition.points))
+
+    def of(self, points: np.ndarray) -> np.ndarray:
+        """The index here of each, int32."""
+        if self._table is not None:
+            return np.asarray(self._table[points])
+        span = self.partition.span
+        return np.where((points >= span.start) & (points < span.stop), points - span.start, -1).astype(np.int32)
+
+
+def _whole(families: Families) -> WholeFamilies:
+    if families.family_class is None:
+        return WholeFamilies(families.bond_count, 0, False)
+    points = families.points_of_rows()
+    row = 0 if families.layout == "grid" else int(points.argmax())
+    return WholeFamilies(int((families.exists.sum(axis=1) * points).sum()), row, bool(points[row] > 0))
+
+
+def builds_alone(sheet: Sheet, partition: Partition | None) -> bool:
+    """Whether a process can build the families of its partition alone: of a cloud whose bonds need no way inside."""
+    return partition is not None and sheet.layout == "cloud" and sheet.barriers is None and sheet.frames is None
+
+
+def local_cloud_families(
+    sheet: Sheet, partition: Partition, horizon: float, influence: str | InfluenceFunction,
+    gathered: Callable[[int], list[int]],
+) -> Families:  # fmt: skip
+    """Families of the points of a partition; those that are not whole here are empty.
+
+    Args:
+        sheet: The sheet, whole.
+        partition: What is here of it.
+        horizon: Over the spacing of the sheet [-].
+        influence: As for `build_families`.
+        gathered: What all processes have of a number.
+
+    Raises:
+        InputError: for a horizon that the sheet does not allow, or a point without neighbours.
+    """
+    function, length = influence_function(influence), checked_horizon(sheet, horizon) * sheet.spacing
+    # Members are in the order of the user's points, on any number of processes.
+    among = np.sort(partition.points)
+    neighbours, reverses, incomplete = find_neighbours(sheet, among, length)
+    place = np.searchsorted(among, partition.points)
+    neighbours, reverses = neighbours[place], reverses[place]
+    neighbours[~partition.near], reverses[~partition.near] = -1, 0
+    sizes = (neighbours >= 0).sum(axis=1)
+    lone = partition.points[partition.near & (sizes == 0)]
+    # All processes refuse the same point.
+    first = min(gathered(int(lone.min(initial=sheet.size))))
+    if first < sheet.size:
+        refuse_lone_points(sheet, np.array([first]), np.full((1, 1), -1), length)
+    members = max(gathered(int(sizes.max())))
+    neighbours, reverses = _wide(neighbours, members, -1), _wide(reverses, members, 0)
+    made = point_rows(sheet, partition.points, neighbours, reverses, incomplete[place], length, function, True)
+    bonds = sum(gathered(int(sizes[partition.owned].sum())))
+    local = np.full(neighbours.shape, -1, np.int32)
+    there = neighbours >= 0
+    local[there] = partition.here(neighbours[there])[1]
+    return replace(made, neighbours=local, whole=WholeFamilies(bonds, 0, False))
+
+
+def _wide(table: np.ndarray, members: int, value: int) -> np.ndarray:
+    """A table with so many columns; what it loses is empty."""
+    table = table[:, :members]
+    return np.pad(table, ((0, 0), (0, members - table.shape[1])), constant_values=value)

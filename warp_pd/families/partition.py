@@ -1,0 +1,260 @@
+"""The partition of a sheet among processes: the points that each owns, and the ghost points around them."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..device.checks import InputError
+from ..geometry.sheet import Sheet
+
+# Sums over points go by whole blocks, and then are the same on any number of processes.
+BLOCK = 256
+# Width of the halo in horizons: forces on the owned points need the families of the first horizon outside, and these
+# families need the displacements of the second.
+HALO = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Partition:
+    """The points that a process owns, and its ghost points: those around them that it also needs, the halo.
+
+    Attributes:
+        rank: Number of the process, from 0.
+        bounds: First point of the blocks of each process in the whole sheet, and the number of its points, shape
+            (processes + 1,). Sums over points go by these blocks.
+        points: Index in the whole sheet of each point that is here, shape (n,); rising, unless points are scattered.
+        owned: The owned points among them; all others are ghost points.
+        near: Points whose families are whole here: the owned ones and one horizon around them, bool, shape (n,). The
+            others have empty families.
+        faces: Index in the whole sheet of each triangle that is here; their lowest corners are owned, shape (F,).
+        inner: Owned points whose families are all owned, the longest run of them.
+        owners: Process that owns each point of the whole sheet, shape (N,), if points are scattered: owned points are
+            then not those of the own blocks, but neighbours in space. None: they are.
+    """
+
+    rank: int
+    bounds: np.ndarray
+    points: np.ndarray
+    owned: slice
+    near: np.ndarray
+    faces: np.ndarray
+    inner: slice
+    owners: np.ndarray | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of processes."""
+        return len(self.bounds) - 1
+
+    @property
+    def ghost(self) -> np.ndarray:
+        """Which points here are ghost points, bool, shape (n,)."""
+        found = np.ones(len(self.points), bool)
+        found[self.owned] = False
+        return found
+
+    @functools.cached_property
+    def span(self) -> slice:
+        """The points here in the whole sheet, if they follow each other; see `rows`."""
+        return slice(int(self.points[0]), int(self.points[-1]) + 1)
+
+    def rows(self, values: np.ndarray) -> np.ndarray:
+        """What is here of an array of points of the whole sheet; a view where points follow each other."""
+        return values[self.span] if self.owners is None else np.asarray(values[self.points])
+
+    @property
+    def block_points(self) -> int:
+        """Number of points of the own blocks."""
+        return int(self.bounds[self.rank + 1] - self.bounds[self.rank])
+
+    @functools.cached_property
+    def whole_families(self) -> slice:
+        """From the first to the last point here whose family is whole."""
+        near = np.flatnonzero(self.near)
+        return slice(int(near[0]), int(near[-1]) + 1)
+
+    @functools.cached_property
+    def _order(self) -> np.ndarray:
+        """Points here by their index in the whole sheet."""
+        return np.argsort(self.points, kind="stable")
+
+    def here(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which of some points of the whole sheet are here, positions in `points`, and their indices here."""
+        if self.owners is None:
+            # They follow each other.
+            places = np.asarray(points, np.int64) - self.points[0]
+            at = np.flatnonzero((places >= 0) & (places < len(self.points)))
+            return at, places[at].astype(np.int32)
+        found = np.searchsorted(self.points, points, sorter=self._order)
+        found = self._order[np.minimum(found, len(self.points) - 1)]
+        at = np.flatnonzero(self.points[found] == points)
+        return at, found[at].astype(np.int32)
+
+    def owner_of(self, points: np.ndarray) -> np.ndarray:
+        """Process that owns each of some points of the whole sheet."""
+        return self.block_owner_of(points) if self.owners is None else np.asarray(self.owners[points])
+
+    def block_owner_of(self, points: np.ndarray) -> np.ndarray:
+        """Process whose blocks each of some points of the whole sheet belongs to."""
+        return np.asarray(np.searchsorted(self.bounds, points, side="right") - 1)
+
+
+def bounds_of(points: int, processes: int) -> np.ndarray:
+    """First point of each process and the number of points, shape (processes + 1,): whole blocks, evenly divided."""
+    blocks = -(-points // BLOCK)
+    return np.minimum(np.linspace(0, blocks, processes + 1).astype(np.int64) * BLOCK, points)
+
+
+def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int) -> Partition:
+    """The partition of a sheet for one of several processes.
+
+    Args:
+        sheet: The sheet, whole.
+        horizon: Over the spacing of the sheet [-].
+        rank: Number of the process.
+        processes: Number of processes.
+
+    Raises:
+        InputError: for more processes than the sheet has blocks of points.
+    """
+    bounds = bounds_of(sheet.size, processes)
+    if not (np.diff(bounds) > 0).all():
+        most = -(-sheet.size // BLOCK)
+        raise InputError(
+            f"processes = {processes!r}: expected at most {most} on a sheet of {sheet.size} points, as each takes "
+            f"whole blocks of {BLOCK}"
+        )
+    if sheet.lattice is None:
+        return _scattered(sheet, horizon, rank, bounds)
+    begin, end = int(bounds[rank]), int(bounds[rank + 1])
+    reach = _lattice_reach(sheet, horizon)
+    ranges = [(max(begin - k * reach, 0), min(end + k * reach, sheet.size)) for k in range(1, HALO + 1)]
+    points, near = np.arange(*ranges[-1]), np.zeros(ranges[-1][1] - ranges[-1][0], bool)
+    near[ranges[0][0] - ranges[-1][0] : ranges[0][1] - ranges[-1][0]] = True
+    own = slice(begin - ranges[-1][0], end - ranges[-1][0])
+    inner = slice(own.start + (reach if own.start else 0), own.stop - (reach if own.stop < len(points) else 0))
+    return Partition(rank, bounds, points, own, near, _faces(sheet, begin, end), inner)
+
+
+def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
+    """Triangles of the points begin to end - 1 of a lattice: each belongs to the owner of its lowest corner."""
+    lowest = sheet.triangles.min(axis=1)
+    return np.flatnonzero((lowest >= begin) & (lowest < end))
+
+
+def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Partition:
+    """The partition of a cloud or a grid with holes: points that are near each other, whatever their order.
+
+    Owned points come first here. Of a cloud the inner ones come before those near the border, and whole families before
+    empty ones.
+    """
+    cloud, processes = sheet.layout == "cloud", len(bounds) - 1
+    owners = bisection(sheet.points, processes) if cloud else row_bands(sheet.points, processes, sheet.spacing)
+    if np.bincount(owners, minlength=processes).min() == 0:
+        raise InputError(f"processes = {processes!r}: expected fewer than the rows of a grid of {sheet.size} points")
+    mine = owners == rank
+    own = np.flatnonzero(mine)
+    faces = np.flatnonzero(mine[sheet.triangles.min(axis=1)])
+    near, reached = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
+    halo = np.flatnonzero(reached & ~mine)
+    apart = _apart(sheet, horizon, own, halo)
+    if cloud:
+        own, apart = np.concatenate([own[apart], own[~apart]]), np.sort(apart)[::-1]
+        halo = np.concatenate([halo[near[halo]], halo[~near[halo]]])
+    points = np.concatenate([own, halo])
+    return Partition(rank, bounds, points, slice(0, len(own)), near[points], faces, _longest_run(apart), owners)
+
+
+def _longest_run(flags: np.ndarray) -> slice:
+    """The longest run of true flags."""
+    ends = np.flatnonzero(np.concatenate([[True], ~flags, [True]]))
+    longest = int(np.argmax(np.diff(ends)))
+    return slice(int(ends[longest]), int(ends[longest + 1]) - 1)
+
+
+def row_bands(points: np.ndarray, parts: int, spacing: float) -> np.ndarray:
+    """Part to which each point belongs, shape (N,): bands along x that divide no row of a grid.
+
+    Kernels know of the points of a row that they follow each other.
+    """
+    height = points[:, 1]
+    order = np.argsort(height, kind="stable")
+    begins = np.flatnonzero(np.diff(height[order]) > 1e-6 * spacing) + 1
+    wanted = len(points) * np.arange(1, parts) // parts
+    found = np.zeros(len(points), np.uint16)
+    for at in begins[np.minimum(np.searchsorted(begins, wanted), len(begins) - 1)]:
+        found[order[at:]] += 1
+    return found
+
+
+def bisection(points: np.ndarray, parts: int) -> np.ndarray:
+    """Part to which each point belongs, shape (N,): recursive bisection across the longest side of what is left."""
+    found = np.zeros(len(points), np.uint16)
+    pieces = [(np.arange(len(points)), 0, parts)]
+    while pieces:
+        piece, first, number = pieces.pop()
+        found[piece] = first
+        if number == 1:
+            continue
+        low = number // 2
+        at = len(piece) * low // number
+        places = points[piece]
+        along = places[:, np.argmax(np.ptp(places, axis=0))]
+        # Points side by side stay in their order, so that every process finds the same.
+        order = np.argsort(along, kind="stable")
+        pieces += [(np.sort(piece[order[:at]]), first, low), (np.sort(piece[order[at:]]), first + low, number - low)]
+    return found
+
+
+def _apart(sheet: Sheet, horizon: float, own: np.ndarray, halo: np.ndarray) -> np.ndarray:
+    """Which of some points have no point of a halo within the horizon."""
+    from scipy.spatial import cKDTree
+
+    if not len(halo):
+        return np.ones(len(own), bool)
+    distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
+    found, _ = cKDTree(sheet.points[halo]).query(sheet.points[own], distance_upper_bound=distance)
+    return np.asarray(np.isinf(found))
+
+
+def _lattice_reach(sheet: Sheet, horizon: float) -> int:
+    """Largest difference of the indices of two points of a family or of a triangle of a lattice."""
+    lattice = sheet.lattice
+    assert lattice is not None
+    reach = [max(1, int(horizon * sheet.spacing / step + 1e-6)) for step in (lattice.dx, lattice.dy)]
+    return reach[0] + reach[1] * lattice.columns
+
+
+def _around(sheet: Sheet, horizon: float, own: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which points of a sheet are within one horizon of some, or are corners, and which within two, bool, (N,)."""
+    from scipy.spatial import cKDTree
+
+    distance = horizon * sheet.widest_spacing * (1.0 + 1e-6)
+    near = np.zeros(sheet.size, bool)
+    near[own] = True
+    for _ in range(HALO - 1):
+        inside = cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0]
+        near |= np.isfinite(inside)
+    near[corners] = True
+    return near, np.isfinite(cKDTree(sheet.points[near]).query(sheet.points, distance_upper_bound=distance)[0])
+
+
+def sheet_on_partition(sheet: Sheet, partition: Partition) -> Sheet:
+    """The points of a partition as a sheet. Its lattice is the whole one; edges, cuts and outlines are left out.
+
+    It carries what parts and laws ask of points. Families are built of the whole sheet.
+    """
+
+    def of(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else partition.rows(values)
+
+    return replace(
+        sheet,
+        points=partition.rows(sheet.points), areas=partition.rows(sheet.areas),
+        triangles=partition.here(sheet.triangles[partition.faces].ravel())[1].reshape(-1, 3),
+        grid=of(sheet.grid), spacings=of(sheet.spacings), frames=of(sheet.frames), bodies=of(sheet.bodies),
+        pieces=of(sheet.pieces), stiffness=of(sheet.stiffness), barriers=None, cuts=(), parts={}, inclusions=(),
+    )  # fmt: skip

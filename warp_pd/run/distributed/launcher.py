@@ -1,0 +1,59 @@
+"""Starts several processes of a command by torchrun."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import uuid
+from collections.abc import Mapping, Sequence
+
+from torch.distributed.elastic.multiprocessing.api import SignalException
+from torch.distributed.elastic.multiprocessing.errors import ChildFailedError
+from torch.distributed.launcher.api import LaunchConfig, elastic_launch
+
+from ...interfaces.communicator import LAUNCHER_REPORTS
+
+INTERRUPTED, LOST = 130, 4
+
+
+def launch(processes: int, arguments: Sequence[str]) -> int:
+    """Run `python -m warp_pd` with some arguments in several processes of this machine; the exit code of the first.
+
+    Args:
+        processes: Their number.
+        arguments: Of each.
+    """
+    # They say in one line themselves what went wrong.
+    logging.disable(logging.CRITICAL)
+    # The one line that a killed process costs comes from here.
+    os.environ[LAUNCHER_REPORTS] = "1"
+    config = LaunchConfig(
+        min_nodes=1, max_nodes=1, nproc_per_node=processes, run_id=uuid.uuid4().hex, rdzv_backend="c10d",
+        rdzv_endpoint="localhost:0", local_addr="localhost", max_restarts=0, monitor_interval=0.2,
+    )  # fmt: skip
+    try:
+        elastic_launch(config, sys.executable)("-m", "warp_pd", *arguments)
+    except ChildFailedError as error:
+        return _code({rank: int(failure.exitcode) for rank, failure in error.failures.items()})
+    except SignalException:
+        return INTERRUPTED
+    return 0
+
+
+def _code(codes: Mapping[int, int]) -> int:
+    """Exit code of a run that failed; says which process was killed, unless another one said what was wrong.
+
+    Args:
+        codes: Exit code of each process that failed, minus the number of the signal if it was killed.
+    """
+    said = next((code for code in codes.values() if code > 0 and code != LOST), None)
+    if said is not None:
+        return said
+    # torchrun ends the others by SIGTERM.
+    killed = {rank: signal.Signals(-code) for rank, code in sorted(codes.items()) if code < 0}
+    first = {rank: by for rank, by in killed.items() if by != signal.SIGTERM} or killed
+    names = ", ".join(f"process {rank} was ended by {by.name}" for rank, by in first.items())
+    print(f"warp-pd: {names or 'a process of this run ended'}; --resume goes on", file=sys.stderr)
+    return LOST
