@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -15,7 +13,7 @@ from ..device.fields import FieldRegister
 from ..families.partition import Partition, partition_sheet, sheet_on_partition
 from ..interfaces import Constraint, Part
 from ..interfaces.communicator import Communicator
-from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State, layout_of
+from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
 from ..kernels.numeric import numeric
 from ..laws import fast_path
 from ..parts.frame_checks import EnergyBalance
@@ -133,21 +131,3 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
         work=energy.work,
         dissipated=energy.dissipated,
     )  # fmt: skip
-
-
-def module_name(scene: Scene, parts: Sequence[Part], features: Features, bits: int) -> str:
-    """One Warp module per configuration, named by everything that decides its kernels."""
-    law = (*_name(type(scene.force)), *scene.force.compile_key(layout_of(scene.sheet), features.breakable))
-    named = sorted({repr(_named((*_name(type(part)), *part.compile_key()))) for part in parts})
-    stretched = [] if scene.sheet.stretch is None else ["prestretched"]
-    key = (bits, features, *_name(type(scene.solver)), _named(law), named, *stretched)
-    return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
-
-
-def _name(kind: type | Callable[..., Any]) -> tuple[str, str]:
-    return kind.__module__, kind.__qualname__
-
-
-def _named(key: tuple[object, ...]) -> list[object]:
-    """The key with functions replaced by their names, so that its text is the same in every process."""
-    return [".".join(_name(entry)) if callable(entry) else entry for entry in key]
