@@ -47,12 +47,6 @@ def without_lowest_bit(mask: wp.uint32):
 
 
 @wp.func
-def bit_in_word(member: int, word: int):
-    """The bit of a member in a word; zero if it is in another one."""
-    return wp.where(member >> 5 == word, wp.uint32(1) << wp.uint32(member & 31), wp.uint32(0))
-
-
-@wp.func
 def bit_of(mask: wp.uint32, index: int):
     """Whether a bit, 0 to 31, is set."""
     return ((mask >> wp.uint32(index)) & wp.uint32(1)) != wp.uint32(0)

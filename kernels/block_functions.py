@@ -10,10 +10,8 @@ from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .entries import entry_of
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, has_shares, is_compact, is_curved, is_grid, is_lattice
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
-from .rupture import Breaking
 
 _ADD_PRODUCTS = """
     if (here) {
@@ -108,13 +106,11 @@ class BlockFunctions:
     """Warp functions of one configuration.
 
     Attributes:
-        Words: Type of the bits of a family.
-        Constants: Type of the argument `criterion`.
         by_missing: Whether the shape tensor of what is left of an intersection is found from the members that are
             missing, which are few.
         arrive: What the thread of a bond knows before it has heard from the others.
         missing_shapes: What intersections have lost of their shape tensors.
-        answer: A_ik of a bond, its weight, and what the next stress may start from, from the sums over D_ik.
+        answer: A_ik of a bond, and what the next stress may start from, from the sums over D_ik.
         compact: Whether shape tensors are sums, too, as on a cloud with tables of few bytes.
         Arm: Type of what threads exchange of a member besides (U_k, c_k X_k1): c_k X_k2 and 1 / c_k, or X_k instead.
         vec6: Type of sums of two vectors.
@@ -123,8 +119,6 @@ class BlockFunctions:
         add_parts: Sums of the columns of A, with those of one more bond if it is in the intersection.
     """
 
-    Words: Any
-    Constants: Any
     by_missing: bool
     arrive: wp.Function
     missing_shapes: wp.Function
@@ -139,61 +133,46 @@ class BlockFunctions:
 
 @functools.cache
 def block_functions(
-    layout: str,
-    bits: int,
+    layout: Layout,
     material: PairFactory,
     near: FunctionFactory,
-    breakable: str | None,
-    breaking: Breaking | None,
     members: int,
-    module: str,
 ) -> BlockFunctions:
     """The functions, for the arguments of `block_force`."""
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    law = bond_associated(layout, material, "variational").mechanics
     intact_members, is_intact = law.intact_members, law.is_intact
     green, damaged_inverse = law.green, law.damaged_inverse
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     inverse_shape = kinematics(bits).inverse_shape
     area_weight, stress_near, stress_on_members = law.area_weight, near(bits), law.stress_on_members
-    damaged, redistribute = breakable is not None, breakable == "redistribute"
-    by_row, gradual, curved = is_lattice(layout) or is_grid(layout), has_shares(layout), is_curved(layout)
-    plain = not (redistribute or gradual or curved)
-    compact = is_compact(layout)
-    by_missing = plain and not compact
+    by_row, gradual, curved = layout.kind != "cloud", layout.softening, layout.curved
+    compact = layout.compact != ""
+    by_missing = not (gradual or curved or compact)
     n, word_size, words = members, WORD, -(-members // WORD)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
     vec4 = wp.types.vector(length=4, dtype=real)
     Arm = vec4 if compact else vec2
     vector_of, moment_of = entry_of(vec3, 1), entry_of(vec3, 2)
-    breaks = breaking is not None
-    Constants: Any = breaking.criterion.struct if breaking else int
-    exceeds = breaking.criterion.exceeds if breaking else None
-    spared = breaking is not None and breaking.spared
 
-    @wp.func(module=module)
+    @wp.func
     def arrive(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         moments: wp.array2d(dtype=vec3),
         displacement: wp.array(dtype=vec3),
         inverse_horizon: real,
-        breaks_now: int,
-        criterion: Constants,
-        horizon: real,
-        spared_mask: wp.array(dtype=wp.uint8),
         i: int,
         k: int,
         here: bool,
     ):
         """Whether the bond is intact; its (U_k, c_k X_k) in the parts that threads exchange, and the bits of D_ik.
 
-        Then whether it breaks now; it then is not intact. Last, undamaged K_ik^-1 and W_ik. On a curved sheet U_k is in
-        the frame of the point. There are no branches, so that no load waits for another one without need: what is read
-        of a member that is not there does not count.
+        Last, undamaged K_ik^-1 and W_ik. On a curved sheet U_k is in the frame of the point. There are no branches, so
+        that no load waits for another one without need: what is read of a member that is not there does not count.
         """
         member = wp.min(k, wp.static(n - 1))
         row = i
@@ -214,18 +193,8 @@ def block_functions(
         inverse = vec3(real(0.0), real(0.0), real(0.0))
         if wp.static(not compact):
             inverse = f.shape(family, i, member)
-        elif wp.static(damaged):
-            # Only its determinant is needed, and any tensor that has it will do.
-            inverse = vec3(family.determinants[member, i], real(0.0), real(1.0))
         weight = f.weight(family, i, member)
         intact_here = here and k < wp.static(n) and is_intact(family, intact, i, member)
-        breaks_here = bool(False)
-        if wp.static(breaks):
-            over = exceeds(family, displacement, criterion, horizon, i, member, m)
-            if wp.static(spared):
-                over = over and spared_mask[i] == wp.uint8(0) and spared_mask[m] == wp.uint8(0)
-            breaks_here = over and intact_here and breaks_now != 0
-            intact_here = intact_here and not breaks_here
         if wp.static(gradual):
             share = f.share(family, i, member)
             moment = vec3(share * moment[0], share * moment[1], moment[2] / share)
@@ -244,9 +213,9 @@ def block_functions(
             arm[2] = X[1]
         else:
             arm[1] = moment[2]
-        return intact_here, exchanged, arm, common, breaks_here, inverse, weight
+        return intact_here, exchanged, arm, common, inverse, weight
 
-    @wp.func(module=module)
+    @wp.func
     def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
         """c_k X_k (x) X_k (11, 12, 22)."""
         row = i
@@ -255,12 +224,11 @@ def block_functions(
         m = moments[k, row]
         return m[2] * vec3(m[0] * m[0], m[0] * m[1], m[1] * m[1])
 
-    @wp.func(module=module)
+    @wp.func
     def missing_shapes(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         moments: wp.array2d(dtype=vec3),
-        gone: Words,
         i: int,
         k: int,
         far_k: int,
@@ -269,7 +237,7 @@ def block_functions(
         near_shape = vec3(real(0.0), real(0.0), real(0.0))
         far_shape = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(wp.static(words)):
-            missing = (f.initial(family, i, word) & ~intact_members(family, intact, i, word)) | gone[word]
+            missing = f.initial(family, i, word) & ~intact_members(family, intact, i, word)
             near_bits = f.common(family, i, wp.min(k, wp.static(n - 1)), word)
             far_bits = f.common(family, i, wp.min(far_k, wp.static(n - 1)), word)
             while missing != wp.uint32(0):
@@ -280,7 +248,7 @@ def block_functions(
                 far_shape += wp.where(bit_of(far_bits, at), real(1.0), real(0.0)) * part
         return near_shape, far_shape
 
-    @wp.func(module=module)
+    @wp.func
     def without_missing(missing: vec3, undamaged_inverse: vec3):
         """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
         inverse = undamaged_inverse
@@ -290,7 +258,7 @@ def block_functions(
             inverse, _size = damaged_inverse(whole - missing, undamaged_inverse, real(0.0))
         return inverse
 
-    @wp.func(module=module)
+    @wp.func
     def answer(
         family: Family,
         constants: parameters,
@@ -301,31 +269,30 @@ def block_functions(
         inverse: vec3,
         table_weight: real,
         shape: vec3,
-        size: real,
         rises: vec2,
         G1: vec3,
         G2: vec3,
         guess: real,
     ):
-        """A_ik of a bond, its weight and what the next stress may start from, from the sums over D_ik.
+        """A_ik of a bond and what the next stress may start from, from the sums over D_ik.
 
-        `shape`, `size` and `rises` are of a damaged family; if `by_missing`, `shape` is of the members that it lost.
+        `shape` and `rises` are of a damaged family; if `by_missing`, `shape` is of the members that it lost.
         """
         A1 = vec3(real(0.0), real(0.0), real(0.0))
         A2 = vec3(real(0.0), real(0.0), real(0.0))
-        weight = real(0.0)
         next_guess = guess
         if intact_here:
             tilt = f.tilt(family, i, k)
             undamaged_inverse = inverse
             if wp.static(compact):
                 inverse = inverse_shape(shape)
-            if wp.static(damaged):
+            share = real(1.0)
+            if wp.static(layout.breakable):
                 if not undamaged:
                     if wp.static(by_missing):
                         inverse = without_missing(shape, undamaged_inverse)
                     else:
-                        inverse, size = damaged_inverse(shape, undamaged_inverse, size)
+                        inverse, share = damaged_inverse(shape, undamaged_inverse, share)
                     if wp.static(curved):
                         slope = vec2(
                             inverse[0] * rises[0] + inverse[1] * rises[1], inverse[1] * rises[0] + inverse[2] * rises[1]
@@ -339,10 +306,10 @@ def block_functions(
                 S, found = stress_near(green(H1, H2, tilt), constants, guess)
                 next_guess = found
                 weight = table_weight
-                if wp.static(damaged and not by_missing):
-                    weight = area_weight(family, i, k, undamaged, size)
+                if wp.static(gradual):
+                    weight = area_weight(family, i, k, undamaged, share)
                 A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-        return A1, A2, weight, next_guess
+        return A1, A2, next_guess
 
     vec6 = wp.types.vector(length=6, dtype=real)
 
@@ -358,6 +325,4 @@ def block_functions(
         """The sums of the columns of A, with those of one more bond if it is in the intersection."""
         ...
 
-    return BlockFunctions(
-        Words, Constants, by_missing, arrive, missing_shapes, answer, compact, Arm, vec6, Sums, add_products, add_parts
-    )
+    return BlockFunctions(by_missing, arrive, missing_shapes, answer, compact, Arm, vec6, Sums, add_products, add_parts)

@@ -37,9 +37,8 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state, energy_of_families, gather_pairs
 from .effects import Kernel
 from .factories import PairFactory
-from .families import WORD, family_functions, has_shares, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 from .pointwise import Pointwise
 
 
@@ -51,23 +50,27 @@ class FamilyMechanics:
         intact_members: (family, intact, i, word) -> bits of the members whose bonds are intact.
         is_undamaged: (family, intact, i) -> whether no bond of i is broken.
         is_intact: (family, intact, i, k) -> whether the bond is intact.
-        intersection: (family, intact, field, field, 0, i, j, undamaged) -> gradient of the field over D_ij times
-            horizon (two columns, in the frame of i), K^-1, `size`: |D_ij|, or with shares the share of its stress that
-            it carries; the tilt of D_ij, zero on a flat sheet.
+        visit: (family, intact, field, inverse_horizon, i, j, undamaged) -> what a bond has to say of a field: whether
+            it is intact and its intersection determines a gradient; the gradient of the field over D_ij (two columns,
+            in the frame of i), K^-1, W_ij divided by the reference area and up to the factor `family_scale`, and the
+            tilt of D_ij, zero on a flat sheet.
         green: (H1, H2, tilt) -> C - I.
         gradient: (H1, H2, tilt) -> columns of F.
         stress_on_members: (H1, H2, S, weight, inverse, tilt) -> columns of W P K^-1, with P R^-1 on a curved sheet.
-        area_weight: (family, i, j, undamaged, size) -> W_ij divided by the reference area.
-        family_scale: (family, i, undamaged, total) -> factor on the weights of a damaged family.
+        area_weight: (family, i, j, undamaged, size) -> W_ij as from `visit`; `size` is |D_ij|, or with softening the
+            share of its stress that the intersection carries.
+        family_scale: (family, i, undamaged, total) -> factor on its weights; 1 in the variational form.
         damaged_inverse: (K (11, 12, 22), undamaged K^-1, |D_ij|) -> inverse of K of a damaged family, or zero if it
-            determines no gradient; and `size`, as from `intersection`.
+            determines no gradient; and `size`, as for `area_weight`.
         add_to_members: (family, intact, i, j, A1, A2, bond_force) adds (A1, A2) X_k for all k in D_ij.
+        finish_forces: (family, intact, i, scale, bond_force) multiplies the sums of `add_to_members` by scale c_k, and
+            turns them from the frame of i back to space.
     """
 
     intact_members: wp.Function
     is_undamaged: wp.Function
     is_intact: wp.Function
-    intersection: wp.Function
+    visit: wp.Function
     green: wp.Function
     gradient: wp.Function
     stress_on_members: wp.Function
@@ -75,6 +78,7 @@ class FamilyMechanics:
     family_scale: wp.Function
     damaged_inverse: wp.Function
     add_to_members: wp.Function
+    finish_forces: wp.Function
 
 
 @dataclass(frozen=True)
@@ -95,31 +99,23 @@ class BondAssociatedKernels:
 
 
 @functools.cache
-def bond_associated(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
-) -> BondAssociatedKernels:
+def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAssociatedKernels:
     """Kernels of the bond-associated law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
-        breakable: None, or how the weights of a damaged family are treated: "redistribute" (the intact bonds
-            represent the whole area of the point) or "drop" (each represents its own area).
         form: "variational" or "published".
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     parameters = types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     _, energy = material(bits)
-    damaged = breakable is not None
-    redistribute = breakable == "redistribute"
     published = form == "published"
     word_size = WORD
-    bonds = bond_state(layout, bits, damaged, module)
+    bonds = bond_state(layout)
     intact_members, is_undamaged, is_intact = bonds.intact_members, bonds.is_undamaged, bonds.is_intact
     motion = kinematics(bits)
     inverse_shape, remaining_inverse, fading_inverse = (
@@ -133,16 +129,16 @@ def bond_associated(
         motion.curved_gradient,
         motion.curved_stress_on_members,
     )
-    gradual, curved = has_shares(layout), is_curved(layout)
+    gradual, curved = layout.softening, layout.curved
 
-    @wp.func(module=module)
+    @wp.func
     def green(H1: vec3, H2: vec3, tilt: vec2):
         if wp.static(curved):
             return curved_green(H1, H2, tilt)
         else:
             return flat_green(H1, H2)
 
-    @wp.func(module=module)
+    @wp.func
     def gradient(H1: vec3, H2: vec3, tilt: vec2):
         if wp.static(curved):
             F1, F2 = curved_gradient(H1, H2, tilt)
@@ -150,7 +146,7 @@ def bond_associated(
         else:
             return H1 + vec3(real(1.0), real(0.0), real(0.0)), H2 + vec3(real(0.0), real(1.0), real(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
         if wp.static(curved):
             A1, A2 = curved_stress(H1, H2, S, weight, inverse, tilt)
@@ -159,7 +155,7 @@ def bond_associated(
             B1, B2 = flat_stress(H1, H2, S, weight, inverse)
             return B1, B2
 
-    @wp.func(module=module)
+    @wp.func
     def damaged_inverse(shape: vec3, undamaged_inverse: vec3, size: real):
         if wp.static(gradual):
             inverse, share = fading_inverse(shape, undamaged_inverse)
@@ -170,7 +166,7 @@ def bond_associated(
             return remaining_inverse(shape, undamaged_inverse), size
 
     def declare_intersection(name, earlier):
-        @wp.func(module=module, name=name)
+        @wp.func(name=name)
         def intersection(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
@@ -227,13 +223,10 @@ def bond_associated(
 
         return intersection
 
-    intersection = declare_intersection("intersection", False)
-    earlier_intersection = declare_intersection("earlier_intersection", True)
-
-    @wp.func(module=module)
+    @wp.func
     def area_weight(family: Family, i: int, j: int, undamaged: bool, size: real):
-        """W_ij divided by the reference area; for a damaged family up to the factor `family_scale`."""
-        if wp.static(redistribute or published):
+        """W_ij divided by the reference area; in the published form up to the factor `family_scale`."""
+        if wp.static(published):
             if undamaged:
                 return f.weight(family, i, j)
             else:
@@ -243,18 +236,18 @@ def bond_associated(
         else:
             return f.weight(family, i, j)
 
-    @wp.func(module=module)
+    @wp.func
     def family_scale(family: Family, i: int, undamaged: bool, total: real):
-        """Factor that makes the weights of a damaged family sum to the area of its point."""
-        scale = real(1.0)
-        if wp.static(redistribute or published):
-            if wp.static(published) or not undamaged:
-                scale = real(0.0)
-                if total > real(0.0):
-                    scale = f.area(family, i) / total
-        return scale
+        """Factor that makes the weights of a family sum to the area of its point, in the published form."""
+        if wp.static(published):
+            scale = real(0.0)
+            if total > real(0.0):
+                scale = f.area(family, i) / total
+            return scale
+        else:
+            return real(1.0)
 
-    @wp.func(module=module)
+    @wp.func
     def add_to_members(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -273,49 +266,99 @@ def bond_associated(
                 xi = f.bond(family, i, k)
                 bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
 
-    def declare_energy(name, gradient_of):
-        @wp.func(module=module, name=name)
-        def family_energy(
+    @wp.func
+    def finish_forces(
+        family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, scale: real, bond_force: wp.array2d(dtype=vec3)
+    ):
+        for k in range(family.members):
+            if is_intact(family, intact, i, k):
+                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+                bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
+
+    def declare_visit(name, earlier):
+        intersection = declare_intersection(f"intersection_{name}", earlier)
+
+        @wp.func(name=name)
+        def visit(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
             displacement: wp.array(dtype=vec3),
             velocity: wp.array(dtype=vec3),
             back: real,
-            constants: parameters,
             inverse_horizon: real,
             i: int,
+            j: int,
+            undamaged: bool,
         ):
-            """Energy of the family of i divided by (thickness x reference area) [J/m^3]."""
-            undamaged = is_undamaged(family, intact, i)
-            stored = real(0.0)
-            total = real(0.0)
-            for j in range(family.members):
-                if is_intact(family, intact, i, j):
-                    G1, G2, inverse, size, tilt = gradient_of(
-                        family, intact, displacement, velocity, back, i, j, undamaged
-                    )
-                    if inverse[0] > real(0.0):
-                        H1 = inverse_horizon * G1
-                        H2 = inverse_horizon * G2
-                        weight = area_weight(family, i, j, undamaged, size)
-                        stored += weight * energy(green(H1, H2, tilt), constants)
-                        total += weight
-            return stored * family_scale(family, i, undamaged, total)
+            there = bool(False)
+            H1 = vec3(real(0.0), real(0.0), real(0.0))
+            H2 = vec3(real(0.0), real(0.0), real(0.0))
+            inverse = vec3(real(0.0), real(0.0), real(0.0))
+            weight = real(0.0)
+            tilt = vec2(real(0.0), real(0.0))
+            if is_intact(family, intact, i, j):
+                G1, G2, found, size, slope = intersection(family, intact, displacement, velocity, back, i, j, undamaged)
+                if found[0] > real(0.0):
+                    there = True
+                    H1 = inverse_horizon * G1
+                    H2 = inverse_horizon * G2
+                    inverse = found
+                    weight = area_weight(family, i, j, undamaged, size)
+                    tilt = slope
+            return there, H1, H2, inverse, weight, tilt
 
-        return family_energy
+        return visit
 
-    family_energy = declare_energy("family_energy", intersection)
-    earlier_energy = declare_energy("earlier_energy", earlier_intersection)
+    visit_now, visit_earlier = declare_visit("visit_now", False), declare_visit("visit_earlier", True)
+
+    @wp.func
+    def visit(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        field: wp.array(dtype=vec3),
+        inverse_horizon: real,
+        i: int,
+        j: int,
+        undamaged: bool,
+    ):
+        there, H1, H2, inverse, weight, tilt = visit_now(
+            family, intact, field, field, real(0.0), inverse_horizon, i, j, undamaged
+        )
+        return there, H1, H2, inverse, weight, tilt
+
+    @wp.func
+    def earlier_energy(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        back: real,
+        constants: parameters,
+        inverse_horizon: real,
+        i: int,
+    ):
+        """Energy of the family of i a time `back` ago, divided by (thickness x reference area) [J/m^3]."""
+        undamaged = is_undamaged(family, intact, i)
+        stored = real(0.0)
+        total = real(0.0)
+        for j in range(family.members):
+            there, H1, H2, _inverse, weight, tilt = visit_earlier(
+                family, intact, displacement, velocity, back, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                stored += weight * energy(green(H1, H2, tilt), constants)
+                total += weight
+        return stored * family_scale(family, i, undamaged, total)
 
     return BondAssociatedKernels(
-        gather=gather_pairs(layout, bits, damaged, module),
-        strain_energy=energy_of_families(layout, bits, family_energy, module),
+        gather=gather_pairs(layout),
+        strain_energy=energy_of_families(layout, earlier_energy),
         earlier_energy=earlier_energy,
         mechanics=FamilyMechanics(
             intact_members,
             is_undamaged,
             is_intact,
-            intersection,
+            visit,
             green,
             gradient,
             stress_on_members,
@@ -323,5 +366,6 @@ def bond_associated(
             family_scale,
             damaged_inverse,
             add_to_members,
+            finish_forces,
         ),
     )

@@ -20,7 +20,7 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
 
@@ -45,13 +45,13 @@ class TangentKernels:
 
 
 @functools.cache
-def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
+def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Warp functions `block_of`, the stiffness of an intersection, and `inverse_of`, of a 3x3 block."""
     types = numeric(bits)
     real, vec2, vec3, vec6, mat32, mat33 = types.real, types.vec2, types.vec3, types.vec6, types.mat32, types.mat33
     min_stiffness = MIN_STIFFNESS
 
-    @wp.func(module=module)
+    @wp.func
     def block_of(F: mat32, S: vec3, T: vec6, g: vec2):
         """Stiffness of an intersection when one point moves and contributes v (x) g to dF."""
         F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
@@ -68,7 +68,7 @@ def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
             + real(0.5) * (wp.outer(b1, t1) + wp.outer(b2, t2) + wp.outer(b3, t3))
         )  # fmt: skip
 
-    @wp.func(module=module)
+    @wp.func
     def inverse_of(block: mat33, mask: wp.uint8):
         """Inverse of |block| on the free components, with eigenvalues kept away from zero."""
         reduced = block
@@ -100,44 +100,30 @@ def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
 @functools.cache
 def bond_associated_tangent(
-    layout: str,
-    bits: int,
-    material: PairFactory,
-    response: FunctionFactory,
-    breakable: str | None,
-    held: bool,
-    module: str,
+    layout: Layout, material: PairFactory, response: FunctionFactory, held: bool
 ) -> TangentKernels:
     """Kernels of the tangent; arguments as for `bond_associated`, with the factory of stress and moduli.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy).
         response: Factory of the function that gives stress and moduli.
-        breakable: None, "redistribute" or "drop".
         held: Whether any component is held.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33, parameters = types.mat32, types.mat33, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    intact_members, is_undamaged, is_intact, intersection = (
-        law.intact_members,
-        law.is_undamaged,
-        law.is_intact,
-        law.intersection,
-    )
-    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
-    gradient_of, level, curved = law.gradient, kinematics(bits).level, is_curved(layout)
+    law = bond_associated(layout, material, "variational").mechanics
+    intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
+    green, family_scale, add_to_members = law.green, law.family_scale, law.add_to_members
+    gradient_of, level, curved = law.gradient, kinematics(bits).level, layout.curved
     response_of = response(bits)
     word_size = WORD
-    block_of, inverse_of = block_functions(bits, module)
+    block_of, inverse_of = block_functions(bits)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -156,31 +142,23 @@ def bond_associated_tangent(
         for j in range(family.members):
             stress[j, i] = vec3(real(0.0), real(0.0), real(0.0))
             moduli[j, i] = vec6()
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    G = green(H1, H2, tilt)
-                    weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
-                    S, T = response_of(G, constants)
-                    if wp.static(curved):
-                        A1, A2 = gradient_of(H1, H2, tilt)
-                        F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
-                        gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])
-                    else:
-                        gradient[j, i] = mat32(H1[0] + real(1.0), H2[0], H1[1], H2[1] + real(1.0), H1[2], H2[2])
-                    stress[j, i] = weight * vec3(S[0, 0] + tension[0], S[0, 1], S[1, 1] + tension[0])
-                    moduli[j, i] = weight * T
+            there, H1, H2, _inverse, weight, tilt = visit(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                total += weight
+                S, T = response_of(green(H1, H2, tilt), constants)
+                A1, A2 = gradient_of(H1, H2, tilt)
+                F1, F2 = f.from_frame(family, i, A1), f.from_frame(family, i, A2)
+                gradient[j, i] = mat32(F1[0], F2[0], F1[1], F2[1], F1[2], F2[2])
+                stress[j, i] = weight * vec3(S[0, 0] + tension[0], S[0, 1], S[1, 1] + tension[0])
+                moduli[j, i] = weight * T
         scale = family_scale(family, i, undamaged, total)
         for j in range(family.members):
             stress[j, i] = scale * stress[j, i]
             moduli[j, i] = scale * moduli[j, i]
 
-    @kernel(module, gathers=("direction",))
+    @kernel(gathers=("direction",))
     def product(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -198,43 +176,33 @@ def bond_associated_tangent(
             bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
         undamaged = is_undamaged(family, intact, i)
         for j in range(family.members):
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, _size, tilt = intersection(
-                    family, intact, direction, direction, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    D1 = f.from_frame(family, i, inverse_horizon * G1)
-                    D2 = f.from_frame(family, i, inverse_horizon * G2)
-                    F = gradient[j, i]
-                    F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
-                    F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
-                    S = stress[j, i]
-                    T = moduli[j, i]
-                    c11 = real(2.0) * wp.dot(F1, D1)
-                    c22 = real(2.0) * wp.dot(F2, D2)
-                    c12 = wp.dot(F1, D2) + wp.dot(F2, D1)
-                    s11 = T[0] * c11 + T[1] * c22 + T[2] * c12
-                    s22 = T[1] * c11 + T[3] * c22 + T[4] * c12
-                    s12 = real(0.5) * (T[2] * c11 + T[4] * c22 + T[5] * c12)
-                    P1 = S[0] * D1 + S[1] * D2 + s11 * F1 + s12 * F2
-                    P2 = S[1] * D1 + S[2] * D2 + s12 * F1 + s22 * F2
-                    if wp.static(curved):
-                        P1, P2 = level(P1, P2, tilt)
-                    A1 = P1 * inverse[0] + P2 * inverse[1]
-                    A2 = P1 * inverse[1] + P2 * inverse[2]
-                    for word in range(family.words):
-                        members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
-                        while members != wp.uint32(0):
-                            k = word * word_size + lowest_bit(members)
-                            members = without_lowest_bit(members)
-                            xi = f.bond(family, i, k)
-                            bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
+            there, H1, H2, inverse, _weight, tilt = visit(family, intact, direction, inverse_horizon, i, j, undamaged)
+            if there:
+                D1, D2 = f.from_frame(family, i, H1), f.from_frame(family, i, H2)
+                F = gradient[j, i]
+                F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
+                F2 = vec3(F[0, 1], F[1, 1], F[2, 1])
+                S = stress[j, i]
+                T = moduli[j, i]
+                c11 = real(2.0) * wp.dot(F1, D1)
+                c22 = real(2.0) * wp.dot(F2, D2)
+                c12 = wp.dot(F1, D2) + wp.dot(F2, D1)
+                s11 = T[0] * c11 + T[1] * c22 + T[2] * c12
+                s22 = T[1] * c11 + T[3] * c22 + T[4] * c12
+                s12 = real(0.5) * (T[2] * c11 + T[4] * c22 + T[5] * c12)
+                P1 = S[0] * D1 + S[1] * D2 + s11 * F1 + s12 * F2
+                P2 = S[1] * D1 + S[2] * D2 + s12 * F1 + s22 * F2
+                if wp.static(curved):
+                    P1, P2 = level(P1, P2, tilt)
+                A1 = P1 * inverse[0] + P2 * inverse[1]
+                A2 = P1 * inverse[1] + P2 * inverse[2]
+                add_to_members(family, intact, i, j, A1, A2, bond_force)
         for k in range(family.members):
             if is_intact(family, intact, i, k):
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = unit_force * c * bond_force[k, i]
 
-    @wp.func(module=module)
+    @wp.func
     def shape_of(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -251,14 +219,14 @@ def bond_associated_tangent(
                 result = f.shape(family, i, j)
                 tilt = f.tilt(family, i, j)
             else:
-                _G1, _G2, inverse, _size, tilt_left = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
+                _there, _H1, _H2, inverse, _weight, tilt_left = visit(
+                    family, intact, displacement, real(1.0), i, j, undamaged
                 )
                 result = inverse
                 tilt = tilt_left
         return result, tilt
 
-    @wp.func(module=module)
+    @wp.func
     def levelled(g: vec2, tilt: vec2):
         """R^-1 g."""
         if wp.static(curved):
@@ -266,7 +234,7 @@ def bond_associated_tangent(
         else:
             return g
 
-    @kernel(module, gathers=("displacement", "intact", "gradient", "stress", "moduli"))
+    @kernel(gathers=("displacement", "intact", "gradient", "stress", "moduli"))
     def inverse_blocks(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -24,8 +24,7 @@ import warp as wp
 from .bond_state import bond_state, energy_of_families, sums_of_bonds
 from .effects import Kernel, kernel
 from .factories import PairwiseFactory
-from .families import family_functions, is_curved
-from .numeric import numeric
+from .families import Layout, family_functions
 
 # Smallest |Y| / horizon to divide by: a bond of zero length has no direction.
 TINY = 1e-30
@@ -88,15 +87,15 @@ class BondFunctions:
 
 
 @functools.cache
-def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> BondFunctions:
+def bond_functions(layout: Layout) -> BondFunctions:
     """Functions of one bond; on a curved sheet xi is the chord, in space."""
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    curved = is_curved(layout)
+    curved = layout.curved
     Chord = vec3 if curved else types.vec2
-    is_intact = bond_state(layout, bits, breakable, module).is_intact
+    is_intact = bond_state(layout).is_intact
 
-    @wp.func(module=module)
+    @wp.func
     def image(xi: Chord, U: vec3):
         """Y divided by the horizon."""
         if wp.static(curved):
@@ -104,7 +103,7 @@ def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> Bond
         else:
             return vec3(xi[0] + U[0], xi[1] + U[1], U[2])
 
-    @wp.func(module=module)
+    @wp.func
     def growth(xi: Chord, U: vec3):
         """|Y|^2 - |X|^2, divided by the square of the horizon."""
         if wp.static(curved):
@@ -112,7 +111,7 @@ def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> Bond
         else:
             return real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
 
-    @wp.func(module=module)
+    @wp.func
     def strain(xi: Chord, U: vec3):
         """|Y|/|X| - 1 from the displacement, without adding and subtracting one."""
         length = wp.length(xi)
@@ -122,16 +121,16 @@ def bond_functions(layout: str, bits: int, breakable: bool, module: str) -> Bond
 
 
 @functools.cache
-def pull_of_bond(layout: str, bits: int, pairwise: PairwiseFactory, module: str) -> wp.Function:
+def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
     """Function (constants, W_ik + W_ki, xi, U) -> force of a bond over h a_ref / horizon [Pa]."""
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    bond = bond_functions(layout, bits, False, module)
+    bond = bond_functions(layout)
     image, growth, Chord = bond.image, bond.growth, bond.chord
     tension_of, _, _ = pairwise(bits)
     tiny = TINY
 
-    @wp.func(module=module)
+    @wp.func
     def pull(constants: parameters, weight: real, xi: Chord, U: vec3):
         Y = image(xi, U)
         length = wp.length(xi)
@@ -145,31 +144,28 @@ def pull_of_bond(layout: str, bits: int, pairwise: PairwiseFactory, module: str)
 
 
 @functools.cache
-def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, module: str) -> BondBasedKernels:
+def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
     """Kernels of the bond-based law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         pairwise: Factory of the pairwise law, called with `bits`.
-        breakable: Whether bonds can break.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bond = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout)
     is_intact, strain, image, Chord = bond.is_intact, bond.strain, bond.image, bond.chord
     tension_of, slope_of, energy_of = pairwise(bits)
 
-    pull = pull_of_bond(layout, bits, pairwise, module)
+    pull = pull_of_bond(layout, pairwise)
 
-    @wp.func(module=module)
+    @wp.func
     def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
         return pull(constants, f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k)), xi, U)
 
-    @wp.func(module=module)
+    @wp.func
     def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
         """Stiffness for the stiffer of the two signs of strain: a slack bond may become taut in the next step."""
         s = wp.abs(strain(xi, U))
@@ -177,7 +173,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
         weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
         return weight / wp.length_sq(xi) * stiffest
 
-    @wp.func(module=module)
+    @wp.func
     def earlier_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -198,7 +194,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
                 stored += f.weight(family, i, k) * energy_of(s, constants)
         return stored
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def principal_stress(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -232,7 +228,7 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
         radius = wp.sqrt(half * half + shear * shear)
         out[i] = vec3(mean + radius, mean - radius, real(0.5) * wp.atan2(shear, half))
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def wrinkle_level(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -252,35 +248,32 @@ def bond_based(layout: str, bits: int, pairwise: PairwiseFactory, breakable: boo
                     compressed += wp.float32(1.0)
         out[i] = compressed / wp.max(bonds, wp.float32(1.0))
 
-    pair_force, row_sums = sums_of_bonds(layout, bits, breakable, parameters, force_of, stiffness_of, module)
-    strain_energy = energy_of_families(layout, bits, earlier_energy, module)
+    pair_force, row_sums = sums_of_bonds(layout, parameters, force_of, stiffness_of)
+    strain_energy = energy_of_families(layout, earlier_energy)
     return BondBasedKernels(pair_force, strain_energy, earlier_energy, principal_stress, wrinkle_level, row_sums)
 
 
 @functools.cache
 def bond_based_tangent(
-    layout: str, bits: int, pairwise: PairwiseFactory, breakable: bool, held: bool, geometric: bool, module: str
+    layout: Layout, pairwise: PairwiseFactory, held: bool, geometric: bool
 ) -> BondBasedTangentKernels:
     """Kernels of the tangent; arguments as for `bond_based`.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         pairwise: Factory of the pairwise law.
-        breakable: Whether bonds can break.
         held: Whether any component is held.
         geometric: Whether the stiffness includes the tension of the bonds (IM eq. 21) or not (IM eq. 16).
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, mat33, vec6, parameters = types.real, types.vec3, types.mat33, types.vec6, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bond = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout)
     is_intact, strain, image = bond.is_intact, bond.strain, bond.image
     tension_of, slope_of, _energy_of = pairwise(bits)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -319,13 +312,13 @@ def bond_based_tangent(
                 )
             blocks[k, i] = block
 
-    @wp.func(module=module)
+    @wp.func
     def full(block: vec6):
         return mat33(
             block[0], block[1], block[2], block[1], block[3], block[4], block[2], block[4], block[5]
         )  # fmt: skip
 
-    @kernel(module, gathers=("direction",))
+    @kernel(gathers=("direction",))
     def product(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -341,7 +334,7 @@ def bond_based_tangent(
                 total += full(blocks[k, i]) * (direction[f.neighbour(family, i, k)] - direction[i])
         change[i] = total
 
-    @kernel(module)
+    @kernel()
     def inverse_blocks(
         family: Family, blocks: wp.array2d(dtype=vec6), held_mask: wp.array(dtype=wp.uint8), first: int,
         out: wp.array(dtype=mat33),

@@ -9,50 +9,47 @@ from .bond_associated import bond_associated
 from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import family_functions
-from .incompressible import incompressible, yeoh
-from .numeric import numeric
+from .families import Layout, family_functions
 from .principal_fields import Wanted, image_of, showing, tensors
+from .visco import overstressed
 
 
 @functools.cache
 def bond_fields(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, volume: FunctionFactory | None,
-    width: FunctionFactory | None, viscous: bool, stiffened: bool, wanted: Wanted, module: str, shown_module: str,
-) -> Kernel:  # fmt: skip
+    layout: Layout,
+    material: PairFactory,
+    form: str,
+    volume: FunctionFactory | None,
+    width: FunctionFactory | None,
+    viscous: bool,
+    stiffened: bool,
+    wanted: Wanted,
+) -> Kernel:
     """Kernel of the fields of a law with a gradient for every bond; see `bond_associated` for the first arguments.
 
     Args:
         layout: Layout of the families.
-        bits: 32 or 64.
         material: Factory of (stress, energy).
-        breakable: None, or how the weights of a damaged family are treated.
         form: "variational" or "published".
         volume: Factory of (G, constants) -> J^2 - 1, needed for the Cauchy stress.
         width: Factory of the width in uniaxial tension of a material of tension field theory, or None.
         viscous: Whether the stress has Prony terms, see kernels/visco.py.
         stiffened: Whether the moduli have a factor at each point.
         wanted: What to fill.
-        module: Name of the Warp module of the law.
-        shown_module: Name of the Warp module of the kernel.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
-    Family = family_functions(layout, bits, module).struct
-    from_frame = family_functions(layout, bits, module).from_frame
-    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
+    Family = family_functions(layout).struct
+    from_frame = family_functions(layout).from_frame
+    law = bond_associated(layout, material, form).mechanics
     stress, _ = material(bits)
-    prony_stress = incompressible(yeoh).functions(bits)[0]
+    with_overstress = overstressed(bits) if viscous else None
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
     with_stress = wanted.piola or wanted.cauchy or (wanted.state and width is None)
     volume_change = volume(bits) if wanted.cauchy and volume is not None else None
 
-    @wp.func(module=shown_module)
-    def tensor(v: vec3):
-        return mat22(v[0], v[2], v[2], v[1])
-
-    @kernel(shown_module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def bond_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -82,35 +79,26 @@ def bond_fields(
         F1 = vec3()
         F2 = vec3()
         for j in range(family.members):
-            if law.is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = law.intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                weight = law.area_weight(family, i, j, undamaged, size)
-                if inverse[0] > real(0.0) and weight > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    G = law.green(H1, H2, tilt)
-                    total += weight
-                    mean += weight * G
-                    if wp.static(wanted.direction):
-                        A1, A2 = law.gradient(H1, H2, tilt)
-                        F1 += weight * A1
-                        F2 += weight * A2
-                    if wp.static(with_stress):
-                        S = stress(G, constants)
-                        if wp.static(viscous):
-                            old = tensor(strain[j, i])
-                            for p in range(prony.shape[0]):
-                                term = prony[p]
-                                own = parameters(term[0], term[1], real(0.0), real(0.0))
-                                S += tensor(overstress[p * family.members + j, i])
-                                S += prony_stress(G, own) - prony_stress(old, own)
-                        U = stretch_of(G)
-                        biot += weight * (U * S)
-                        if wp.static(wanted.cauchy):
-                            J = wp.sqrt(real(1.0) + volume_change(G, constants))
-                            cauchy += (weight / J) * (U * S * U)
+            there, H1, H2, _inverse, weight, tilt = law.visit(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
+            )
+            if there and weight > real(0.0):
+                G = law.green(H1, H2, tilt)
+                total += weight
+                mean += weight * G
+                if wp.static(wanted.direction):
+                    A1, A2 = law.gradient(H1, H2, tilt)
+                    F1 += weight * A1
+                    F2 += weight * A2
+                if wp.static(with_stress):
+                    S = stress(G, constants)
+                    if wp.static(viscous):
+                        S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
+                    U = stretch_of(G)
+                    biot += weight * (U * S)
+                    if wp.static(wanted.cauchy):
+                        J = wp.sqrt(real(1.0) + volume_change(G, constants))
+                        cauchy += (weight / J) * (U * S * U)
         scale = real(0.0)
         if total > real(0.0):
             scale = real(1.0) / total
@@ -128,13 +116,13 @@ def bond_fields(
 
 
 @functools.cache
-def bond_counts(layout: str, bits: int, breakable: bool, module: str, shown_module: str) -> Kernel:
+def bond_counts(layout: Layout) -> Kernel:
     """Kernel that counts the intact and the broken bonds of each point."""
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bonds = bond_state(layout, bits, breakable, module)
+    bonds = bond_state(layout)
 
-    @wp.func(module=shown_module)
+    @wp.func
     def count(bits_set: wp.uint32):
         members = bits_set
         found = wp.int32(0)
@@ -143,7 +131,7 @@ def bond_counts(layout: str, bits: int, breakable: bool, module: str, shown_modu
             found += 1
         return found
 
-    @kernel(shown_module)
+    @kernel()
     def bond_counts(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

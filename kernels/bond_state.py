@@ -1,6 +1,6 @@
 """State of the bonds, intact or broken, and the kernels that sum the contributions of families.
 
-`breakable` says whether bonds can break. If they cannot, all bonds of the undamaged sheet are intact, and no kernel
+If the bonds of a layout cannot break, all bonds of the undamaged sheet are intact, and no kernel
 reads the bits `intact` [words, points]. Where bonds lose their weight gradually, `intact` has twice as many rows: first
 the bits of the bonds with their full weight, then those of the bonds with any weight left, which are the intact ones.
 """
@@ -13,8 +13,7 @@ import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
-from .families import WORD, family_functions, has_shares
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
 
 
@@ -35,32 +34,32 @@ class BondState:
 
 
 @functools.cache
-def bond_state(layout: str, bits: int, breakable: bool, module: str) -> BondState:
+def bond_state(layout: Layout) -> BondState:
     """Functions of the state of the bonds."""
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    gradual = has_shares(layout)
+    gradual = layout.softening
 
-    @wp.func(module=module)
+    @wp.func
     def intact_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
         if wp.static(gradual):
             return intact[family.words + word, i]
-        elif wp.static(breakable):
+        elif wp.static(layout.breakable):
             return intact[word, i]
         else:
             return f.initial(family, i, word)
 
-    @wp.func(module=module)
+    @wp.func
     def is_undamaged(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
         answer = bool(True)
-        if wp.static(breakable):
+        if wp.static(layout.breakable):
             for word in range(family.words):
                 if intact[word, i] != f.initial(family, i, word):
                     answer = False
         return answer
 
-    @wp.func(module=module)
+    @wp.func
     def is_intact(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, k: int):
         word = k // word_size
         return bit_of(intact_members(family, intact, i, word), k - word * word_size)
@@ -69,21 +68,21 @@ def bond_state(layout: str, bits: int, breakable: bool, module: str) -> BondStat
 
 
 @functools.cache
-def gather_pairs(layout: str, bits: int, breakable: bool, module: str) -> Pointwise:
+def gather_pairs(layout: Layout) -> Pointwise:
     """Pointwise stage that sums bond_force [members, points], both ends of a bond, to the internal force [N]."""
-    vec3, real = numeric(bits).vec3, numeric(bits).real
-    f = family_functions(layout, bits, module)
+    vec3, real = layout.types.vec3, layout.types.real
+    f = family_functions(layout)
     Family = f.struct
-    is_intact = bond_state(layout, bits, breakable, module).is_intact
+    is_intact = bond_state(layout).is_intact
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Gather:
         family: Family
         intact: wp.array2d(dtype=wp.uint32)
         bond_force: wp.array2d(dtype=vec3)
         force: wp.array(dtype=vec3)
 
-    @pointwise(module, Gather, writes=("force",), gathers=("bond_force",))
+    @pointwise(Gather, writes=("force",), gathers=("bond_force",))
     def gather(begin: int, end: int, a: Gather):
         for i in range(begin, end):
             pull = vec3(real(0.0), real(0.0), real(0.0))
@@ -97,21 +96,19 @@ def gather_pairs(layout: str, bits: int, breakable: bool, module: str) -> Pointw
 
 
 @functools.cache
-def energy_of_families(layout: str, bits: int, family_energy: wp.Function, module: str) -> Kernel:
+def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
     """Kernel that fills `out` [points] with the energy of each family, J.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
             energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    Family = family_functions(layout, bits, module).struct
+    Family = family_functions(layout).struct
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def strain_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -131,13 +128,7 @@ def energy_of_families(layout: str, bits: int, family_energy: wp.Function, modul
 
 @functools.cache
 def sums_of_bonds(
-    layout: str,
-    bits: int,
-    breakable: bool,
-    Constants: Any,
-    force_of: wp.Function,
-    stiffness_of: wp.Function,
-    module: str,
+    layout: Layout, Constants: Any, force_of: wp.Function, stiffness_of: wp.Function
 ) -> tuple[Kernel, Kernel]:
     """Kernels `pair_force` and `row_sums` of a law whose bonds pull their two points towards each other.
 
@@ -146,24 +137,21 @@ def sums_of_bonds(
     without stiffness keeps the density `least`.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
-        breakable: Whether bonds can break.
+        layout: Layout of the families.
         Constants: Type of the law's constants.
         force_of: Warp function (family, constants, i, k, m, xi, U) -> force of bond k of point i, to point m, divided
             by `unit_force`, vec3; U is the relative displacement divided by the horizon.
         stiffness_of: Warp function of the same arguments -> largest stiffness of the bond, divided by
             `unit_stiffness`.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bonds = bond_state(layout, bits, breakable, module)
+    bonds = bond_state(layout)
     word_size = WORD
 
-    @kernel(module, gathers=("displacement", "constants.factors"))
+    @kernel(gathers=("displacement", "constants.factors"))
     def pair_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -187,7 +175,7 @@ def sums_of_bonds(
                 pull += force_of(family, constants, i, k, m, f.chord(family, i, k), U)
         force[i] = unit_force * pull
 
-    @kernel(module, gathers=("displacement", "constants.factors"))
+    @kernel(gathers=("displacement", "constants.factors"))
     def row_sums(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

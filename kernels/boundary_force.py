@@ -14,35 +14,31 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, Layout, family_functions
 from .follower_pressure import surface_vector
-from .numeric import numeric
 
 
 @functools.cache
-def boundary_force(layout: str, bits: int, breakable: bool, form: str, module: str) -> tuple[Kernel, Kernel]:
+def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
     """Kernels `edge_normals` and `add_boundary_force`.
 
     If bonds cannot break, there is one thread per entry of `points`, and the other points are not touched. If they
     can, there is one thread per point, since any point may come to lie at a crack; `points` is then None.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
-        breakable: Whether bonds can break; points that lost one carry the force too.
+        layout: Layout of the families.
         form: "normal" or "printed".
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    surface = surface_vector(layout, bits, breakable, module)
-    bonds = bond_state(layout, bits, breakable, module)
+    surface = surface_vector(layout)
+    bonds = bond_state(layout)
     printed = form == "printed"
     word_size = WORD
 
-    @kernel(module, gathers=("displacement",), per="point" if breakable else "list")
+    @kernel(gathers=("displacement",), per="point" if layout.breakable else "list")
     def edge_normals(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -55,7 +51,7 @@ def boundary_force(layout: str, bits: int, breakable: bool, form: str, module: s
     ):
         i = wp.tid() + first
         carries = bool(True)
-        if wp.static(breakable):
+        if wp.static(layout.breakable):
             carries = marked[i] != wp.uint8(0) or not bonds.is_undamaged(family, intact, i)
         else:
             i = points[i]
@@ -64,7 +60,7 @@ def boundary_force(layout: str, bits: int, breakable: bool, form: str, module: s
             normal = wp.normalize(surface(family, intact, displacement, inverse_horizon, i))
         normals[i] = normal
 
-    @kernel(module, gathers=("displacement", "normals"), per="point" if breakable else "list")
+    @kernel(gathers=("displacement", "normals"), per="point" if layout.breakable else "list")
     def add_boundary_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -77,7 +73,7 @@ def boundary_force(layout: str, bits: int, breakable: bool, form: str, module: s
         external: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        if wp.static(not breakable):
+        if wp.static(not layout.breakable):
             i = points[i]
         ui = displacement[i]
         own = normals[i]

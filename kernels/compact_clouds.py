@@ -7,35 +7,31 @@ The functions are those of kernels/families.py, so that all other kernels work o
 tensor of an intersection takes them a loop over its members.
 """
 
-import functools
-
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
 from .entries import entry_of
-from .families import WORD, FamilyFunctions
+from .families import WORD, FamilyFunctions, Layout, flat_functions
 from .kinematics import kinematics
-from .numeric import numeric
 
 # Influence functions that are evaluated; others have a table.
 EVALUATED = ("linear", "inverse", "inverse_square")
 
 
-@functools.cache
-def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunctions:
-    """Functions of a flat cloud whose bonds keep their weight; `influence_name` is one of EVALUATED or "table"."""
-    types = numeric(bits)
+def compact_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a flat cloud whose bonds keep their weight; `compact` is one of EVALUATED or "table"."""
+    types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    inverse_shape = kinematics(bits).inverse_shape
-    evaluated = influence_name in EVALUATED
-    linear, inverse = influence_name == "linear", influence_name == "inverse"
+    inverse_shape = kinematics(layout.bits).inverse_shape
+    evaluated = layout.compact in EVALUATED
+    linear, inverse = layout.compact == "linear", layout.compact == "inverse"
     word_size = WORD
     short, byte, word_of, number = (entry_of(kind, 2) for kind in (wp.int16, wp.uint8, wp.uint32, real))
     mask_of, place = entry_of(wp.uint32, 3), entry_of(wp.vec2d, 1)
 
     # What a sheet does not need stays without an array. With `far`, indices have a second half, and so have members of
     # reverse bonds with `large`.
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class CompactFamily:
         members: wp.int32
         words: wp.int32
@@ -52,34 +48,33 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
         commons: wp.array3d(dtype=wp.uint32)
         initials: wp.array2d(dtype=wp.uint32)
         weights: wp.array2d(dtype=real)
-        determinants: wp.array2d(dtype=real)
         areas: wp.array(dtype=real)
         family_areas: wp.array(dtype=real)
 
-    @wp.func(module=module)
+    @wp.func
     def neighbour(family: CompactFamily, i: int, k: int):
         difference = wp.int32(short(family.neighbours, k * family.points + i))
         if family.far != 0:
             difference = (difference & 0xFFFF) + (wp.int32(short(family.neighbours_high, k * family.points + i)) << 16)
         return i + difference
 
-    @wp.func(module=module)
+    @wp.func
     def reverse(family: CompactFamily, i: int, k: int):
         member = wp.int32(byte(family.reverses, k * family.points + i))
         if family.large != 0:
             member = member + (wp.int32(byte(family.reverses_high, k * family.points + i)) << 8)
         return member
 
-    @wp.func(module=module)
+    @wp.func
     def bond(family: CompactFamily, i: int, k: int):
         X = family.inverse_horizon * (place(family.positions, neighbour(family, i, k)) - place(family.positions, i))
         return vec2(real(X[0]), real(X[1]))
 
-    @wp.func(module=module)
+    @wp.func
     def share(family: CompactFamily, i: int, k: int):
         return real(1.0)
 
-    @wp.func(module=module)
+    @wp.func
     def influence(family: CompactFamily, i: int, k: int):
         if wp.static(evaluated):
             X = bond(family, i, k)
@@ -93,19 +88,19 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
         else:
             return number(family.influences, k * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def common(family: CompactFamily, i: int, k: int, word: int):
         return mask_of(family.commons, (k * family.words + word) * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def initial(family: CompactFamily, i: int, word: int):
         return word_of(family.initials, word * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def area(family: CompactFamily, i: int):
         return family.areas[i]
 
-    @wp.func(module=module)
+    @wp.func
     def shape(family: CompactFamily, i: int, k: int):
         K = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
@@ -118,27 +113,15 @@ def compact_functions(bits: int, influence_name: str, module: str) -> FamilyFunc
                 K += c * vec3(X[0] * X[0], X[0] * X[1], X[1] * X[1])
         return inverse_shape(K)
 
-    @wp.func(module=module)
+    @wp.func
     def weight(family: CompactFamily, i: int, k: int):
         return number(family.weights, k * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def family_area(family: CompactFamily, i: int):
         return family.family_areas[i]
 
-    @wp.func(module=module)
-    def rise(family: CompactFamily, i: int, k: int):
-        return real(0.0)
-
-    @wp.func(module=module)
-    def tilt(family: CompactFamily, i: int, k: int):
-        return vec2(real(0.0), real(0.0))
-
-    @wp.func(module=module)
-    def same(family: CompactFamily, i: int, v: vec3):
-        return v
-
     return FamilyFunctions(
         CompactFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
-        chord=bond, rise=rise, tilt=tilt, to_frame=same, from_frame=same,
+        chord=bond, **flat_functions(layout, CompactFamily),
     )  # fmt: skip

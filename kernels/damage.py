@@ -7,20 +7,19 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions, has_shares
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 
 @functools.cache
-def point_damage(layout: str, bits: int, module: str) -> Kernel:
+def point_damage(layout: Layout) -> Kernel:
     """Kernel `damage`."""
-    real = numeric(bits).real
-    f = family_functions(layout, bits, module)
+    real = layout.types.real
+    f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    gradual = has_shares(layout)
+    gradual = layout.softening
 
-    @kernel(module)
+    @kernel()
     def damage(family: Family, intact: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
         """Area of the members that were lost, or the part of it that was, divided by that of the initial family."""
         i = wp.tid() + first
@@ -40,14 +39,14 @@ def point_damage(layout: str, bits: int, module: str) -> Kernel:
 
 
 @functools.cache
-def face_damage(layout: str, bits: int, module: str) -> Kernel:
+def face_damage(layout: Layout) -> Kernel:
     """Kernel `find_intact_faces`."""
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    intact_members = bond_state(layout, bits, True, module).intact_members
+    intact_members = bond_state(layout).intact_members
 
-    @wp.func(module=module)
+    @wp.func
     def lost(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, j: int):
         """Whether the family of i has lost its bond to j."""
         found = bool(False)
@@ -60,7 +59,7 @@ def face_damage(layout: str, bits: int, module: str) -> Kernel:
                     found = True
         return found
 
-    @kernel(module, per="face")
+    @kernel(per="face")
     def find_intact_faces(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -14,8 +14,6 @@ from typing import Any
 
 import warp as wp
 
-# Name of a Warp module for each kernel by itself.
-OWN = "unique"
 # What a thread works on.
 PER = ("point", "block", "list", "face", "body", "once")
 
@@ -60,7 +58,6 @@ class Kernel:
 
 
 def kernel(
-    module: str,
     *,
     gathers: tuple[str, ...] = (),
     per: str = "point",
@@ -68,19 +65,17 @@ def kernel(
     name: str | None = None,
     fast_math: bool = False,
 ) -> Callable[[Callable[..., None]], Kernel]:
-    """Decorator that makes a kernel of the Warp module `module`.
+    """Decorator that makes a kernel, which is a Warp module of its own, named by its content.
 
-    With `OWN` the kernel is a Warp module of its own, named by its content: whatever asks for the same kernel finds it
-    compiled, in any scene, and a change compiles only the kernels that it changes.
+    Whatever asks for the same kernel finds it compiled, in any scene, and a change compiles only what it changes.
 
     Args:
-        module: Name of the Warp module.
         gathers: Arguments that are read at points other than the thread's own.
         per: What a thread works on, see Effects.
         launch_bounds: Maximum threads per block and minimum blocks per multiprocessor, on CUDA.
         name: Name of the kernel, if it is not that of the function.
-        fast_math: Whether a GPU may use its approximate divisions, roots and exponentials; with `OWN` only. In float32
-            divisions are then accurate to two units in the last place; errors against float64 stay.
+        fast_math: Whether a GPU may use its approximate divisions, roots and exponentials. Divisions in float32 are
+            then accurate to two units in the last place; errors against float64 stay.
     """
 
     def declare(function: Callable[..., None]) -> Kernel:
@@ -93,9 +88,12 @@ def kernel(
             )
         writes = frozenset(names[names.index("first") + 1 :])
         made: Any = wp.kernel(
-            function, module=module, enable_backward=False, launch_bounds=launch_bounds,
-            module_options={"fast_math": True} if fast_math else None,
-        )  # fmt: skip
+            function,
+            module="unique",
+            module_options={"fast_math": fast_math},
+            enable_backward=False,
+            launch_bounds=launch_bounds,
+        )
         return Kernel(made, Effects(per, writes, frozenset(gathers)))
 
     return declare

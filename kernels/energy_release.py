@@ -14,20 +14,19 @@ import warp as wp
 
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import family_functions
-from .numeric import numeric
+from .families import Layout, family_functions
 
 
 @functools.cache
-def energy_release(layout: str, bits: int, module: str) -> Kernel:
+def energy_release(layout: Layout) -> Kernel:
     """Kernel `add_release`."""
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    is_intact = bond_state(layout, bits, True, module).is_intact
+    is_intact = bond_state(layout).is_intact
 
-    @kernel(module, gathers=("velocity", "bond_force"))
+    @kernel(gathers=("velocity", "bond_force"))
     def add_release(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -6,8 +6,8 @@ inside a square grid, whose families and those of all their members are complete
 their own. A grid may have gaps, so index shifts are not constant; but the members of a deep point in one grid line are
 consecutive, and `centres` holds the one straight above or below the point.
 
-Each layout may come "with shares": bonds then lose their weight gradually, and a table holds the share that each bond
-has left, 1 to 0. It is a factor on the influence and the weight of the bond, so that laws need not know of it.
+With `softening` bonds lose their weight gradually, and a table holds the share that each bond has left, 1 to 0. It is
+a factor on the influence and the weight of the bond, so that laws need not know of it.
 
 A cloud may be curved: its points lie on a surface in space. xi is then the projection of the bond on the tangent plane
 of its point, in the point's frame Q = (e1, e2, normal), and the bond itself is the chord X = Q (xi, rise).
@@ -17,17 +17,40 @@ area of a point. Every tabulated number is therefore of order one, in any system
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import warp as wp
 
-from .numeric import numeric
+from .numeric import Numeric, numeric
 
 WORD = 32
-CURVED = " curved"
-WITH_SHARES = " with shares"
-COMPACT = "cloud compact "
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the families of a sheet are stored, and what can happen to their bonds.
+
+    Attributes:
+        kind: "lattice", "grid" or "cloud".
+        bits: Precision, 32 or 64.
+        curved: Whether the points of a cloud lie on a surface in space.
+        compact: Name of the influence function of a flat cloud in few bytes, see kernels/compact_clouds.py, or empty.
+        breakable: Whether bonds can break.
+        softening: Whether bonds lose their weight gradually.
+    """
+
+    kind: str
+    bits: int
+    curved: bool = False
+    compact: str = ""
+    breakable: bool = False
+    softening: bool = False
+
+    @property
+    def types(self) -> Numeric:
+        """Types of the precision."""
+        return numeric(self.bits)
 
 
 @dataclass(frozen=True)
@@ -74,13 +97,32 @@ class FamilyFunctions:
     from_frame: wp.Function
 
 
-@functools.cache
-def lattice_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
-    """Functions of the lattice layout; `shares` says whether bonds lose their weight gradually."""
-    types = numeric(bits)
+def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
+    """Functions of a sheet in a plane that is its own tangent plane: `rise`, `tilt`, `to_frame` and `from_frame`."""
+    types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
-    @functools.partial(wp.struct, module=module)
+    @wp.func
+    def rise(family: Family, i: int, k: int):
+        return real(0.0)
+
+    @wp.func
+    def tilt(family: Family, i: int, k: int):
+        return vec2(real(0.0), real(0.0))
+
+    @wp.func
+    def same(family: Family, i: int, v: vec3):
+        return v
+
+    return {"rise": rise, "tilt": tilt, "to_frame": same, "from_frame": same}
+
+
+def lattice_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a lattice: tables [row of the family class, member]."""
+    types, shares = layout.types, layout.softening
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
+
+    @wp.struct
     class LatticeFamily:
         members: wp.int32
         words: wp.int32
@@ -97,85 +139,73 @@ def lattice_functions(bits: int, shares: bool, module: str) -> FamilyFunctions:
         class_family_area: wp.array(dtype=real)
         shares: wp.array2d(dtype=real)
 
-    @wp.func(module=module)
+    @wp.func
     def neighbour(family: LatticeFamily, i: int, k: int):
         return i + family.stencil_shift[k]
 
-    @wp.func(module=module)
+    @wp.func
     def reverse(family: LatticeFamily, i: int, k: int):
         return family.stencil_reverse[k]
 
-    @wp.func(module=module)
+    @wp.func
     def bond(family: LatticeFamily, i: int, k: int):
         return family.stencil_bond[k]
 
-    @wp.func(module=module)
+    @wp.func
     def share(family: LatticeFamily, i: int, k: int):
         if wp.static(shares):
             return family.shares[k, i]
         else:
             return real(1.0)
 
-    @wp.func(module=module)
+    @wp.func
     def influence(family: LatticeFamily, i: int, k: int):
         if wp.static(shares):
             return family.stencil_influence[k] * family.shares[k, i]
         else:
             return family.stencil_influence[k]
 
-    @wp.func(module=module)
+    @wp.func
     def common(family: LatticeFamily, i: int, k: int, word: int):
         return family.stencil_common[k, word]
 
-    @wp.func(module=module)
+    @wp.func
     def initial(family: LatticeFamily, i: int, word: int):
         return family.class_initial[family.family_class[i], word]
 
-    @wp.func(module=module)
+    @wp.func
     def shape(family: LatticeFamily, i: int, k: int):
         return family.class_shape[family.family_class[i], k]
 
-    @wp.func(module=module)
+    @wp.func
     def weight(family: LatticeFamily, i: int, k: int):
         if wp.static(shares):
             return family.class_weight[family.family_class[i], k] * family.shares[k, i]
         else:
             return family.class_weight[family.family_class[i], k]
 
-    @wp.func(module=module)
+    @wp.func
     def area(family: LatticeFamily, i: int):
         return family.class_area[family.family_class[i]]
 
-    @wp.func(module=module)
+    @wp.func
     def family_area(family: LatticeFamily, i: int):
         return family.class_family_area[family.family_class[i]]
 
-    @wp.func(module=module)
-    def rise(family: LatticeFamily, i: int, k: int):
-        return real(0.0)
-
-    @wp.func(module=module)
-    def tilt(family: LatticeFamily, i: int, k: int):
-        return vec2(real(0.0), real(0.0))
-
-    @wp.func(module=module)
-    def same(family: LatticeFamily, i: int, v: vec3):
-        return v
-
     return FamilyFunctions(
         LatticeFamily, neighbour, reverse, bond, influence, common, initial, shape, weight, area, family_area, share,
-        chord=bond, rise=rise, tilt=tilt, to_frame=same, from_frame=same,
+        chord=bond, **flat_functions(layout, LatticeFamily),
     )  # fmt: skip
 
 
-@functools.cache
-def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved: bool = False) -> FamilyFunctions:
-    """Functions of the cloud and, with `gridded`, of the grid: tables [member, row]; `shares` as for the lattice."""
-    types = numeric(bits)
+def table_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a cloud or a grid: tables [member, row]."""
+    types, shares = layout.types, layout.softening
+    gridded, curved = layout.kind == "grid", layout.curved
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
     # What a layout does not need stays without an array.
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Family:
         members: wp.int32
         words: wp.int32
@@ -198,14 +228,14 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
         chords: wp.array2d(dtype=vec3)
         tilts: wp.array2d(dtype=vec2)
 
-    @wp.func(module=module)
+    @wp.func
     def row_of(family: Family, i: int):
         if wp.static(gridded):
             return family.family_class[i]
         else:
             return i
 
-    @wp.func(module=module)
+    @wp.func
     def neighbour(family: Family, i: int, k: int):
         row = row_of(family, i)
         if wp.static(gridded):
@@ -213,60 +243,60 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
                 return family.centres[family.stencil_line[k], i] + family.stencil_right[k]
         return family.neighbours[k, row]
 
-    @wp.func(module=module)
+    @wp.func
     def reverse(family: Family, i: int, k: int):
         return family.reverses[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def bond(family: Family, i: int, k: int):
         return family.bonds[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def share(family: Family, i: int, k: int):
         if wp.static(shares):
             return family.shares[k, i]
         else:
             return real(1.0)
 
-    @wp.func(module=module)
+    @wp.func
     def influence(family: Family, i: int, k: int):
         if wp.static(shares):
             return family.influences[k, row_of(family, i)] * family.shares[k, i]
         else:
             return family.influences[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def common(family: Family, i: int, k: int, word: int):
         return family.commons[k, word, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def initial(family: Family, i: int, word: int):
         return family.initials[word, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def shape(family: Family, i: int, k: int):
         return family.shapes[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def weight(family: Family, i: int, k: int):
         if wp.static(shares):
             return family.weights[k, row_of(family, i)] * family.shares[k, i]
         else:
             return family.weights[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def area(family: Family, i: int):
         return family.areas[row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def family_area(family: Family, i: int):
         return family.family_areas[row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def chord(family: Family, i: int, k: int):
         return family.chords[k, i]
 
-    @wp.func(module=module)
+    @wp.func
     def rise(family: Family, i: int, k: int):
         if wp.static(curved):
             Q = family.frames[i]
@@ -275,21 +305,21 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
         else:
             return real(0.0)
 
-    @wp.func(module=module)
+    @wp.func
     def tilt(family: Family, i: int, k: int):
         if wp.static(curved):
             return family.tilts[k, i]
         else:
             return vec2(real(0.0), real(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def to_frame(family: Family, i: int, v: vec3):
         if wp.static(curved):
             return wp.transpose(family.frames[i]) * v
         else:
             return v
 
-    @wp.func(module=module)
+    @wp.func
     def from_frame(family: Family, i: int, v: vec3):
         if wp.static(curved):
             return family.frames[i] * v
@@ -303,40 +333,13 @@ def table_functions(bits: int, shares: bool, gridded: bool, module: str, curved:
 
 
 @functools.cache
-def family_functions(layout: str, bits: int, module: str) -> FamilyFunctions:
-    """Functions of `layout`, "lattice", "grid" or "cloud"; a cloud perhaps `CURVED`, each perhaps `WITH_SHARES`.
-
-    A cloud in few bytes is `COMPACT` and the name of its influence function, see kernels/compact_clouds.py.
-    """
-    if is_compact(layout):
+def family_functions(layout: Layout) -> FamilyFunctions:
+    """Functions of a layout; whether its bonds can break makes no difference to them."""
+    tables = replace(layout, breakable=False)
+    if tables != layout:
+        return family_functions(tables)
+    if layout.compact:
         from .compact_clouds import compact_functions
 
-        return compact_functions(bits, layout.removeprefix(COMPACT), module)
-    if is_lattice(layout):
-        return lattice_functions(bits, has_shares(layout), module)
-    return table_functions(bits, has_shares(layout), is_grid(layout), module, is_curved(layout))
-
-
-def is_lattice(layout: str) -> bool:
-    """Whether all points share one stencil."""
-    return layout.removesuffix(WITH_SHARES) == "lattice"
-
-
-def is_grid(layout: str) -> bool:
-    """Whether the points deep inside a grid share one stencil, and all others have rows of their own."""
-    return layout.removesuffix(WITH_SHARES) == "grid"
-
-
-def is_curved(layout: str) -> bool:
-    """Whether the points lie on a surface in space."""
-    return layout.removesuffix(WITH_SHARES).endswith(CURVED)
-
-
-def is_compact(layout: str) -> bool:
-    """Whether a cloud has tables of few bytes."""
-    return layout.startswith(COMPACT)
-
-
-def has_shares(layout: str) -> bool:
-    """Whether bonds lose their weight gradually."""
-    return layout.endswith(WITH_SHARES)
+        return compact_functions(layout)
+    return lattice_functions(layout) if layout.kind == "lattice" else table_functions(layout)

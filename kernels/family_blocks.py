@@ -18,14 +18,10 @@ import functools
 
 import warp as wp
 
-from .bits import bit_in_word
 from .block_functions import block_functions, opaque, putting, synchronize
-from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, is_curved
-from .numeric import numeric
-from .rupture import Breaking
+from .families import WORD, Layout, family_functions
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
 # precision.
@@ -47,15 +43,11 @@ def families_together(members: int) -> int:
 
 @functools.cache
 def block_force(
-    layout: str,
-    bits: int,
+    layout: Layout,
     material: PairFactory,
     near: FunctionFactory,
-    breakable: str | None,
-    breaking: Breaking | None,
     members: int,
     listed: bool,
-    module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and force [points] by the families' own half; variational form.
 
@@ -64,43 +56,31 @@ def block_force(
     (c_k X_k, 1 / c_k) of each row of the families, with lengths divided by the horizon.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`.
-        breakable: None, "redistribute" or "drop".
-        breaking: What breaks bonds before the forces are found, or None. Each family is told by its own bonds alone.
         members: Maximum number of members of a family.
         listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, of which `other_count` exist,
             instead of these points themselves.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    family_scale = law.family_scale
-    damaged, redistribute, curved = breakable is not None, breakable == "redistribute", is_curved(layout)
+    breakable, curved = layout.breakable, layout.curved
     n, half, word_size, words = members, threads_of_family(members), WORD, -(-members // WORD)
     together = families_together(n)
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
-    functions = block_functions(layout, bits, material, near, breakable, breaking, members, module)
-    Words, Constants, by_missing = functions.Words, functions.Constants, functions.by_missing
+    functions = block_functions(layout, material, near, members)
+    by_missing, missing_shapes = functions.by_missing, functions.missing_shapes
     arrive, answer = functions.arrive, functions.answer
-    missing_shapes = functions.missing_shapes
     vec6, Sums, add_products, add_parts = functions.vec6, functions.Sums, functions.add_products, functions.add_parts
     compact, Arm = functions.compact, functions.Arm
-    put_vec2, put_vec3, put_vec4, put_arm, put_words = (putting(kind) for kind in (vec2, vec3, vec4, Arm, Words))
-    breaks = breaking is not None
-    gathered = tuple(f"criterion.{name}" for name in breaking.criterion.gathers) if breaking else ()
+    put_vec2, put_vec3, put_vec4, put_arm = (putting(kind) for kind in (vec2, vec3, vec4, Arm))
 
-    @kernel(
-        module, per="list", gathers=("displacement", *gathered), launch_bounds=(threads, resident),
-        fast_math=bits == 32,
-    )  # fmt: skip
+    @kernel(per="list", gathers=("displacement",), launch_bounds=(threads, resident), fast_math=bits == 32)
     def family_block_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -114,12 +94,7 @@ def block_force(
         inverse_horizon: real,
         unit_force: real,
         blocks: int,
-        breaks_now: int,
-        criterion: Constants,
-        horizon: real,
-        spared_mask: wp.array(dtype=wp.uint8),
         first: int,
-        remaining: wp.array2d(dtype=wp.uint32),
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
@@ -138,8 +113,6 @@ def block_force(
         firsts = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec4, storage="shared")
         seconds = wp.tile_empty(shape=wp.static(2 * threads), dtype=vec2, storage="shared")
         pulls = wp.tile_empty(shape=wp.static(threads), dtype=vec3, storage="shared")
-        if wp.static(breaks):
-            parts = wp.tile_empty(shape=wp.static(threads), dtype=Words, storage="shared")
         while block * together < count:
             place = block * together + slot
             here = place < count
@@ -147,61 +120,20 @@ def block_force(
             if wp.static(listed):
                 i = others[start + wp.min(place, count - 1)]
             undamaged = bool(True)
-            if wp.static(damaged):
+            if wp.static(breakable):
                 for word in range(wp.static(words)):
                     undamaged = undamaged and intact[word, i] == f.initial(family, i, word)
-            intact_here, u, m, common, breaks_here, inverse, weight = arrive(
-                family,
-                intact,
-                moments,
-                displacement,
-                inverse_horizon,
-                breaks_now,
-                criterion,
-                horizon,
-                spared_mask,
-                i,
-                k,
-                here,
+            intact_here, u, m, common, inverse, weight = arrive(
+                family, intact, moments, displacement, inverse_horizon, i, k, here
             )
-            far_intact_here, far_u, far_m, far_common, far_breaks_here, far_inverse, far_weight = arrive(
-                family,
-                intact,
-                moments,
-                displacement,
-                inverse_horizon,
-                breaks_now,
-                criterion,
-                horizon,
-                spared_mask,
-                i,
-                far_k,
-                here,
+            far_intact_here, far_u, far_m, far_common, far_inverse, far_weight = arrive(
+                family, intact, moments, displacement, inverse_horizon, i, far_k, here
             )
             put_vec4(stretches, lane, u)
             put_vec4(stretches, lane + wp.static(threads), far_u)
             put_arm(arms, lane, m)
             put_arm(arms, lane + wp.static(threads), far_m)
-            gone = Words()
-            if wp.static(breaks):
-                gone_here = Words()
-                for word in range(wp.static(words)):
-                    gone_here[word] = wp.where(breaks_here, bit_in_word(k, word), wp.uint32(0)) | wp.where(
-                        far_breaks_here, bit_in_word(far_k, word), wp.uint32(0)
-                    )
-                put_words(parts, lane, gone_here)
             synchronize()
-            if wp.static(breaks):
-                any_gone = wp.uint32(0)
-                for other in range(wp.static(half)):
-                    lost_bits = parts[wp.static(other * together) + slot]
-                    for word in range(wp.static(words)):
-                        gone[word] = gone[word] | lost_bits[word]
-                        any_gone = any_gone | lost_bits[word]
-                undamaged = undamaged and any_gone == wp.uint32(0)
-                for word in range(wp.static(words)):
-                    common[word] = common[word] & ~gone[word]
-                    far_common[word] = far_common[word] & ~gone[word]
             for word in range(wp.static(words)):
                 common[word] = opaque(common[word])
                 far_common[word] = opaque(far_common[word])
@@ -219,18 +151,16 @@ def block_force(
             far_G2 = vec3(far_sums[3], far_sums[4], far_sums[5])
             shape = vec3(real(0.0), real(0.0), real(0.0))
             far_shape = vec3(real(0.0), real(0.0), real(0.0))
-            size = real(0.0)
-            far_size = real(0.0)
             rises = vec2(real(0.0), real(0.0))
             far_rises = vec2(real(0.0), real(0.0))
             if wp.static(compact):
                 shape = vec3(near_sums[6], near_sums[7], near_sums[8])
                 far_shape = vec3(far_sums[6], far_sums[7], far_sums[8])
-            elif wp.static(damaged):
+            elif wp.static(breakable):
                 if not undamaged:
                     # Not unrolled: few families are damaged, and unrolling would take registers from the others.
                     if wp.static(by_missing):
-                        shape, far_shape = missing_shapes(family, intact, moments, gone, i, k, far_k)
+                        shape, far_shape = missing_shapes(family, intact, moments, i, k, far_k)
                     else:
                         for word in range(wp.static(words)):
                             for at in range(wp.min(word_size, family.members - wp.static(word * word_size))):
@@ -238,30 +168,23 @@ def block_force(
                                 x = stretches[other * together + slot][3]
                                 arm = arms[other * together + slot]
                                 part = arm[1] * vec3(x * x, x * arm[0], arm[0] * arm[0])
-                                area = real(0.0)
                                 near_bit = (common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
                                 far_bit = (far_common[wp.static(word)] >> wp.uint32(at)) & wp.uint32(1)
-                                if wp.static(redistribute):
-                                    if (near_bit | far_bit) != wp.uint32(0):
-                                        area = f.area(family, f.neighbour(family, i, other))
                                 moment = vec2(real(0.0), real(0.0))
                                 if wp.static(curved):
                                     if (near_bit | far_bit) != wp.uint32(0):
                                         moment = f.rise(family, i, other) * vec2(x, arm[0])
                                 if near_bit != wp.uint32(0):
                                     shape += part
-                                    size += area
                                     rises += moment
                                 if far_bit != wp.uint32(0):
                                     far_shape += part
-                                    far_size += area
                                     far_rises += moment
-            A1, A2, weight, guess = answer(
-                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, size, rises, G1, G2,
-                real(0.0),
-            )  # fmt: skip
-            far_A1, far_A2, far_weight, _guess = answer(
-                family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape, far_size,
+            A1, A2, guess = answer(
+                family, constants, i, k, intact_here, undamaged, inverse, weight, shape, rises, G1, G2, real(0.0)
+            )
+            far_A1, far_A2, _guess = answer(
+                family, constants, i, far_k, far_intact_here, undamaged, far_inverse, far_weight, far_shape,
                 far_rises, far_G1, far_G2, guess,
             )  # fmt: skip
             put_vec4(firsts, lane, vec4(A1[0], A1[1], A1[2], A2[0]))
@@ -269,13 +192,6 @@ def block_force(
             put_vec2(seconds, lane, vec2(A2[1], A2[2]))
             put_vec2(seconds, lane + wp.static(threads), vec2(far_A2[1], far_A2[2]))
             synchronize()
-            scale = unit_force
-            if wp.static(redistribute):
-                weights = wp.tile(weight + far_weight)
-                total = real(0.0)
-                for other in range(half):
-                    total += weights[other * together + slot]
-                scale = unit_force * family_scale(family, i, undamaged, total)
             near_parts = vec6()
             far_parts = vec6()
             for other in range(wp.static(n)):
@@ -288,8 +204,8 @@ def block_force(
             T2 = vec3(near_parts[3], near_parts[4], near_parts[5])
             far_T1 = vec3(far_parts[0], far_parts[1], far_parts[2])
             far_T2 = vec3(far_parts[3], far_parts[4], far_parts[5])
-            pull = f.from_frame(family, i, scale * (u[3] * T1 + m[0] * T2))
-            far_pull = f.from_frame(family, i, scale * (far_u[3] * far_T1 + far_m[0] * far_T2))
+            pull = f.from_frame(family, i, unit_force * (u[3] * T1 + m[0] * T2))
+            far_pull = f.from_frame(family, i, unit_force * (far_u[3] * far_T1 + far_m[0] * far_T2))
             put_vec3(pulls, lane, pull + far_pull)
             synchronize()
             if here:
@@ -302,11 +218,6 @@ def block_force(
                     for other in range(half):
                         total_pull += pulls[other * together + slot]
                     force[i] = total_pull
-            if wp.static(breaks):
-                # Last, when no registers are needed for anything else.
-                if any_gone != wp.uint32(0) and k == 0 and here:
-                    for word in range(wp.static(words)):
-                        remaining[word, i] = remaining[word, i] & ~gone[word]
             block += blocks
 
     return family_block_force

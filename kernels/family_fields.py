@@ -8,34 +8,36 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 from .principal_fields import Wanted, image_of, showing, tensors
 
 
 @functools.cache
 def point_fields(
-    layout: str, bits: int, material: PairFactory | None, breakable: bool, volume: FunctionFactory | None,
-    width: FunctionFactory | None, wanted: Wanted, module: str, shown_module: str,
-) -> Kernel:  # fmt: skip
+    layout: Layout,
+    material: PairFactory | None,
+    volume: FunctionFactory | None,
+    width: FunctionFactory | None,
+    wanted: Wanted,
+) -> Kernel:
     """Kernel of the fields of the gradient of a family; arguments as for `bond_fields`.
 
     Without a `material` there are stretches alone; with one its stress is that of the law `Nodal`.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bonds, motion = bond_state(layout, bits, breakable, module), kinematics(bits)
+    bonds, motion = bond_state(layout), kinematics(bits)
     stress = material(bits)[0] if material is not None else None
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
-    curved, word_size, with_stress = is_curved(layout), WORD, material is not None
+    curved, word_size, with_stress = layout.curved, WORD, material is not None
     with_cauchy = wanted.cauchy and material is not None
     volume_change = volume(bits) if with_cauchy and volume is not None else None
 
-    @kernel(shown_module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def point_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -22,9 +22,8 @@ from .bits import lowest_bit, number_of_bits, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 from .relaxing_stress import relaxing_stress
 
 # Numbers in a row: the two columns of a gradient, filled up to what a CPU adds at once.
@@ -32,47 +31,35 @@ ROW = 8
 
 
 @functools.cache
-def family_rows(
-    layout: str,
-    bits: int,
-    material: PairFactory,
-    near: FunctionFactory | None,
-    breakable: str | None,
-    words: int,
-    what: str,
-    module: str,
-) -> Kernel:
+def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | None, words: int, what: str) -> Kernel:
     """Kernel that fills bond_force [members, points] with the forces of each family [N]; variational form.
 
     `unit` is the thickness times the reference area, for forces divided by the horizon. Arguments that do not apply
     are None.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
         near: Factory of stress_near, called with `bits`, or None.
-        breakable: None, "redistribute" or "drop".
         words: Number of words of a family's masks.
         what: "force"; "energy", which fills energies [points] with the energy of each family [J] instead;
             "viscous_force", with Prony terms; or "viscous_step", which also brings them to the end of a step and adds
             what that dissipates or stores to viscous_work [points], J.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
+    law = bond_associated(layout, material, "variational").mechanics
     is_undamaged, intact_members = law.is_undamaged, law.intact_members
     green, damaged_inverse = law.green, law.damaged_inverse
-    area_weight, family_scale, stress_on_members = law.area_weight, law.family_scale, law.stress_on_members
+    area_weight, stress_on_members = law.area_weight, law.stress_on_members
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
-    damaged, curved, word_size = breakable is not None, is_curved(layout), WORD
+    damaged, curved, word_size = layout.breakable, layout.curved, WORD
     energetic, viscous, advances = what == "energy", what.startswith("viscous"), what == "viscous_step"
-    relaxing = relaxing_stress(bits, advances, module) if viscous else None
+    relaxing = relaxing_stress(bits, advances) if viscous else None
     # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
     shape_row = ROW if curved else 4
     Row = wp.types.vector(length=ROW, dtype=real)
@@ -81,7 +68,7 @@ def family_rows(
     Shapes = wp.types.matrix(shape=(WORD * words, shape_row), dtype=real)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
 
-    @wp.func(module=module)
+    @wp.func
     def summed(family: Family, here: Words, members: int, i: int, j: int):
         """The members of D_ij, or, if they are more than half of the family, the others; whether it is the others."""
         chosen = Words()
@@ -95,13 +82,13 @@ def family_rows(
                 chosen[word] = here[word] & ~chosen[word]
         return chosen, most
 
-    @wp.func(module=module)
+    @wp.func
     def moment(family: Family, i: int, k: int):
         """C_k X_k, without c_k, and the area of the member."""
         area = f.area(family, f.neighbour(family, i, k))
         return f.influence(family, i, k) * area * f.bond(family, i, k), area
 
-    @kernel(module, gathers=("displacement",), name=f"family_rows_{what}")
+    @kernel(gathers=("displacement",), name=f"family_rows_{what}")
     def family_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -169,7 +156,6 @@ def family_rows(
             all_answers = Row()
         stored = real(0.0)
         work = wp.float64(0.0)
-        total = real(0.0)
         guess = real(0.0)
         for word in range(wp.static(words)):
             bonds = here[word]
@@ -216,7 +202,6 @@ def family_rows(
                         H1, H2 = level(H1, H2, tilt)
                     strain_now = green(H1, H2, tilt)
                     weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
                     if wp.static(energetic):
                         stored += weight * energy(strain_now, constants)
                     else:
@@ -237,11 +222,10 @@ def family_rows(
                         answers[j] = answer
                         all_answers += answer
 
-        scale = unit * family_scale(family, i, undamaged, total)
         if wp.static(advances):
-            viscous_work[i] = viscous_work[i] + wp.float64(scale / inverse_horizon) * work
+            viscous_work[i] = viscous_work[i] + wp.float64(unit / inverse_horizon) * work
         if wp.static(energetic):
-            energies[i] = wp.float64(scale * stored)
+            energies[i] = wp.float64(unit * stored)
         else:
             for word in range(wp.static(words)):
                 bonds = here[word]
@@ -259,6 +243,6 @@ def family_rows(
                         A = all_answers - A
                     arm, area = moment(family, i, k)
                     pull = arm[0] * vec3(A[0], A[1], A[2]) + arm[1] * vec3(A[3], A[4], A[5])
-                    bond_force[k, i] = f.from_frame(family, i, scale * pull)
+                    bond_force[k, i] = f.from_frame(family, i, unit * pull)
 
     return family_rows

@@ -7,30 +7,29 @@ import warp as wp
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions, is_curved
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
 
 @functools.cache
-def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.Function:
+def surface_vector(layout: Layout) -> wp.Function:
     """Warp function of F e1 x F e2, with F of the complete family of a point: normal times area ratio (Nanson).
 
     On a curved sheet F = O + H (kernels/kinematics.py), and at rest the vector is a unit normal.
     It is zero where the intact bonds determine no F. The loop over members has no branches: a GPU thread issues the
     loads of several members at once.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    intact_members = bond_state(layout, bits, breakable, module).intact_members
-    word_size, curved = WORD, is_curved(layout)
+    intact_members = bond_state(layout).intact_members
+    word_size, curved = WORD, layout.curved
     determines_gradient, level = kinematics(bits).determines_gradient, kinematics(bits).level
     curved_gradient, tilt_of = kinematics(bits).curved_gradient, kinematics(bits).tilt_of
 
-    @wp.func(module=module)
+    @wp.func
     def surface(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -81,18 +80,18 @@ def surface_vector(layout: str, bits: int, breakable: bool, module: str) -> wp.F
 
 
 @functools.cache
-def follower_pressure(layout: str, bits: int, breakable: bool, scheduled: bool, module: str) -> Pointwise:
+def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
     """Pointwise stage that adds p a_i (F e1 x F e2), with F of the complete family of the point.
 
     A point whose intact bonds determine no F takes no pressure.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    surface = surface_vector(layout, bits, breakable, module)
+    surface = surface_vector(layout)
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class FollowerPressure:
         family: Family
         intact: wp.array2d(dtype=wp.uint32)
@@ -103,7 +102,7 @@ def follower_pressure(layout: str, bits: int, breakable: bool, scheduled: bool, 
         schedule: int
         external: wp.array(dtype=vec3)
 
-    @pointwise(module, FollowerPressure, writes=("external",), gathers=("displacement",))
+    @pointwise(FollowerPressure, writes=("external",), gathers=("displacement",))
     def add_follower_pressure(begin: int, end: int, a: FollowerPressure):
         for i in range(begin, end):
             p = a.unit_pressure * f.area(a.family, i)
@@ -115,22 +114,22 @@ def follower_pressure(layout: str, bits: int, breakable: bool, scheduled: bool, 
 
 
 @functools.cache
-def follower_pressure_tangent(layout: str, bits: int, breakable: bool, scheduled: bool, module: str) -> Kernel:
+def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
     """Kernel that adds the change of follower pressure along a direction, p a_i (dF e1 x F e2 + F e1 x dF e2).
 
     The tangent is not symmetric: a pressure has a potential only if the edge of the sheet is held, and the normals
     here are averages over families.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    intact_members = bond_state(layout, bits, breakable, module).intact_members
-    word_size, curved, motion = WORD, is_curved(layout), kinematics(bits)
+    intact_members = bond_state(layout).intact_members
+    word_size, curved, motion = WORD, layout.curved, kinematics(bits)
     determines_gradient, level, tilt_of = motion.determines_gradient, motion.level, motion.tilt_of
     curved_gradient = motion.curved_gradient
 
-    @kernel(module, gathers=("displacement", "direction"))
+    @kernel(gathers=("displacement", "direction"))
     def add_follower_tangent(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -12,8 +12,7 @@ import warp as wp
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_associated_tangent import block_functions
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 
 @dataclass(frozen=True)
@@ -33,23 +32,22 @@ class LatticeMatrixKernels:
 
 
 @functools.cache
-def lattice_matrix(bits: int, held: bool, module: str) -> LatticeMatrixKernels:
+def lattice_matrix(layout: Layout, held: bool) -> LatticeMatrixKernels:
     """Kernels of the stored tangent of an undamaged lattice.
 
     Args:
-        bits: 32 or 64.
+        layout: Layout of the families.
         held: Whether any component is held.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33
-    f = family_functions("lattice", bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    _, inverse_of = block_functions(bits, module)
+    _, inverse_of = block_functions(layout.bits)
     word_size = WORD
 
-    @kernel(module, gathers=("gradient", "stress", "moduli"))
+    @kernel(gathers=("gradient", "stress", "moduli"))
     def assemble(
         family: Family,
         gradient: wp.array2d(dtype=mat32),
@@ -135,7 +133,7 @@ def lattice_matrix(bits: int, held: bool, module: str) -> LatticeMatrixKernels:
                                 o = pair_offset[mine, k]
                                 matrix[o, i] = matrix[o, i] + cxi[0] * Q1 + cxi[1] * Q2
 
-    @kernel(module, gathers=("direction",))
+    @kernel(gathers=("direction",))
     def product(
         matrix: wp.array2d(dtype=mat33),
         shift: wp.array(dtype=wp.int32),
@@ -152,7 +150,7 @@ def lattice_matrix(bits: int, held: bool, module: str) -> LatticeMatrixKernels:
             total -= matrix[o, i] * direction[m]
         change[i] = total
 
-    @kernel(module)
+    @kernel()
     def inverse_diagonal(
         matrix: wp.array2d(dtype=mat33), held_mask: wp.array(dtype=wp.uint8), first: int, out: wp.array(dtype=mat33)
     ):

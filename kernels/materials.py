@@ -29,7 +29,6 @@ import functools
 
 import warp as wp
 
-from .factories import FunctionFactory
 from .numeric import numeric
 
 # Typical states take 2 or 3 steps; the worst state found below the lock of a Gent sheet takes 19 (K / mu near 1). After
@@ -147,19 +146,3 @@ def volume(bits: int) -> wp.Function:
         return d * (real(3.0) + d * (real(3.0) + d))
 
     return volume_of
-
-
-@functools.cache
-def volume_from(root: FunctionFactory, bits: int) -> wp.Function:
-    """Function (G, constants) -> z of the material whose factory of root_change is `root`."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    area_change, _, _ = invariants(bits)
-    root_change = root(bits)
-    volume_of = volume(bits)
-
-    @wp.func
-    def volume_change(G: mat22, constants: parameters):
-        return volume_of(root_change(G[0, 0] + G[1, 1], area_change(G), constants, real(0.0)))
-
-    return volume_change

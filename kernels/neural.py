@@ -34,10 +34,9 @@ import warp as wp
 from .bond_state import gather_pairs
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import family_functions
+from .families import Layout, family_functions
 from .neural_functions import closed_form, neural_functions
 from .neural_network import Layers, fused_force
-from .numeric import numeric
 from .pointwise import Pointwise
 
 
@@ -63,39 +62,33 @@ class NeuralKernels:
 
 @functools.cache
 def neural(
-    layout: str,
-    bits: int,
+    layout: Layout,
     membrane: PairFactory,
-    breakable: bool,
     corrected: bool,
     evaluation: str,
     layers: Layers | None,
     counted: bool,
-    module: str,
 ) -> NeuralKernels:
     """Kernels of the law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
-        breakable: Whether bonds can break.
         corrected: Whether the tables hold a corrected weight of each bond, in place of 2 / tr K of each family.
         evaluation: "torch", "fused" or "closed_form".
         layers: Numbers of the network, see `network_function`, for "fused", else None.
         counted: Whether to count the bonds outside a range of stretches.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, vec4, mat32, parameters = (
         types.real, types.vec2, types.vec3, types.parameters, types.mat32, types.parameters,
     )  # fmt: skip
-    f = family_functions(layout, bits, module)
-    law = neural_functions(layout, bits, membrane, breakable, corrected, module)
+    f = family_functions(layout)
+    law = neural_functions(layout, membrane, corrected)
     Family = law.struct
     exact = closed_form(bits, membrane)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def closed_form_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -118,7 +111,7 @@ def neural(
                 force = scale * share * law.pull(x, u, direction, R, T)
             bond_force[k, i] = force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def features(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -141,7 +134,7 @@ def neural(
                 )
             features[k * points + i] = row
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def spread(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -170,7 +163,7 @@ def neural(
                 force = scale * share * law.pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
             bond_force[k, i] = force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def outside(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -212,11 +205,11 @@ def neural(
     if torch:
         direct = None
     elif evaluation == "fused":
-        direct = fused_force(bits, layers, law, module)
+        direct = fused_force(bits, layers, law)
     return NeuralKernels(
         direct=direct,
         features=features if torch else None,
         spread=spread if torch else None,
-        gather=gather_pairs(layout, bits, breakable, module),
+        gather=gather_pairs(layout),
         outside=outside if counted else None,
     )

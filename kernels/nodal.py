@@ -22,9 +22,8 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state, energy_of_families, gather_pairs
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import WORD, family_functions
+from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
-from .numeric import numeric
 from .pointwise import Pointwise
 
 
@@ -62,17 +61,17 @@ class NodalKernels:
 
 
 @functools.cache
-def point_family(layout: str, bits: int, breakable: bool, module: str) -> PointFamily:
-    """Functions of the family of a point; `breakable` says whether bonds can break."""
-    types = numeric(bits)
+def point_family(layout: Layout) -> PointFamily:
+    """Functions of the family of a point."""
+    types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     word_size = WORD
-    bonds = bond_state(layout, bits, breakable, module)
+    bonds = bond_state(layout)
     green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
 
-    @wp.func(module=module)
+    @wp.func
     def gradient(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -99,7 +98,7 @@ def point_family(layout: str, bits: int, breakable: bool, module: str) -> PointF
                 stretch = displacement[m] - ui - back * (velocity[m] - velocity[i])
                 first += cxi[0] * stretch
                 second += cxi[1] * stretch
-                if wp.static(breakable):
+                if wp.static(layout.breakable):
                     shape += vec3(cxi[0] * xi[0], cxi[0] * xi[1], cxi[1] * xi[1])
                     size += a
         inverse = f.shape(family, i, 0)
@@ -113,25 +112,22 @@ def point_family(layout: str, bits: int, breakable: bool, module: str) -> PointF
 
 
 @functools.cache
-def nodal(layout: str, bits: int, material: PairFactory, breakable: bool, module: str) -> NodalKernels:
+def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
     """Kernels of the nodal law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
-        breakable: Whether bonds can break.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    point = point_family(layout, bits, breakable, module)
+    point = point_family(layout)
     stress_on_members = kinematics(bits).stress_on_members
     stress, energy = material(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def family_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -152,7 +148,7 @@ def nodal(layout: str, bits: int, material: PairFactory, breakable: bool, module
             )
         return stored
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def family_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -181,5 +177,5 @@ def nodal(layout: str, bits: int, material: PairFactory, breakable: bool, module
                 force = c * (xi[0] * A1 + xi[1] * A2)
             bond_force[k, i] = force
 
-    strain_energy = energy_of_families(layout, bits, family_energy, module)
-    return NodalKernels(family_force, gather_pairs(layout, bits, breakable, module), strain_energy, family_energy)
+    strain_energy = energy_of_families(layout, family_energy)
+    return NodalKernels(family_force, gather_pairs(layout), strain_energy, family_energy)

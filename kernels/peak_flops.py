@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .effects import OWN, Kernel, kernel
+from .effects import Kernel, kernel
 from .numeric import numeric
 
 
@@ -13,7 +13,7 @@ def multiply_add(bits: int) -> Kernel:
     """Kernel of eight sums per thread, `rounds` multiply-adds each."""
     real = numeric(bits).real
 
-    @kernel(OWN)
+    @kernel()
     def multiply_adds(rounds: int, first: int, out: wp.array(dtype=real)):
         i = wp.tid() + first
         x = real(1.0) + real(1.0e-7) * real(i)

@@ -1,4 +1,4 @@
-"""Reference kernel of the bond-associated law: the sums as written in kernels/bond_associated.py, for any family."""
+"""Reference kernel of the bond-associated laws: the sums as written in kernels/bond_associated.py, for any family."""
 
 import functools
 
@@ -7,31 +7,31 @@ import warp as wp
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import family_functions
-from .numeric import numeric
+from .families import Layout, family_functions
+from .visco import overstressed
 
 
 @functools.cache
-def reference_force(
-    layout: str, bits: int, material: PairFactory, breakable: str | None, form: str, module: str
-) -> Kernel:
+def reference_force(layout: Layout, material: PairFactory, form: str, viscous: bool = False) -> Kernel:
     """Reference kernel that fills bond_force [members, points] with the forces of each family, N.
 
-    It evaluates the sums as written in the formulas above, for any family and form. Arguments as for `bond_associated`.
+    Arguments as for `bond_associated`; with `viscous` the stress has Prony terms, see kernels/visco.py, which are
+    otherwise None.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     stress, _ = material(bits)
-    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
-    is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
-    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
-    add_to_members, stress_on_members = law.add_to_members, law.stress_on_members
+    with_overstress = overstressed(bits) if viscous else None
+    law = bond_associated(layout, material, form).mechanics
+    is_undamaged, is_intact, visit = law.is_undamaged, law.is_intact, law.visit
+    green, family_scale = law.green, law.family_scale
+    add_to_members, finish_forces, stress_on_members = law.add_to_members, law.finish_forces, law.stress_on_members
 
     if form == "published":
 
-        @wp.func(module=module)
+        @wp.func
         def present_area(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
             """|H_i| of the intact bonds, divided by the reference area."""
             if is_undamaged(family, intact, i):
@@ -42,7 +42,7 @@ def reference_force(
                     size += f.area(family, f.neighbour(family, i, k))
             return size
 
-        @kernel(module, gathers=("displacement", "intact"))
+        @kernel(gathers=("displacement", "intact"))
         def published_force(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
@@ -50,6 +50,9 @@ def reference_force(
             constants: parameters,
             inverse_horizon: real,
             unit_force: real,
+            prony: wp.array(dtype=parameters),
+            strain: wp.array2d(dtype=vec3),
+            overstress: wp.array2d(dtype=vec3),
             first: int,
             bond_force: wp.array2d(dtype=vec3),
         ):
@@ -58,28 +61,23 @@ def reference_force(
             own_area = present_area(family, intact, i)
             for j in range(family.members):
                 force = vec3(real(0.0), real(0.0), real(0.0))
-                if is_intact(family, intact, i, j):
-                    G1, G2, inverse, size, tilt = intersection(
-                        family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                    )
-                    if inverse[0] > real(0.0):
-                        H1 = inverse_horizon * G1
-                        H2 = inverse_horizon * G2
-                        S = stress(green(H1, H2, tilt), constants)
-                        A1, A2 = stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
-                        xi = f.bond(family, i, j)
-                        m = f.neighbour(family, i, j)
-                        if undamaged:
-                            size = f.weight(family, i, j)
-                        share = size / own_area
-                        pair = (own_area + present_area(family, intact, m)) / (real(2.0) * own_area)
-                        c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
-                        force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
+                there, H1, H2, inverse, size, tilt = visit(
+                    family, intact, displacement, inverse_horizon, i, j, undamaged
+                )
+                if there:
+                    S = stress(green(H1, H2, tilt), constants)
+                    A1, A2 = stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
+                    xi = f.bond(family, i, j)
+                    m = f.neighbour(family, i, j)
+                    share = size / own_area
+                    pair = (own_area + present_area(family, intact, m)) / (real(2.0) * own_area)
+                    c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
+                    force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
                 bond_force[j, i] = f.from_frame(family, i, force)
 
         return published_force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",), name="viscous_force" if viscous else "variational_force")
     def variational_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -87,6 +85,9 @@ def reference_force(
         constants: parameters,
         inverse_horizon: real,
         unit_force: real,
+        prony: wp.array(dtype=parameters),
+        strain: wp.array2d(dtype=vec3),
+        overstress: wp.array2d(dtype=vec3),
         first: int,
         bond_force: wp.array2d(dtype=vec3),
     ):
@@ -96,22 +97,15 @@ def reference_force(
         undamaged = is_undamaged(family, intact, i)
         total = real(0.0)
         for j in range(family.members):
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    S = stress(green(H1, H2, tilt), constants)
-                    weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
-                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-                    add_to_members(family, intact, i, j, A1, A2, bond_force)
-        scale = unit_force * family_scale(family, i, undamaged, total)
-        for k in range(family.members):
-            if is_intact(family, intact, i, k):
-                c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                bond_force[k, i] = f.from_frame(family, i, scale * c * bond_force[k, i])
+            there, H1, H2, inverse, weight, tilt = visit(family, intact, displacement, inverse_horizon, i, j, undamaged)
+            if there:
+                G = green(H1, H2, tilt)
+                S = stress(G, constants)
+                if wp.static(viscous):
+                    S = with_overstress(S, G, i, j, family.members, prony, strain, overstress)
+                total += weight
+                A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
+                add_to_members(family, intact, i, j, A1, A2, bond_force)
+        finish_forces(family, intact, i, unit_force * family_scale(family, i, undamaged, total), bond_force)
 
     return variational_force

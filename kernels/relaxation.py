@@ -14,42 +14,35 @@ from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
-from .families import WORD, family_functions
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 
 @functools.cache
-def row_sums(
-    layout: str,
-    bits: int,
-    material: PairFactory,
-    response: FunctionFactory,
-    breakable: str | None,
-    form: str,
-    module: str,
-) -> tuple[Kernel, Kernel]:
+def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, form: str) -> tuple[Kernel, Kernel]:
     """Kernels `family_rows` and `sum_rows`; arguments as for `bond_associated_tangent`.
 
     family_rows fills row [members, points] with the contributions of the family of a point to the rows of its members,
     and own [points] with that to its own row; sum_rows adds both ends of the bonds to the density [N/m].
     """
-    types = numeric(bits)
-    real, vec3 = types.real, types.vec3
+    types, bits = layout.types, layout.bits
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     parameters = types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    law = bond_associated(layout, bits, material, breakable, form, module).mechanics
-    intact_members, is_undamaged, is_intact, intersection = (
-        law.intact_members,
-        law.is_undamaged,
-        law.is_intact,
-        law.intersection,
-    )
-    green, gradient, area_weight, family_scale = law.green, law.gradient, law.area_weight, law.family_scale
+    law = bond_associated(layout, material, form).mechanics
+    intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
+    green, gradient, family_scale = law.green, law.gradient, law.family_scale
     response_of = response(bits)
     word_size = WORD
 
-    @kernel(module, gathers=("displacement",))
+    @wp.func
+    def arm(family: Family, i: int, k: int, inverse: vec3):
+        """g_k."""
+        c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
+        xi = f.bond(family, i, k)
+        return vec2(c * (inverse[0] * xi[0] + inverse[1] * xi[1]), c * (inverse[1] * xi[0] + inverse[2] * xi[1]))
+
+    @kernel(gathers=("displacement",))
     def family_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -68,56 +61,44 @@ def row_sums(
         total = real(0.0)
         centre_row = real(0.0)
         for j in range(family.members):
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    S, T = response_of(green(H1, H2, tilt), constants)
-                    weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
-                    F1, F2 = gradient(H1, H2, tilt)
-                    stretch = wp.dot(F1, F1) + wp.dot(F2, F2)
-                    bound = wp.abs(S[0, 0]) + real(2.0) * wp.abs(S[0, 1]) + wp.abs(S[1, 1])
-                    bound += stretch * (wp.abs(T[0]) + wp.abs(T[1]) + wp.abs(T[3]) + wp.abs(T[5]))
-                    sizes = real(0.0)
-                    c1 = real(0.0)
-                    c2 = real(0.0)
-                    for word in range(family.words):
-                        members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
-                        while members != wp.uint32(0):
-                            k = word * word_size + lowest_bit(members)
-                            members = without_lowest_bit(members)
-                            c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                            xi = f.bond(family, i, k)
-                            g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
-                            g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
-                            c1 -= g1
-                            c2 -= g2
-                            sizes += wp.sqrt(g1 * g1 + g2 * g2)
-                    centre = wp.sqrt(c1 * c1 + c2 * c2)
-                    sizes += centre
-                    contribution = weight * bound * sizes
-                    centre_row += contribution * centre
-                    for word in range(family.words):
-                        members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
-                        while members != wp.uint32(0):
-                            k = word * word_size + lowest_bit(members)
-                            members = without_lowest_bit(members)
-                            c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                            xi = f.bond(family, i, k)
-                            g1 = c * (inverse[0] * xi[0] + inverse[1] * xi[1])
-                            g2 = c * (inverse[1] * xi[0] + inverse[2] * xi[1])
-                            gained = contribution * wp.sqrt(g1 * g1 + g2 * g2)
-                            row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
+            there, H1, H2, inverse, weight, tilt = visit(family, intact, displacement, inverse_horizon, i, j, undamaged)
+            if there:
+                S, T = response_of(green(H1, H2, tilt), constants)
+                total += weight
+                F1, F2 = gradient(H1, H2, tilt)
+                stretch = wp.dot(F1, F1) + wp.dot(F2, F2)
+                bound = wp.abs(S[0, 0]) + real(2.0) * wp.abs(S[0, 1]) + wp.abs(S[1, 1])
+                bound += stretch * (wp.abs(T[0]) + wp.abs(T[1]) + wp.abs(T[3]) + wp.abs(T[5]))
+                sizes = real(0.0)
+                c1 = real(0.0)
+                c2 = real(0.0)
+                for word in range(family.words):
+                    members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                    while members != wp.uint32(0):
+                        k = word * word_size + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                        g = arm(family, i, k, inverse)
+                        c1 -= g[0]
+                        c2 -= g[1]
+                        sizes += wp.sqrt(g[0] * g[0] + g[1] * g[1])
+                centre = wp.sqrt(c1 * c1 + c2 * c2)
+                sizes += centre
+                contribution = weight * bound * sizes
+                centre_row += contribution * centre
+                for word in range(family.words):
+                    members = f.common(family, i, j, word) & intact_members(family, intact, i, word)
+                    while members != wp.uint32(0):
+                        k = word * word_size + lowest_bit(members)
+                        members = without_lowest_bit(members)
+                        g = arm(family, i, k, inverse)
+                        gained = contribution * wp.sqrt(g[0] * g[0] + g[1] * g[1])
+                        row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
         scale = unit_stiffness * family_scale(family, i, undamaged, total)
         own[i] = scale * centre_row
         for k in range(family.members):
             row[k, i] = scale * row[k, i]
 
-    @kernel(module, gathers=("row",))
+    @kernel(gathers=("row",))
     def sum_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

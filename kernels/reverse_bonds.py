@@ -4,20 +4,13 @@ import functools
 
 import warp as wp
 
-from .families import WORD, family_functions, is_grid, is_lattice
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
 
 
 @functools.cache
 def gather_reverse_bonds(
-    layout: str,
-    bits: int,
-    members: int,
-    steps: tuple[tuple[int, int], ...] | None,
-    turns_over: bool,
-    listed: bool,
-    module: str,
+    layout: Layout, members: int, steps: tuple[tuple[int, int], ...] | None, turns_over: bool, listed: bool
 ) -> Pointwise:
     """Pointwise stage that subtracts from the own half of the force [points] the forces of the families around a point.
 
@@ -25,27 +18,25 @@ def gather_reverse_bonds(
     no branches: a thread issues the loads of all members at once.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         members: Maximum number of members of a family.
         steps: Lattice steps to each member, compiled in as constants, or None on a cloud; on a grid those of the points
             deep inside it.
         turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
         listed: Whether a list of other points was used; the first point empties it.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     n, word_size = members, WORD
     right, up = zip(*steps, strict=True) if steps else ((), ())
     reverses = [steps.index((-x, -y)) for x, y in steps] if steps else []
-    lattice, gridded = is_lattice(layout), is_grid(layout) and steps is not None
+    lattice, gridded = layout.kind == "lattice", layout.kind == "grid" and steps is not None
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(len(up))]
     reach = max(up, default=0)
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class GatherFromReverseBonds:
         family: Family
         columns: int
@@ -54,14 +45,13 @@ def gather_reverse_bonds(
         first_point: int
         force: wp.array(dtype=vec3)
 
-    @pointwise(module, GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force",))
+    @pointwise(GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force",))
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):
-                # The lists have been used; the next launches start new ones.
+                # The list has been used; the next launches start a new one.
                 if i == a.first_point:
                     a.other_count[0] = 0
-                    a.other_count[1] = 0
             place = i
             if wp.static(turns_over):
                 place = i % a.bond_force.shape[1]

@@ -16,8 +16,7 @@ import warp as wp
 
 from .bits import bit_of
 from .effects import Kernel, kernel
-from .families import WORD, family_functions, is_curved
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 
 # Points of a block that is screened together.
 SCREENED = 128
@@ -41,34 +40,21 @@ class Criterion:
     gathers: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Breaking:
-    """How bonds break in the kernel of the forces.
-
-    Attributes:
-        criterion: The criterion by which a bond breaks.
-        spared: Whether the bonds of some points never break.
-    """
-
-    criterion: Criterion
-    spared: bool
-
-
 CriterionFactory = Callable[[str, int, str], Criterion]
 
 
 @functools.cache
-def reference_and_deformed(layout: str, bits: int, module: str) -> wp.Function:
+def reference_and_deformed(layout: Layout) -> wp.Function:
     """Function (family, displacement, horizon, i, k, m) -> X and Y of bond k of point i, to point m [m].
 
     X is a vec2, on a curved sheet the chord, a vec3: minus that of the reverse bond, to the last bit.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
-    Family, curved = f.struct, is_curved(layout)
+    f = family_functions(layout)
+    Family, curved = f.struct, layout.curved
 
-    @wp.func(module=module)
+    @wp.func
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), horizon: real, i: int, k: int, m: int):
         X = horizon * f.chord(family, i, k)
         U = displacement[m] - displacement[i]
@@ -81,18 +67,18 @@ def reference_and_deformed(layout: str, bits: int, module: str) -> wp.Function:
 
 
 @functools.cache
-def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
+def critical_stretch(layout: Layout) -> Criterion:
     """Critical stretch |Y|/|X|."""
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    Family = family_functions(layout, bits, module).struct
-    bond_vectors = reference_and_deformed(layout, bits, module)
+    Family = family_functions(layout).struct
+    bond_vectors = reference_and_deformed(layout)
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class CriticalStretch:
         squared: real
 
-    @wp.func(module=module)
+    @wp.func
     def exceeds_stretch(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -109,24 +95,24 @@ def critical_stretch(layout: str, bits: int, module: str) -> Criterion:
 
 
 @functools.cache
-def elongation(layout: str, bits: int, module: str) -> Criterion:
+def elongation(layout: Layout) -> Criterion:
     """Critical stretch whose elongation (s_c - 1) |X| is that of a bond of one spacing for all shorter bonds.
 
     On a square lattice no bond is shorter, and it is the critical stretch |Y|/|X|. On an irregular cloud the motion has
     a roughness at the scale of the spacing, which a short bond would turn into a large stretch.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    Family = family_functions(layout, bits, module).struct
-    bond_vectors = reference_and_deformed(layout, bits, module)
+    Family = family_functions(layout).struct
+    bond_vectors = reference_and_deformed(layout)
     nearly = NEARLY
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Elongation:
         stretch: real
         spacing: real
 
-    @wp.func(module=module)
+    @wp.func
     def exceeds_elongation(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -151,18 +137,18 @@ def elongation(layout: str, bits: int, module: str) -> Criterion:
 
 
 @functools.cache
-def critical_energy(layout: str, bits: int, module: str) -> Criterion:
+def critical_energy(layout: Layout) -> Criterion:
     """Critical energy release rate of an interaction, see kernels/energy_release.py."""
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    Family = family_functions(layout, bits, module).struct
+    Family = family_functions(layout).struct
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class CriticalEnergy:
         energy_release: wp.array2d(dtype=real)
         critical: real
 
-    @wp.func(module=module)
+    @wp.func
     def exceeds_energy(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -178,24 +164,22 @@ def critical_energy(layout: str, bits: int, module: str) -> Criterion:
 
 
 @functools.cache
-def remaining_bonds(layout: str, bits: int, criterion: Criterion, spared: bool, module: str) -> wp.Function:
+def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Function:
     """Function (family, displacement, criterion, horizon, spared_mask, i, word, bits) -> bits of the bonds that stay.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         criterion: The criterion that they do not exceed.
         spared: Whether the bonds of some points stay whatever they do.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
     word_size = WORD
 
-    @wp.func(module=module)
+    @wp.func
     def remaining(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -227,20 +211,20 @@ def remaining_bonds(layout: str, bits: int, criterion: Criterion, spared: bool, 
 
 
 @functools.cache
-def screening(bits: int, criterion: Criterion, module: str) -> Kernel:
+def screening(layout: Layout, criterion: Criterion) -> Kernel:
     """Kernel that says of blocks of points of a lattice whether a bond ahead of one exceeds the criterion, for a CPU.
 
     The second half of a stencil lies ahead, so each bond is seen once. Hardly a bond breaks in most steps: where
     `break_bonds` need not look, that is half of the work.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3 = types.real, types.vec3
-    f = family_functions("lattice", bits, module)
+    f = family_functions(layout)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
     word_size, block = WORD, SCREENED
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def screen(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -268,36 +252,28 @@ def screening(bits: int, criterion: Criterion, module: str) -> Kernel:
 
 @functools.cache
 def breaking(
-    layout: str,
-    bits: int,
-    criterion: Criterion,
-    spared: bool,
-    screened: bool,
-    earlier_energy: wp.Function | None,
-    module: str,
+    layout: Layout, criterion: Criterion, spared: bool, screened: bool, earlier_energy: wp.Function | None
 ) -> Kernel:
     """Kernel `break_bonds`.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
+        layout: Layout of the families.
         criterion: The criterion by which a bond breaks.
         spared: Whether the bonds of some points never break.
         screened: Whether `screening` has said of which blocks no bond exceeds the criterion.
         earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
             breaking, per point; None if it is not tracked.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    Family = family_functions(layout, bits, module).struct
+    Family = family_functions(layout).struct
     Constants = criterion.struct
-    remaining = remaining_bonds(layout, bits, criterion, spared, module)
+    remaining = remaining_bonds(layout, criterion, spared)
     tracked, block = earlier_energy is not None, SCREENED
 
     if tracked:
 
-        @wp.func(module=module)
+        @wp.func
         def energy_of_step(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
@@ -316,9 +292,7 @@ def breaking(
                 energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
             return energy
 
-    @kernel(
-        module, gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers))
-    )
+    @kernel(gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers)))
     def break_bonds(
         family: Family,
         displacement: wp.array(dtype=vec3),

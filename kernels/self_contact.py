@@ -21,10 +21,9 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
+from .families import WORD, Layout, family_functions
 from .integrate import RIGID, half_step
 from .near_pairs import TOUCHED, pair_functions
-from .numeric import numeric
 from .pointwise import Pointwise, pointwise
 
 
@@ -47,42 +46,30 @@ class RepulsionKernels:
 
 @functools.cache
 def repulsion(
-    layout: str,
-    bits: int,
-    breakable: bool,
-    pieces: bool,
-    rubbing: bool,
-    held: bool,
-    loaded: bool,
-    damped: bool,
-    tracked: bool,
-    module: str,
+    layout: Layout, pieces: bool, rubbing: bool, held: bool, loaded: bool, damped: bool, tracked: bool
 ) -> RepulsionKernels:
     """Kernels of contact.
 
     Args:
         layout: Layout of the families.
-        bits: 32 or 64.
-        breakable: Whether bonds can break.
         pieces: Whether the sheet has several pieces.
         rubbing: Whether there is friction.
         held: Whether any component is held.
         loaded: Whether external forces act.
         damped: Whether there is mass damping, and energies take the velocities at half steps.
         tracked: Whether work and losses are summed up.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    intact_members = bond_state(layout, bits, breakable, module).intact_members
-    pairs = pair_functions(bits, pieces, module)
+    intact_members = bond_state(layout).intact_members
+    pairs = pair_functions(bits, pieces)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, rigid, touched = WORD, RIGID, TOUCHED
-    half_kick, half_loss = half_step(bits, loaded, damped, module)
+    half_kick, half_loss = half_step(bits, loaded, damped)
 
-    @wp.func(module=module)
+    @wp.func
     def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
         """Depth d_ij - r, 0 without contact, direction from i to j, and k_ij."""
         line = between(points, displacement, i, j)
@@ -95,11 +82,11 @@ def repulsion(
             depth = real(0.0)
         return depth, direction, (points.area[i] * points.area[j]) * points.stiffness
 
-    @wp.func(module=module)
+    @wp.func
     def broken_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
         return f.initial(family, i, word) & (~intact_members(family, intact, i, word))
 
-    @kernel(module, gathers=("displacement", "points.reference", "points.area"))
+    @kernel(gathers=("displacement", "points.reference", "points.area"))
     def add_contact_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -121,7 +108,7 @@ def repulsion(
             if depth > real(0.0):
                 total -= (stiffness * depth) * direction
                 touching = touching + 1
-        if wp.static(breakable):
+        if wp.static(layout.breakable):
             for word in range(family.words):
                 members = broken_members(family, intact, i, word)
                 while members != wp.uint32(0):
@@ -139,7 +126,7 @@ def repulsion(
             if wp.static(rubbing):
                 status[touched] = 1
 
-    @kernel(module, gathers=("displacement", "points.reference", "points.area"))
+    @kernel(gathers=("displacement", "points.reference", "points.area"))
     def contact_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -155,7 +142,7 @@ def repulsion(
         for c in range(counts[i]):
             depth, _, stiffness = push(points, displacement, i, near[c, i])
             total += stiffness * depth * depth
-        if wp.static(breakable):
+        if wp.static(layout.breakable):
             for word in range(family.words):
                 members = broken_members(family, intact, i, word)
                 while members != wp.uint32(0):
@@ -165,7 +152,7 @@ def repulsion(
                     total += stiffness * depth * depth
         energy[i] = wp.float64(real(0.25) * total)
 
-    @wp.func(module=module)
+    @wp.func
     def drag(
         points: Points,
         displacement: wp.array(dtype=vec3),
@@ -199,7 +186,6 @@ def repulsion(
         return impulse
 
     @kernel(
-        module,
         gathers=("displacement", "velocity", "mass", "contacts", "contact_force", "points.reference", "points.area"),
     )
     def friction_impulse(
@@ -224,7 +210,7 @@ def repulsion(
             most = coefficient * step[0]
             for c in range(counts[i]):
                 total += drag(points, displacement, velocity, mass, contacts, contact_force, most, i, near[c, i])
-            if wp.static(breakable):
+            if wp.static(layout.breakable):
                 for word in range(family.words):
                     members = broken_members(family, intact, i, word)
                     while members != wp.uint32(0):
@@ -233,7 +219,7 @@ def repulsion(
                         total += drag(points, displacement, velocity, mass, contacts, contact_force, most, i, j)
         impulse[i] = total
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Rub:
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
@@ -247,7 +233,7 @@ def repulsion(
         dissipated: wp.array(dtype=wp.float64)
         rubbed: wp.array(dtype=wp.float64)
 
-    @pointwise(module, Rub, writes=("velocity", "work", "dissipated", "rubbed"))
+    @pointwise(Rub, writes=("velocity", "work", "dissipated", "rubbed"))
     def rub(begin: int, end: int, a: Rub):
         for i in range(begin, end):
             before = a.velocity[i]

@@ -18,8 +18,7 @@ import warp as wp
 
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .families import WORD, family_functions
-from .numeric import numeric
+from .families import WORD, Layout, family_functions
 from .rupture import elongation, reference_and_deformed, remaining_bonds
 
 # The share falls in steps of at least this size, so that a bond does not change in every time step.
@@ -27,33 +26,31 @@ STEP = 1.0 / 64.0
 
 
 @functools.cache
-def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function | None, module: str) -> Kernel:
+def softening(layout: Layout, spared: bool, earlier_energy: wp.Function | None) -> Kernel:
     """Kernel `soften_bonds`.
 
     The share of a bond falls linearly from 1 at the stretch of the criterion `elongation`, which is `begin_at`, to 0
     at the stretch `none_above`. The elongation of a bond shorter than the spacing counts over the spacing in both.
 
     Args:
-        layout: "lattice with shares", "grid with shares" or "cloud with shares".
-        bits: 32 or 64.
+        layout: Layout of the families.
         spared: Whether the bonds of some points never soften.
         earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
             softening, per point; None if it is not tracked.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types = layout.types
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bond_vectors = reference_and_deformed(layout, bits, module)
-    begins = elongation(layout, bits, module)
+    bond_vectors = reference_and_deformed(layout)
+    begins = elongation(layout)
     Begin = begins.struct
-    remaining = remaining_bonds(layout, bits, begins, spared, module)
-    is_undamaged = bond_state(layout, bits, True, module).is_undamaged
+    remaining = remaining_bonds(layout, begins, spared)
+    is_undamaged = bond_state(layout).is_undamaged
     tracked = earlier_energy is not None
     word_size, share_step = WORD, STEP
 
-    @wp.func(module=module)
+    @wp.func
     def may_soften(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -72,7 +69,7 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
                     answer = True
         return answer
 
-    @wp.func(module=module)
+    @wp.func
     def softened(
         family: Family,
         shares: wp.array2d(dtype=real),
@@ -100,7 +97,7 @@ def softening(layout: str, bits: int, spared: bool, earlier_energy: wp.Function 
                     share = left
         return share
 
-    @kernel(module, gathers=("displacement", "velocity"))
+    @kernel(gathers=("displacement", "velocity"))
     def soften_bonds(
         family: Family,
         displacement: wp.array(dtype=vec3),

@@ -19,18 +19,12 @@ from typing import Any
 
 import warp as wp
 
-from .bits import bit_of
 from .effects import Kernel, kernel
 from .factories import FunctionFactory
 from .kinematics import kinematics
-from .lost_members import lost_members
 from .numeric import numeric
-from .pointwise import Pointwise
-from .stencil import LARGE, Stencil, inverse_of
+from .stencil import LARGE, Stencil
 
-# Share of the squared critical stretch from which on the kernel of all others looks whether a bond breaks: it finds the
-# same for both ends.
-NEARLY = 0.9999
 # Maximum number of registers, of 255, that displacements and forces of a family may take together.
 MAX_REGISTERS = 200
 
@@ -42,15 +36,8 @@ def undamaged_lattice_force(
     stencil: Stencil,
     gridded: bool,
     breakable: bool,
-    breaking: bool,
-    damaged: bool,
-    gather: Pointwise | None,
-    module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
-
-    With `damaged` the kernel works on the inner families that have lost bonds, on the list of `changed_families`: its
-    threads go on until the list is done.
 
     Point i has column i % ring of `bond_force`: the ring has a column for each point, or fewer that launches reuse.
 
@@ -61,12 +48,6 @@ def undamaged_lattice_force(
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
         breakable: Whether families may be damaged; others leave those alone.
-        breaking: Whether those with a bond whose squared stretch reaches nearly `squared_stretch` are put on the list
-            `others`, in any order.
-        damaged: Whether the families are the damaged ones, whose lost bonds are dropped.
-        gather: What gathers the forces of an earlier strip of the sheet, at the points `gather_begin` to
-            `gather_end` - 1, while other threads compute; or None.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -77,7 +58,7 @@ def undamaged_lattice_force(
     right = [step[0] for step in stencil.steps]
     up = [step[1] for step in stencil.steps]
     turned, inside, half = stencil.turned, stencil.inside, stencil.turns == 2
-    large = n > LARGE or damaged
+    large = n > LARGE
     ahead = [*inside[1:], tuple(inside[0][turned.index(k)] for k in range(n))]
     enters = [
         [late and not early for early, late in zip(*pair, strict=True)] for pair in zip(inside, ahead, strict=True)
@@ -86,33 +67,19 @@ def undamaged_lattice_force(
         [early and not late for early, late in zip(*pair, strict=True)] for pair in zip(inside, ahead, strict=True)
     ]
     summed = [[not large and here for here in members] for members in inside]
-    x1 = [real(bond[0]) for bond in stencil.bonds]
-    x2 = [real(bond[1]) for bond in stencil.bonds]
-    per_square = [real(1.0 / (x * x + y * y)) for x, y in stencil.bonds]
     c1 = [real(moment[0]) for moment in stencil.moments]
     c2 = [real(moment[1]) for moment in stencil.moments]
     K11, K12, K22 = ([real(K[c]) for K in stencil.inverse] for c in range(3))
-    part = stencil.part
-    determinant = [real(K[0] * K[2] - K[1] * K[1]) for K in stencil.inverse]
-    shapes = [vec3(*(real(x) for x in inverse_of(K))) for K in stencil.inverse]
-    products = [(c * x, c * y, d * y) for (c, d), (x, y) in zip(stencil.moments, stencil.bonds, strict=True)]
-    one = [vec3(*(real(x) for x in product)) for product in products]
-    minus = [vec3(*(real(-x) for x in product)) for product in products]
     b1 = [[real(K[0] * x + K[1] * y) for x, y in stencil.moments] for K in stencil.inverse]
     b2 = [[real(K[1] * x + K[2] * y) for x, y in stencil.moments] for K in stencil.inverse]
     weights = [real(w) for w in stencil.weights]
-    of_lost = lost_members(bits, half)
-    turn_shape, kept, add_if, left_of = of_lost.turn_shape, of_lost.kept, of_lost.add_if, of_lost.left_of
     Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
     held = 6 * n * (bits // 32) <= MAX_REGISTERS
     reach = max(up)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(n)]
     Places: Any = wp.array2d(dtype=wp.int32) if gridded else int
-    gathers = gather is not None
-    gather_at: Any = gather.function if gather is not None else None
-    Gathering: Any = gather.arguments if gather is not None else int
 
-    @wp.func(module=module)
+    @wp.func
     def turn(v: vec3):
         """A vector in axes rotated by 90 or 180 degrees."""
         if wp.static(half):
@@ -120,7 +87,7 @@ def undamaged_lattice_force(
         else:
             return vec3(v[1], -v[0], v[2])
 
-    @wp.func(module=module)
+    @wp.func
     def turn_moments(first: vec3, second: vec3):
         """Sums of c_k X_k1 v_k and c_k X_k2 v_k with X_k in those axes."""
         if wp.static(half):
@@ -128,14 +95,14 @@ def undamaged_lattice_force(
         else:
             return second, -first
 
-    @wp.func(module=module)
+    @wp.func
     def seen(v: vec3, cosine: int, sine: int):
         """A vector in axes rotated by a multiple of 90 degrees."""
         c = real(cosine)
         s = real(sine)
         return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
 
-    @wp.func(module=module)
+    @wp.func
     def rotated(displacement: wp.array(dtype=vec3), places: Places, i: int, x: int, y: int, cosine: int, sine: int):
         """Displacement of the member (x, y) steps away in axes rotated by a multiple of 90 degrees."""
         across = cosine * x - sine * y
@@ -144,33 +111,34 @@ def undamaged_lattice_force(
         else:
             return displacement[i + (cosine * y + sine * x) * places + across]
 
-    @wp.func(module=module)
-    def family_force(
-        i: int,
-        lost_bits: wp.uint32,
+    @kernel(gathers=("displacement",), fast_math=bits == 32)
+    def undamaged_family_force(
+        family_class: wp.array(dtype=wp.int32),
+        inner: int,
+        intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
         places: Places,
         turns: int,
         constants: parameters,
         inverse_horizon: real,
         unit_force: real,
-        squared_stretch: real,
-        others: wp.array(dtype=wp.int32),
-        other_count: wp.array(dtype=wp.int32),
+        first: int,
         bond_force: wp.array2d(dtype=vec3),
         force: wp.array(dtype=vec3),
     ):
-        """Force of one family, or its place on the list of others."""
+        i = wp.tid() + first
+        # One number of both, so that a compiler does not wait for the class before it reads the bits.
+        other = wp.uint32(family_class[i] - inner)
+        if wp.static(breakable):
+            other = other | (wp.uint32(wp.static(full)) ^ intact[0, i])
+        if other != wp.uint32(0):
+            return
         origin = displacement[i]
-        stretched = real(0.0)
         T = Vectors()
         M1 = vec3(real(0.0), real(0.0), real(0.0))
         M2 = vec3(real(0.0), real(0.0), real(0.0))
         R1 = vec3(real(0.0), real(0.0), real(0.0))
         R2 = vec3(real(0.0), real(0.0), real(0.0))
-        # Of the lost members of the present intersection, c_k X_k (x) X_k.
-        missing = vec3(real(0.0), real(0.0), real(0.0))
-        lost = lost_bits
         if wp.static(held):
             U = Vectors()
         if wp.static(held or large):
@@ -183,26 +151,11 @@ def undamaged_lattice_force(
                     u = inverse_horizon * (displacement[centre + wp.static(right[k])] - origin)
                 else:
                     u = inverse_horizon * (displacement[i + wp.static(up[k]) * places + wp.static(right[k])] - origin)
-                if wp.static(breaking):
-                    x = wp.static(x1[k]) + u[0]
-                    y = wp.static(x2[k]) + u[1]
-                    squared = wp.static(per_square[k]) * (x * x + y * y + u[2] * u[2])
-                    if wp.static(damaged):
-                        squared = wp.where(bit_of(lost, wp.static(k)), real(0.0), squared)
-                    stretched = wp.max(stretched, squared)
-                if wp.static(damaged):
-                    u = kept(u, lost, wp.static(k))
-                    if wp.static(inside[0][k]):
-                        missing = add_if(missing, bit_of(lost, wp.static(k)), wp.static(one[k]))
                 if wp.static(held):
                     U[k] = u
                 if wp.static(large and inside[0][k]):
                     M1 += wp.static(c1[k]) * u
                     M2 += wp.static(c2[k]) * u
-        if wp.static(breaking):
-            if stretched > real(wp.static(NEARLY)) * squared_stretch:
-                others[wp.atomic_add(other_count, 0, 1)] = i
-                return
         guess = real(0.0)
         cosine = wp.int32(1)
         sine = wp.int32(0)
@@ -221,13 +174,7 @@ def undamaged_lattice_force(
                             )
                         G1 += wp.static(b1[j][k]) * u
                         G2 += wp.static(b2[j][k]) * u
-                if wp.static(damaged):
-                    K = left_of(
-                        wp.static(shapes[j]) - missing, wp.static(determinant[j]), bit_of(lost, wp.static(part[j]))
-                    )
-                    G1 = K[0] * M1 + K[1] * M2
-                    G2 = K[1] * M1 + K[2] * M2
-                elif wp.static(large):
+                if wp.static(large):
                     G1 = wp.static(K11[j]) * M1 + wp.static(K12[j]) * M2
                     G2 = wp.static(K12[j]) * M1 + wp.static(K22[j]) * M2
                 if wp.static(not held):
@@ -239,10 +186,7 @@ def undamaged_lattice_force(
                 W = wp.static(weights[j])
                 P1 = (W * S[0, 0]) * F1 + (W * S[1, 0]) * F2
                 P2 = (W * S[0, 1]) * F1 + (W * S[1, 1]) * F2
-                if wp.static(damaged):
-                    R1 += K[0] * P1 + K[1] * P2
-                    R2 += K[1] * P1 + K[2] * P2
-                elif wp.static(large):
+                if wp.static(large):
                     R1 += wp.static(K11[j]) * P1 + wp.static(K12[j]) * P2
                     R2 += wp.static(K12[j]) * P1 + wp.static(K22[j]) * P2
                 for k in range(wp.static(n)):
@@ -256,12 +200,6 @@ def undamaged_lattice_force(
                                 rotated(displacement, places, i, wp.static(right[k]), wp.static(up[k]), cosine, sine)
                                 - origin
                             )
-                            if wp.static(damaged):
-                                u = kept(u, lost, wp.static(k))
-                        if wp.static(damaged):
-                            missing = add_if(
-                                missing, bit_of(lost, wp.static(k)), wp.static(one[k] if enters[j][k] else minus[k])
-                            )
                         if wp.static(enters[j][k]):
                             M1 += wp.static(c1[k]) * u
                             M2 += wp.static(c2[k]) * u
@@ -270,13 +208,6 @@ def undamaged_lattice_force(
                             M1 -= wp.static(c1[k]) * u
                             M2 -= wp.static(c2[k]) * u
                             T[k] = (T[k] + wp.static(c1[k]) * R1) + wp.static(c2[k]) * R2
-            if wp.static(damaged):
-                missing = turn_shape(missing)
-                before_turn = lost
-                lost = wp.uint32(0)
-                for k in range(wp.static(n)):
-                    if bit_of(before_turn, wp.static(turned[k])):
-                        lost = lost | wp.static(wp.uint32(1 << k))
             T_seen = Vectors()
             for k in range(wp.static(n)):
                 T_seen[k] = turn(T[wp.static(turned[k])])
@@ -305,84 +236,30 @@ def undamaged_lattice_force(
             t = T[k]
             if wp.static(large and inside[0][k]):
                 t = (t + wp.static(c1[k]) * R1) + wp.static(c2[k]) * R2
-            if wp.static(damaged):
-                t = kept(t, lost_bits, wp.static(k))
             t = unit_force * t
             bond_force[wp.static(k), slot] = t
             pull += t
         force[i] = pull
 
-    if damaged:
+    return undamaged_family_force
 
-        @kernel(module, per="list", gathers=("displacement",), fast_math=bits == 32)
-        def damaged_family_force(
-            damaged_points: wp.array(dtype=wp.int32),
-            damaged_count: wp.array(dtype=wp.int32),
-            stride: int,
-            intact: wp.array2d(dtype=wp.uint32),
-            displacement: wp.array(dtype=vec3),
-            places: Places,
-            turns: int,
-            constants: parameters,
-            inverse_horizon: real,
-            unit_force: real,
-            squared_stretch: real,
-            first: int,
-            others: wp.array(dtype=wp.int32),
-            other_count: wp.array(dtype=wp.int32),
-            bond_force: wp.array2d(dtype=vec3),
-            force: wp.array(dtype=vec3),
-        ):
-            place = wp.tid() + first
-            while place < damaged_count[0]:
-                i = damaged_points[place]
-                lost = wp.uint32(wp.static(full)) & ~intact[0, i]
-                family_force(
-                    i, lost, displacement, places, turns, constants, inverse_horizon, unit_force, squared_stretch,
-                    others, other_count, bond_force, force,
-                )  # fmt: skip
-                place += stride
 
-        return damaged_family_force
+@functools.cache
+def list_of_others() -> Kernel:
+    """Kernel that lists the points whose families the kernel of undamaged ones leaves alone, in any order."""
 
-    @kernel(module, gathers=("displacement",), fast_math=bits == 32)
-    def undamaged_family_force(
+    @kernel(per="list")
+    def list_other_families(
         family_class: wp.array(dtype=wp.int32),
         inner: int,
+        all_members: wp.uint32,
         intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        places: Places,
-        turns: int,
-        constants: parameters,
-        inverse_horizon: real,
-        unit_force: real,
-        squared_stretch: real,
-        gathering: Gathering,
-        gather_begin: int,
-        gather_end: int,
-        stride: int,
         first: int,
         others: wp.array(dtype=wp.int32),
         other_count: wp.array(dtype=wp.int32),
-        bond_force: wp.array2d(dtype=vec3),
-        force: wp.array(dtype=vec3),
     ):
         i = wp.tid() + first
-        if wp.static(gathers):
-            j = gather_begin + wp.tid()
-            while j < gather_end:
-                gather_at(j, j + 1, gathering)
-                j += stride
-        # One number of both, so that a compiler does not wait for the class before it reads the bits.
-        row = wp.uint32(family_class[i] - inner)
-        lost = wp.uint32(0)
-        if wp.static(breakable):
-            lost = wp.uint32(wp.static(full)) ^ intact[0, i]
-        if (row | lost) != wp.uint32(0):
-            return
-        family_force(
-            i, wp.uint32(0), displacement, places, turns, constants, inverse_horizon, unit_force, squared_stretch,
-            others, other_count, bond_force, force,
-        )  # fmt: skip
+        if (wp.uint32(family_class[i] - inner) | (intact[0, i] ^ all_members)) != wp.uint32(0):
+            others[wp.atomic_add(other_count, 0, 1)] = i
 
-    return undamaged_family_force
+    return list_other_families

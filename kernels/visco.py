@@ -19,14 +19,13 @@ keeps H_p.
 """
 
 import functools
-from dataclasses import dataclass
 
 import warp as wp
 
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import PairFactory
-from .families import family_functions
+from .families import Layout, family_functions
 from .incompressible import incompressible, yeoh
 from .numeric import numeric
 
@@ -54,30 +53,17 @@ def relaxation_factors(bits: int) -> wp.Function:
     return retained
 
 
-@dataclass(frozen=True)
-class ViscoKernels:
-    """Reference kernels of one configuration; kernels/family_rows.py has both in one.
-
-    Attributes:
-        update: Updates strain, overstress and viscous work after a step.
-        visco_force: Fills bond_force [members, points] with the forces of each family, N.
-    """
-
-    update: Kernel
-    visco_force: Kernel
-
-
 @functools.cache
-def conversions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
+def conversions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Functions Prony term -> constants of its Yeoh stress, and (11, 22, 12) -> tensor."""
     types = numeric(bits)
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
 
-    @wp.func(module=module)
+    @wp.func
     def term_constants(term: parameters):
         return parameters(term[0], term[1], real(0.0), real(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def tensor(v: vec3):
         return mat22(v[0], v[2], v[2], v[1])
 
@@ -85,22 +71,52 @@ def conversions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
 
 @functools.cache
-def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> ViscoKernels:
-    """Kernels of the law; arguments as for `bond_associated`; `material` is the equilibrium one."""
+def overstressed(bits: int) -> wp.Function:
+    """Function (S, G, i, j, members, prony, strain, overstress) -> S with the stresses of all Prony terms [Pa]."""
     types = numeric(bits)
-    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
-    f = family_functions(layout, bits, module)
-    Family = f.struct
-    stress, _ = material(bits)
+    vec3, mat22, parameters = types.vec3, types.mat22, types.parameters
     prony_stress = incompressible(yeoh).functions(bits)[0]
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
-    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
-    add_to_members, stress_on_members = law.add_to_members, law.stress_on_members
-    retained = relaxation_factors(bits)
-    term_constants, tensor = conversions(bits, module)
+    term_constants, tensor = conversions(bits)
 
-    @wp.func(module=module)
+    @wp.func
+    def with_overstress(
+        S: mat22,
+        G: mat22,
+        i: int,
+        j: int,
+        members: int,
+        prony: wp.array(dtype=parameters),
+        strain: wp.array2d(dtype=vec3),
+        overstress: wp.array2d(dtype=vec3),
+    ):
+        total = S
+        old = tensor(strain[j, i])
+        for p in range(prony.shape[0]):
+            own = term_constants(prony[p])
+            total += tensor(overstress[p * members + j, i])
+            total += prony_stress(G, own) - prony_stress(old, own)
+        return total
+
+    return with_overstress
+
+
+@functools.cache
+def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
+    """Reference kernel `update`: brings strain and overstress to the end of a step and adds the viscous work [J].
+
+    kernels/family_rows.py has it and the force in one. Arguments as for `bond_associated`.
+    """
+    types, bits = layout.types, layout.bits
+    real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
+    f = family_functions(layout)
+    Family = f.struct
+    prony_stress = incompressible(yeoh).functions(bits)[0]
+    law = bond_associated(layout, material, "variational").mechanics
+    is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
+    retained = relaxation_factors(bits)
+    term_constants, tensor = conversions(bits)
+
+    @wp.func
     def rate_of(G: mat22, old: mat22, step: real):
         """|dC/dt| in space, C33 = 1 / det C (VE eqs. 31 and 32)."""
         change = G - old
@@ -109,7 +125,7 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
         thinning = (change[0, 0] + change[1, 1] + wp.determinant(G) - wp.determinant(old)) / (area * old_area)
         return wp.sqrt(wp.ddot(change, change) + thinning * thinning) / step
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def update(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -129,97 +145,50 @@ def visco(layout: str, bits: int, material: PairFactory, breakable: str | None, 
         total = real(0.0)
         work = wp.float64(0.0)
         for j in range(family.members):
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    G = green(inverse_horizon * G1, inverse_horizon * G2, tilt)
-                    old = tensor(strain[j, i])
-                    weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
-                    rate = rate_of(G, old, dt)
-                    for p in range(prony.shape[0]):
-                        term = prony[p]
-                        c = term_constants(term)
-                        x = dt / term[2]
-                        if term[3] != real(0.0):
-                            x *= wp.pow(rate, term[3])
-                        k = retained(x)
-                        row = p * family.members + j
-                        before = overstress[row, i]
-                        jump = prony_stress(G, c) - prony_stress(old, c)
-                        after = before - (x * k) * before + k * vec3(jump[0, 0], jump[1, 1], jump[0, 1])
-                        overstress[row, i] = after
-                        mean = before + after
-                        power = mean[0] * (G[0, 0] - old[0, 0]) + mean[1] * (G[1, 1] - old[1, 1])
-                        power += real(2.0) * mean[2] * (G[0, 1] - old[0, 1])
-                        work += wp.float64(real(0.25) * weight * power)
-                    strain[j, i] = vec3(G[0, 0], G[1, 1], G[0, 1])
+            there, H1, H2, _inverse, weight, tilt = visit(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                G = green(H1, H2, tilt)
+                old = tensor(strain[j, i])
+                total += weight
+                rate = rate_of(G, old, dt)
+                for p in range(prony.shape[0]):
+                    term = prony[p]
+                    c = term_constants(term)
+                    x = dt / term[2]
+                    if term[3] != real(0.0):
+                        x *= wp.pow(rate, term[3])
+                    k = retained(x)
+                    row = p * family.members + j
+                    before = overstress[row, i]
+                    jump = prony_stress(G, c) - prony_stress(old, c)
+                    after = before - (x * k) * before + k * vec3(jump[0, 0], jump[1, 1], jump[0, 1])
+                    overstress[row, i] = after
+                    mean = before + after
+                    power = mean[0] * (G[0, 0] - old[0, 0]) + mean[1] * (G[1, 1] - old[1, 1])
+                    power += real(2.0) * mean[2] * (G[0, 1] - old[0, 1])
+                    work += wp.float64(real(0.25) * weight * power)
+                strain[j, i] = vec3(G[0, 0], G[1, 1], G[0, 1])
         viscous_work[i] = viscous_work[i] + wp.float64(unit_volume * family_scale(family, i, undamaged, total)) * work
 
-    @kernel(module, gathers=("displacement",))
-    def visco_force(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        constants: parameters,
-        inverse_horizon: real,
-        unit_force: real,
-        prony: wp.array(dtype=parameters),
-        strain: wp.array2d(dtype=vec3),
-        overstress: wp.array2d(dtype=vec3),
-        first: int,
-        bond_force: wp.array2d(dtype=vec3),
-    ):
-        i = wp.tid() + first
-        for k in range(family.members):
-            bond_force[k, i] = vec3(real(0.0), real(0.0), real(0.0))
-        undamaged = is_undamaged(family, intact, i)
-        total = real(0.0)
-        for j in range(family.members):
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    H1 = inverse_horizon * G1
-                    H2 = inverse_horizon * G2
-                    G = green(H1, H2, tilt)
-                    old = tensor(strain[j, i])
-                    S = stress(G, constants)
-                    for p in range(prony.shape[0]):
-                        own = term_constants(prony[p])
-                        S += tensor(overstress[p * family.members + j, i])
-                        S += prony_stress(G, own) - prony_stress(old, own)
-                    weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
-                    A1, A2 = stress_on_members(H1, H2, S, weight, inverse, tilt)
-                    add_to_members(family, intact, i, j, A1, A2, bond_force)
-        scale = unit_force * family_scale(family, i, undamaged, total)
-        for k in range(family.members):
-            if is_intact(family, intact, i, k):
-                share = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
-                bond_force[k, i] = f.from_frame(family, i, (scale * share) * bond_force[k, i])
-
-    return ViscoKernels(update, visco_force)
+    return update
 
 
 @functools.cache
-def visco_energy(layout: str, bits: int, material: PairFactory, breakable: str | None, module: str) -> Kernel:
+def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     """Kernel `stored_energy`: stored energy of each family and the energy that it has dissipated [points], J."""
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
     prony_stress = incompressible(yeoh).functions(bits)[0]
-    law = bond_associated(layout, bits, material, breakable, "variational", module).mechanics
-    is_undamaged, is_intact, intersection = law.is_undamaged, law.is_intact, law.intersection
-    green, area_weight, family_scale = law.green, law.area_weight, law.family_scale
-    term_constants, tensor = conversions(bits, module)
-    conjugate, energies = prony_energy(module), material(64)[1]
+    law = bond_associated(layout, material, "variational").mechanics
+    is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
+    term_constants, tensor = conversions(bits)
+    conjugate, energies = prony_energy(), material(64)[1]
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def stored_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -241,34 +210,32 @@ def visco_energy(layout: str, bits: int, material: PairFactory, breakable: str |
         viscous = wp.float64(0.0)
         total = real(0.0)
         for j in range(family.members):
-            if is_intact(family, intact, i, j):
-                G1, G2, inverse, size, tilt = intersection(
-                    family, intact, displacement, displacement, real(0.0), i, j, undamaged
-                )
-                if inverse[0] > real(0.0):
-                    G = green(inverse_horizon * G1, inverse_horizon * G2, tilt)
-                    weight = area_weight(family, i, j, undamaged, size)
-                    total += weight
-                    wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))
-                    c = wp.vec4d(
-                        wp.float64(constants[0]), wp.float64(constants[1]), wp.float64(constants[2]),
-                        wp.float64(constants[3]),
+            there, H1, H2, _inverse, weight, tilt = visit(
+                family, intact, displacement, inverse_horizon, i, j, undamaged
+            )
+            if there:
+                G = green(H1, H2, tilt)
+                total += weight
+                wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))
+                c = wp.vec4d(
+                    wp.float64(constants[0]), wp.float64(constants[1]), wp.float64(constants[2]),
+                    wp.float64(constants[3]),
+                )  # fmt: skip
+                elastic += wp.float64(weight) * energies(wide, c)
+                for p in range(prony.shape[0]):
+                    term = prony[p]
+                    # H belongs to the strain of the last step; add the same difference as the force does.
+                    now = term_constants(term)
+                    H = overstress[p * family.members + j, i]
+                    ahead = prony_stress(G, now) - prony_stress(tensor(strain[j, i]), now)
+                    viscous += wp.float64(weight) * conjugate(
+                        wide,
+                        wp.vec3d(
+                            wp.float64(H[0] + ahead[0, 0]), wp.float64(H[1] + ahead[1, 1]),
+                            wp.float64(H[2] + ahead[0, 1]),
+                        ),
+                        wp.vec4d(wp.float64(term[0]), wp.float64(term[1]), wp.float64(0.0), wp.float64(0.0)),
                     )  # fmt: skip
-                    elastic += wp.float64(weight) * energies(wide, c)
-                    for p in range(prony.shape[0]):
-                        term = prony[p]
-                        # H belongs to the strain of the last step; add the same difference as the force does.
-                        now = term_constants(term)
-                        H = overstress[p * family.members + j, i]
-                        ahead = prony_stress(G, now) - prony_stress(tensor(strain[j, i]), now)
-                        viscous += wp.float64(weight) * conjugate(
-                            wide,
-                            wp.vec3d(
-                                wp.float64(H[0] + ahead[0, 0]), wp.float64(H[1] + ahead[1, 1]),
-                                wp.float64(H[2] + ahead[0, 1]),
-                            ),
-                            wp.vec4d(wp.float64(term[0]), wp.float64(term[1]), wp.float64(0.0), wp.float64(0.0)),
-                        )  # fmt: skip
         scale = wp.float64(unit_volume * family_scale(family, i, undamaged, total))
         out[i] = scale * (elastic + viscous)
         dissipated[i] = viscous_work[i] - scale * viscous
@@ -277,14 +244,14 @@ def visco_energy(layout: str, bits: int, material: PairFactory, breakable: str |
 
 
 @functools.cache
-def prony_energy(module: str) -> wp.Function:
+def prony_energy() -> wp.Function:
     """Function (G, H, constants) -> stored energy of a Prony term [J/m^3], in float64."""
     made = incompressible(yeoh)
     _, energy = made.functions(64)
     response = made.response(64)
     search, enough = SEARCH, ENOUGH
 
-    @wp.func(module=module)
+    @wp.func
     def potential(G: wp.mat22d, q: wp.vec3d, c: wp.vec4d):
         """F(C) - q : (C - I) / 2, infinite where det C <= 0."""
         value = wp.float64(wp.inf)
@@ -295,7 +262,7 @@ def prony_energy(module: str) -> wp.Function:
             )
         return value
 
-    @wp.func(module=module)
+    @wp.func
     def stored(G: wp.mat22d, H: wp.vec3d, c: wp.vec4d):
         """Psi = F(C) - q : C / 2 minus the minimum of the potential, which is at C_q."""
         S, T = response(G, c)

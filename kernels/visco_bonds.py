@@ -21,8 +21,7 @@ import warp as wp
 from .bond_based import bond_functions
 from .bond_state import energy_of_families, gather_pairs
 from .effects import Kernel, kernel
-from .families import family_functions
-from .numeric import numeric
+from .families import Layout, family_functions
 from .pointwise import Pointwise
 from .visco import relaxation_factors
 
@@ -47,26 +46,23 @@ class ViscoBondKernels:
 
 
 @functools.cache
-def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bool, module: str) -> ViscoBondKernels:
+def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
     """Kernels of the law.
 
     Args:
-        layout: "lattice", "grid" or "cloud".
-        bits: 32 or 64.
-        breakable: Whether bonds can break.
+        layout: Layout of the families.
         terms: Whether there are Prony terms.
         series: Whether the viscous stretch is updated by the series of VE eq. 60, or exactly.
-        module: Name of the Warp module.
     """
-    types = numeric(bits)
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
-    f = family_functions(layout, bits, module)
+    f = family_functions(layout)
     Family = f.struct
-    bond = bond_functions(layout, bits, breakable, module)
+    bond = bond_functions(layout)
     is_intact, strain_of, image = bond.is_intact, bond.strain, bond.image
     retained = relaxation_factors(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def excess(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -87,7 +83,7 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
                 total += f.weight(family, i, k) * wp.length_sq(xi) * s * (real(2.0) + s)
         return real(0.5) * total / f.area(family, i)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def half_forces(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -120,7 +116,7 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
                 force = (unit_force * f.weight(family, i, k) * factor) * Y
             bond_force[k, i] = force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def update(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -157,7 +153,7 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
                         viscous_stretch[row, i] = gamma - x * share * gamma + share * change
                 strain[k, i] = s
 
-    @wp.func(module=module)
+    @wp.func
     def earlier_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -174,8 +170,8 @@ def visco_bonds(layout: str, bits: int, breakable: bool, terms: bool, series: bo
 
     return ViscoBondKernels(
         half_forces=half_forces,
-        gather=gather_pairs(layout, bits, breakable, module),
+        gather=gather_pairs(layout),
         update=update,
-        strain_energy=energy_of_families(layout, bits, earlier_energy, module),
+        strain_energy=energy_of_families(layout, earlier_energy),
         earlier_energy=earlier_energy,
     )

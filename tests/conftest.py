@@ -1,9 +1,12 @@
 """Devices that tests run on, and pictures that they do not wait for."""
 
+from dataclasses import replace
+
 import pytest
 import warp as wp
 
 from warp_pd.interfaces.context import find_device
+from warp_pd.laws import force_paths
 
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
@@ -25,3 +28,9 @@ def no_default_pictures(request, monkeypatch):
     """Leave those pictures out where a test does not ask for them: they take longer than most runs."""
     if "default_pictures" not in request.fixturenames:
         monkeypatch.setattr("warp_pd.output.default_pictures.draw", lambda *arguments: None)
+
+
+@pytest.fixture
+def tune(monkeypatch):
+    """Change what decides force paths, so that a small sheet takes that of a large one."""
+    return lambda **changes: monkeypatch.setattr(force_paths, "TUNING", replace(force_paths.TUNING, **changes))

@@ -35,7 +35,6 @@ STATES = {
     "plain": {},
     "corrected": {"weights": "corrected"},
     "torn": {"damage": CriticalStretch(1e3)},
-    "redistributed": {"damage": CriticalStretch(1e3), "law": {"broken": "redistribute"}},
     "softened": {"damage": TearingEnergy(300.0)},
 }
 

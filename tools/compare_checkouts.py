@@ -173,7 +173,6 @@ LAWS: dict[str, Callable[[], Any]] = {
     "plain": lambda: w.BondAssociated(neo(), 3.15, weights="plain"),
     "corrected": lambda: w.BondAssociated(neo(), 2.015, weights="corrected"),
     "slow": lambda: w.BondAssociated(neo(), 2.015, weights="plain", fast=False),
-    "redistribute": lambda: w.BondAssociated(neo(), 2.015, weights="plain", broken="redistribute"),
     "wide": lambda: w.BondAssociated(neo(), 5.1),
     "inverse": lambda: w.BondAssociated(neo(), 2.015, influence="inverse"),
     "nodal": lambda: w.Nodal(neo()),

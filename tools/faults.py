@@ -111,9 +111,9 @@ def kills(scene: str, whole: Path, seconds: float, number: int, work: Path) -> I
         shutil.rmtree(out)
 
 
-def truncations(scene: str, whole: Path, places: int, work: Path) -> Iterator[Trial]:
+def truncations(scene: str, whole: Path, places: int, chosen: Sequence[str], work: Path) -> Iterator[Trial]:
     """Cut each file short at some places, then ask for the contents and resume."""
-    for name in results_in(whole):
+    for name in (file for file in results_in(whole) if not chosen or file in chosen):
         size = (whole / name).stat().st_size
         for place in range(places):
             out = work / f"cut-{name}-{place}"
@@ -181,6 +181,7 @@ def main() -> None:
     parser = study_parser(__doc__, device="cpu", out=None, commit=None)
     parser.add_argument("--kills", type=int, default=50, help="of each scene")
     parser.add_argument("--places", type=int, default=20, help="at which each file is cut")
+    parser.add_argument("--files", nargs="*", default=[], help="that are cut; by default all")
     parser.add_argument("--sizes", type=int, default=50, help="of a full disk")
     parser.add_argument("--scenes", nargs="*", default=list(SCENES), choices=list(SCENES))
     options = parser.parse_args()
@@ -198,7 +199,7 @@ def main() -> None:
                 raise RuntimeError(f"{scene}: {done.stderr}")
             for found in (
                 kills(scene, whole, seconds, options.kills, work),
-                truncations(scene, whole, options.places, work),
+                truncations(scene, whole, options.places, options.files, work),
                 full_disks(scene, whole, options.sizes, work),
                 two_at_once(scene, whole, work),
             ):

@@ -1,4 +1,7 @@
-"""Command line: warp-pd list, run, sweep, plan, draw, view, fit, info, bench."""
+"""Command line: warp-pd list, run, sweep, plan, draw, view, fit, info, bench.
+
+A command imports what it needs when it runs: the help must not wait for Warp.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,6 @@ from typing import Any
 import click
 
 from .device.checks import InputError, OutputError, count, one_of
-from .fitting.command import fit_command
-from .interfaces.communicator import LAUNCHER_REPORTS, LostError
-from .run.processes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT, communicator_here, is_first, launch, processes_here
 from .run.scene_files import build_scene, load_scene, scene_names
 from .run.scene_help import SceneCommand
 
@@ -27,26 +27,40 @@ class OneLineGroup(click.Group):
             return super().invoke(ctx)
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "warp-pd"
-            _say(f"{error.format_message()} (see {where} --help)")
-            ctx.exit(WRONG_INPUT)
-        except LostError as error:
+            ctx.exit(_refused(f"{error.format_message()} (see {where} --help)"))
+        except RuntimeError as error:
+            from .interfaces.communicator import LAUNCHER_REPORTS, LostError
+            from .run.processes import LOST
+
+            if not isinstance(error, LostError):
+                raise
             if LAUNCHER_REPORTS not in os.environ:
                 click.echo(f"warp-pd: {error}", err=True)
             sys.stderr.flush()
             # What still waits for the other process would hang.
             os._exit(LOST)
         except (InputError, MemoryError) as error:
-            _say(str(error))
+            code = _refused(str(error))
             if isinstance(error, OutputError):
                 # HDF5 crashes at the exit of a process in which a file could not be written.
                 sys.stdout.flush()
                 sys.stderr.flush()
-                os._exit(WRONG_INPUT)
-            ctx.exit(WRONG_INPUT)
+                os._exit(code)
+            ctx.exit(code)
+
+
+def _refused(text: str) -> int:
+    """Say why input is refused; the exit code."""
+    from .run.processes import WRONG_INPUT
+
+    _say(text)
+    return WRONG_INPUT
 
 
 def _say(text: str) -> None:
     """One line on stderr; of several processes the first says it."""
+    from .run.processes import is_first
+
     if is_first():
         click.echo(f"warp-pd: {text}", err=True)
 
@@ -57,14 +71,8 @@ def main() -> None:
     """Peridynamics of thin rubber sheets that stretch, wrinkle, tear and get pierced."""
 
 
-def _settings(
-    points: int | None, horizon: float | None, force: str | None, weights: str | None, solver: str | None,
-    duration: float | None, frames: int | None, assignments: tuple[str, ...],
-) -> dict[str, Any]:  # fmt: skip
-    named = {
-        "points": points, "horizon": horizon, "force": force, "weights": weights, "solver": solver,
-        "duration": duration, "frames": frames,
-    }  # fmt: skip
+def _settings(assignments: tuple[str, ...], named: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of a scene: those that have an option of their own, and those of --set."""
     settings = {key: value for key, value in named.items() if value is not None}
     return settings | _assigned(assignments, settings)
 
@@ -153,13 +161,14 @@ def list_scenes() -> None:
 @click.option("--gpus", type=int, default=1, help="Divide the sheet among so many GPUs of this machine.")
 @click.option("--processes", type=int, default=1, help="The same; with --device cpu processes share the cores.")
 def run(
-    scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
-    solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
-    precision: int | None, out: str | None, resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool,
-    fields: str | None, pictures: str, no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool,
-    gpus: int, processes: int, stride: int, no_restart: bool,
+    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
+    resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool, fields: str | None, pictures: str,
+    no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool, gpus: int, processes: int,
+    stride: int, no_restart: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
+    from .run.processes import DIVERGED, INTERRUPTED, communicator_here, is_first, launch, processes_here
+
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
     quiet = quiet or not is_first()
@@ -169,7 +178,7 @@ def run(
     from .run.runner import DIVERGED as RUN_DIVERGED
     from .run.runner import NOT_CONVERGED, STOPPED, DivergedError
 
-    settings = _settings(points, horizon, force, weights, solver, duration, frames, assignments)
+    settings = _settings(assignments, named)
     communicator, _ = communicator_here(device)
     simulation = communicator.barrier(lambda: build_scene(scene, settings))
     folder: str | Path = Path("runs") / simulation.scene if out is None else out
@@ -244,19 +253,16 @@ def sweep_values(
     start = here(options)
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1:
         start = apart(scene, options, gpus, processes)
-    sys.exit(run_sweep(scene, choices, folder, start, precision, overwrite, quiet))
+    sys.exit(run_sweep(scene, choices, folder, start, device, precision, overwrite, quiet))
 
 
 @main.command(cls=SceneCommand)
 @_scene_options
 def plan(
-    scene: str, points: int | None, horizon: float | None, force: str | None, weights: str | None,
-    solver: str | None, duration: float | None, frames: int | None, assignments: tuple[str, ...], device: str | None,
-    precision: int | None,
+    scene: str, assignments: tuple[str, ...], device: str | None, precision: int | None, **named: Any
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, and the part that each belongs to."""
-    simulation = build_scene(scene, _settings(points, horizon, force, weights, solver, duration, frames, assignments))
-    click.echo(simulation.plan(device, precision))
+    click.echo(build_scene(scene, _settings(assignments, named)).plan(device, precision))
 
 
 @main.command("draw")
@@ -278,8 +284,7 @@ def draw(
     if shape:
         if scene is not None:
             raise InputError(f"--scene {scene}: expected it without --shape; name the scene itself")
-        settings = _settings(points, None, None, None, None, None, None, assignments)
-        simulation = build_scene(str(folder), settings)
+        simulation = build_scene(str(folder), _settings(assignments, {"points": points}))
         picture = out or f"{simulation.scene}-shape.png"
         simulation.draw(picture)
         click.echo(f"  {picture}")
@@ -361,7 +366,39 @@ def bench(
     click.echo(report(cases, device, seconds))
 
 
-main.add_command(fit_command(lambda points, texts: _settings(points, None, None, None, None, None, None, texts)))
+@main.command(cls=SceneCommand)
+@click.argument("scene")
+@click.argument("data", nargs=-1, required=True, metavar="DATA.csv...", type=click.Path(path_type=Path))
+@click.option("--vary", required=True, metavar="NAME,...", help="Arguments of the scene that are fitted.")
+@click.option("--measure", help="The measure of the scene that was measured; by default the column's name.")
+@click.option("--bounds", multiple=True, metavar="NAME=LOW:HIGH", help="Bounds of a constant; may be repeated.")
+@click.option("--loss", default="linear", help="linear, or soft_l1 for data with outliers.")
+@click.option("--points", type=int, help="Points along x.")
+@click.option(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A parameter of the scene, or the start value of a constant; may be repeated.",
+)
+@click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
+@click.option("--precision", type=int, help="32 or 64; by default the solver's.")
+@click.option("--out", help="Folder for the results; by default runs/SCENE-fit, or runs/SCENE-fit-2, ...")
+def fit(
+    scene: str, data: tuple[Path, ...], vary: str, measure: str | None, bounds: tuple[str, ...], loss: str,
+    points: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
+) -> None:  # fmt: skip
+    """Fit constants of SCENE to tests: CSV files with units in the header, all at once.
+
+    A curve has a column for what was controlled, an argument of the scene such as "pressure [kPa]", "time [s]" or
+    "load_factor [1]", and one for what was measured. Columns x, y, u, v (w) are displacements at places.
+    """
+    from .fitting.command import FitOptions, fit_scene
+
+    options = FitOptions(vary, measure, bounds, loss, device, precision, out)
+    for line in fit_scene(scene, data, _settings(assignments, {"points": points}), options):
+        click.echo(line)
+
 
 if __name__ == "__main__":
     main()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -232,8 +233,8 @@ def at_time(name: str, time: float) -> Callable[[History], float | None]:
 
 
 def largest(name: str) -> Callable[[History], float | None]:
-    """Function of a history: the largest value of column `name`."""
-    return lambda history: max(row[name] for row in history)
+    """Function of a history: the largest value of column `name`; None if it is missing in every row."""
+    return lambda history: max((row[name] for row in history if not math.isnan(row[name])), default=None)
 
 
 def time_above(name: str, threshold: float) -> Callable[[History], float | None]:

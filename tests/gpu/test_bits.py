@@ -17,9 +17,8 @@ from warp_pd import (
     RigidBall,
     Simulation,
 )
-from warp_pd.device import launches, streams
+from warp_pd.device import graph, launches
 from warp_pd.families import unpack
-from warp_pd.laws import fast_path
 
 RAMP = ((0.0, 0.0), (0.01, 1.0))
 
@@ -108,25 +107,25 @@ def test_side_streams_give_the_same_bits(device, monkeypatch):
     )
     alone = struck(square(21), 64).run(device=device).built
     assert not any(item.side_stream for item in alone.context.stages["step"])
-    assert streams.side_stream_waits(list(alone.context.stages["step"])).count(True) == 0
+    assert graph.side_stream_waits(list(alone.context.stages["step"])).count(True) == 0
     assert_same(left_behind(beside), left_behind(alone))
 
 
 @pytest.mark.parametrize("precision", [32, 64])
+@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
 @pytest.mark.parametrize("layout", ["lattice", "grid"])
-def test_strips_on_streams_give_the_same_bits(device, monkeypatch, layout, precision):
-    """Strips of a sheet run beside each other, and gather the forces of earlier ones."""
-    monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
+def test_strips_through_a_ring_give_the_same_bits(device, tune, layout, torn, precision):
+    """Strips of a large sheet reuse the memory of earlier ones, and the list of families that are not undamaged."""
     results = []
-    for least in (0, 10**9):
-        monkeypatch.setattr(fast_path, "STRIPS_FROM", least)
-        monkeypatch.setattr(fast_path, "STRIP", {"lattice": 105, "grid": 150}[layout])
+    for ring in ({"lattice": 200, "grid": 300}[layout], 10**9):
+        tune(lattice_bonds=0, ring=ring)
         simulation = struck(SHEETS[layout](), precision)
-        simulation.damage = None
+        if not torn:
+            simulation.damage = None
         result = simulation.run(device=device)
-        names = [item.name for item in result.built.context.stages["step"]]
+        names = [part for item in result.built.context.stages["step"] for part in item.parts]
         # A CPU takes one kernel for all families.
-        assert (names.count("undamaged_family_force") > 1) == (least == 0 and "cuda" in device)
+        assert (names.count("undamaged_family_force") > 1) == (ring < 10**9 and "cuda" in device)
         results.append(left_behind(result.built))
     assert_same(*results)
 

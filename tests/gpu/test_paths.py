@@ -18,7 +18,6 @@ from warp_pd import (
     Relaxation,
     Simulation,
 )
-from warp_pd.laws import fast_path
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
 CUT = ((0.02, 0.031), (0.071, 0.08))
@@ -33,14 +32,10 @@ def close(one, other, tolerance):
 @pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
 @pytest.mark.parametrize("cloud", [False, True], ids=["lattice", "cloud"])
 @pytest.mark.parametrize("size", ["small", "large"])
-def test_fast_kernels_are_the_reference_kernels(device, monkeypatch, size, cloud, torn, precision):
+def test_fast_paths_have_the_forces_of_the_reference(device, tune, size, cloud, torn, precision):
     """On a GPU small sheets share blocks; large ones have a kernel for undamaged families, and a list of the others."""
     if size == "large":
-        monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
-        monkeypatch.setattr(fast_path, "RING", 300)
-        monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
-        monkeypatch.setattr(fast_path, "STRIP", 150)
-        monkeypatch.setattr(fast_path, "CLOUD_RING", 300)
+        tune(lattice_bonds=0, ring=300, cloud_ring=300, compact_points=0)
     sheet = square(33).as_cloud() if cloud else square(33)
     forces = []
     for fast in (True, False):
@@ -50,9 +45,8 @@ def test_fast_kernels_are_the_reference_kernels(device, monkeypatch, size, cloud
         )
         if torn:
             sever(built, CUT)
-        names = [name for launch in built.context.stages["step"] for name in launch.parts]
-        quick = {"family_rows_force"} if device == "cpu" else {"undamaged_family_force", "family_block_force"}
-        assert bool(quick & set(names)) == fast
+        on_gpu = "undamaged lattice" if size == "large" and not cloud else "blocks"
+        assert built.law.force_path == ("reference" if not fast else "rows" if device == "cpu" else on_gpu)
         forces.append(internal_force(built, rough(sheet)))
     close(*forces, TOLERANCE[precision])
 
@@ -60,16 +54,14 @@ def test_fast_kernels_are_the_reference_kernels(device, monkeypatch, size, cloud
 @pytest.mark.parametrize("precision", [32, 64])
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("kind", SHEETS)
-def test_fast_kernels_of_curved_sheets_are_the_reference_kernels(device, kind, state, precision):
+def test_fast_paths_of_curved_sheets_have_the_forces_of_the_reference(device, kind, state, precision):
     sheet, values, forces = SHEETS[kind](), STATES[state], []
     for fast in (True, False):
         law = {"fast": fast, **values.get("law", {})}
         built = build(sheet, horizon=2.2, material=GENT, precision=precision, device=device, **{**values, "law": law})
         if "damage" in values:
             assert soften(built).any() if built.context.features.gradual else tear(built).any()
-        names = [name for launch in built.context.stages["step"] for name in launch.parts]
-        quick = "family_rows_force" if device == "cpu" else "family_block_force"
-        assert (quick in names) == fast
+        assert built.law.force_path == ("reference" if not fast else "rows" if device == "cpu" else "blocks")
         forces.append(internal_force(built, rough_motion(sheet)))
         turned = sheet.points @ rotation().T - sheet.points
         round_off = np.finfo(f"f{precision // 8}").eps * np.abs(turned).max()
@@ -84,13 +76,11 @@ def test_fast_kernels_of_curved_sheets_are_the_reference_kernels(device, kind, s
         ("large", 4.15, 64, True), ("small", 3.15, 32, True), ("strips", 2.015, 32, False), ("strips", 3.15, 64, True),
     ],
 )  # fmt: skip
-def test_a_grid_with_gaps_has_the_forces_of_a_cloud(device, monkeypatch, size, horizon, precision, torn):
+def test_a_grid_with_gaps_has_the_forces_of_a_cloud(device, tune, size, horizon, precision, torn):
     if size != "small":
-        monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
+        tune(lattice_bonds=0)
     if size == "strips":
-        monkeypatch.setattr(fast_path, "RING", 900)
-        monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
-        monkeypatch.setattr(fast_path, "STRIP", 450)
+        tune(ring=900)
     sheet, forces = holed(65, 0.007), []
     for same, fast in ((sheet, True), (sheet.as_cloud(), False)):
         parts = {"damage": CriticalStretch(1e3)} if torn else {}
@@ -99,20 +89,16 @@ def test_a_grid_with_gaps_has_the_forces_of_a_cloud(device, monkeypatch, size, h
         )
         if torn:
             sever(built, CUT)
-        names = [name for launch in built.context.stages["step"] for name in launch.parts]
         # At 4.15 families have more than 32 members, too many for the kernel of undamaged ones.
-        listed = device != "cpu" and size != "small" and horizon < 4.0
-        assert ("undamaged_family_force" in names) == (fast and listed)
+        large = device != "cpu" and size != "small" and horizon < 4.0
+        assert (built.law.force_path == "undamaged lattice") == (fast and large)
         forces.append(internal_force(built, rough(sheet)))
     close(*forces, 2.0 * TOLERANCE[precision])
 
 
 @pytest.mark.parametrize("precision", [32, 64])
-def test_points_off_the_grid_have_the_forces_of_a_cloud(device, monkeypatch, precision):
-    monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
-    monkeypatch.setattr(fast_path, "RING", 300)
-    monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
-    monkeypatch.setattr(fast_path, "STRIP", 150)
+def test_points_off_the_grid_have_the_forces_of_a_cloud(device, tune, precision):
+    tune(lattice_bonds=0, ring=300)
     sheet = partly_off_the_grid(41)
     forces = [
         internal_force(build(s, weights=weights, precision=precision, device=device), rough(sheet))

@@ -9,19 +9,15 @@ from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, Motion, Re
 from warp_pd.families import pack, unpack
 
 
-@pytest.mark.parametrize(("broken", "safety"), [("drop", 0.1), ("redistribute", 0.02)])
-def test_tearing_a_strip_in_two(broken, safety):
-    """Pulled apart at mid-height: damage appears, the halves separate, nothing is NaN, the energy balances.
-
-    Redistributed weights stiffen what a family has left: at 0.1 of the step the released energy has either sign.
-    """
+def test_tearing_a_strip_in_two():
+    """Pulled apart at mid-height: damage appears, the halves separate, nothing is NaN, the energy balances."""
     sheet = Sheet.rectangle(0.04, 0.1, thickness=1e-3, density=1000.0, points=(9, 21)).cut(
         (-0.01, 0.0512), (0.016, 0.0512)
     )
-    law = BondAssociated(NEO, horizon=3.015, broken=broken)
+    law = BondAssociated(NEO, horizon=3.015)
     top = sheet.edges("top")
     simulation = Simulation(
-        sheet, law, Explicit(0.5, frames=25, damping=5.0, safety=safety),
+        sheet, law, Explicit(0.5, frames=25, damping=5.0, safety=0.1),
         loads=[Fixed(sheet.edges("bottom")), Motion(top, [0.0, 0.5], x=0.0, y=[0.0, 0.15], z=0.0)],
         damage=CriticalStretch(1.5),
     )  # fmt: skip

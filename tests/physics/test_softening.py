@@ -146,7 +146,7 @@ def test_what_does_not_soften_has_no_shares():
         Simulation(sheet, law, Explicit(1.0), damage=CriticalStretch(1.5)),
         Simulation(sheet, law, Relaxation(), damage=TearingEnergy(5.0), loads=loads),
         Simulation(sheet, Nodal(NEO), Explicit(1.0), damage=TearingEnergy(5.0)),
-        Simulation(sheet, BondAssociated(NEO, broken="redistribute"), Explicit(1.0), damage=TearingEnergy(5.0)),
+        Simulation(sheet, BondAssociated(NEO, weights="published"), Explicit(1.0), damage=TearingEnergy(5.0)),
     ):
         built = simulation.build("cpu")
         assert "bond_shares" not in [stored.name for stored in built.context.fields]

@@ -62,10 +62,7 @@ CASES = {
     "assembled, 32 members and more": (square(15), {"assembled": True, "horizon": 4.15}),
     "assembled Gent": (square(11), {"assembled": True, "material": GENT, "horizon": 1.5}),
     "Gent cloud": (jittered(11), {"material": GENT}),
-    "broken lattice, dropped": (square(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
-    "broken lattice, redistributed": (
-        square(11), {"crack": CRACK, "damage": CriticalStretch(9.0), "law": {"broken": "redistribute"}},
-    ),
+    "broken lattice": (square(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
     "sphere": (small_sphere(), {"weights": "corrected"}),
     "broken tube": (small_tube(16, 1.5), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
     "broken cloud": (jittered(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),

@@ -89,7 +89,7 @@ def intact_after_a_step(sheet, damage, gradient):
     """Bits of the bonds that are whole; the law's bonds cannot lose their weight gradually."""
     simulation = Simulation(
         sheet,
-        BondAssociated(NEO, broken="redistribute"),
+        BondAssociated(NEO, weights="published"),
         Explicit(1e-6, frames=1),
         damage=damage,
         initial_displacement=uniform(sheet, gradient),

@@ -29,7 +29,7 @@ class Field:
         owner: The part that declared it.
         per: What it has an entry for, one of PER; "bond" is [members, points].
         restart: Whether a restart file keeps it; such names are unique in a simulation.
-        halo: Whether a halo of neighbouring points needs it when a sheet is distributed over devices.
+        halo: Whether a halo of neighbouring points needs it where several devices divide the points.
         output: Name under which frames show it, or "" if they do not.
         density: Whether frames divide it by the volume of the point [m^3].
     """
@@ -137,7 +137,7 @@ def _require_short_rows(declared: Field, array: Array) -> None:
         most = (2**31 - 1) // int(wp.types.type_size_in_bytes(array.dtype))
         raise InputError(
             f"{declared.owner}: {declared.name} has {array.shape[1]} entries in a row: expected at most {most}; "
-            "divide the sheet among more processes (--gpus)"
+            "divide the points among more processes (--gpus)"
         )
 
 

@@ -17,7 +17,6 @@ import warp as wp
 
 from .cores import available_cores, cores
 from .launches import Call, Item, Launch, Stage
-from .streams import MAIN, SIDE, stream_of, stream_waits
 
 # A launch that takes longer than this on one core of a CPU [s] is split over all; starting them takes a third of it.
 SPLIT_FROM = 1e-4
@@ -139,42 +138,44 @@ class CpuLaunch:
 
 
 def run_once(device: wp.Device, items: Iterable[Item]) -> None:
-    """Run launches now, one by one; on CUDA those of other streams in parallel with others that do not need them."""
+    """Run launches now, one by one; on CUDA those of the side stream in parallel with others that do not need them."""
     items = list(items)
-    if device.is_cuda and any(stream_of(item) != MAIN for item in items):
-        _run_on_streams(device, items)
+    if not device.is_cuda or not any(item.side_stream for item in items):
+        for item in items:
+            _run(item, device)
         return
+    main, side = device.stream, _side_stream(device.alias)
+    waits = side_stream_waits(items)
+    for item, wait in zip(items, waits, strict=False):
+        if wait:
+            main.wait_stream(side)
+        if item.side_stream:
+            # What is on the side stream waits for everything that stands before it.
+            side.wait_stream(main)
+        _run(item, device, side if item.side_stream else main)
+    if waits[-1]:
+        main.wait_stream(side)
+
+
+def side_stream_waits(items: Sequence[Item]) -> list[bool]:
+    """Whether the main stream waits for the side stream before each item, and at the end: one entry more than items."""
+    waits: list[bool] = []
+    parallel: list[Item] = []
     for item in items:
-        if isinstance(item, Launch):
-            _launch(item, device)
-        else:
-            item.function()
+        waits.append(any(_must_wait(item, earlier) for earlier in parallel))
+        if waits[-1]:
+            parallel = []
+        if item.side_stream:
+            parallel.append(item)
+    return [*waits, bool(parallel)]
 
 
-def _run_on_streams(device: wp.Device, items: Sequence[Item]) -> None:
-    numbers = sorted({stream_of(item) for item in items} | {MAIN})
-    streams = {number: _stream(device.alias, number) if number != MAIN else device.stream for number in numbers}
-    for stream in list(streams.values())[1:]:
-        stream.wait_stream(device.stream)
-    waits = stream_waits(items)
-    awaited = {number for pairs in waits for _, number in pairs}
-    events: dict[int, wp.Event] = {}
-    for place, pairs in enumerate(waits):
-        for waiting, number in pairs:
-            streams[waiting].wait_event(events[number])
-        if place == len(items):
-            return
-        item = items[place]
-        stream = streams[stream_of(item)]
-        if isinstance(item, Launch):
-            _launch(item, device, stream)
-        elif stream is device.stream:
-            item.function()
-        else:
-            with wp.ScopedStream(stream):
-                item.function()
-        if place in awaited:
-            events[place] = stream.record_event()
+def _must_wait(item: Item, earlier: Item) -> bool:
+    """Whether an item waits for an earlier one on the side stream."""
+    if item.beside and earlier.beside:
+        # Parts of divided launches touch different points up to the next exchange.
+        return isinstance(item, Call)
+    return item.touched.must_wait_for(earlier.touched)
 
 
 def launch_now(item: Launch, device: wp.Device, **changed: Any) -> None:
@@ -185,12 +186,19 @@ def launch_now(item: Launch, device: wp.Device, **changed: Any) -> None:
     wp.launch(item.kernel, dim=threads, inputs=values, device=device, block_dim=item.block_dim)
 
 
-def _launch(item: Launch, device: wp.Device, stream: wp.Stream | None = None) -> None:
-    threads, values = item.slice(item.begin, item.begin + item.threads)
-    wp.launch(item.kernel, dim=threads, inputs=values, device=device, block_dim=item.block_dim, stream=stream)
+def _run(item: Item, device: wp.Device, stream: wp.Stream | None = None) -> None:
+    """Run a launch or call on a stream of a GPU, or on a CPU."""
+    if isinstance(item, Launch):
+        threads, values = item.slice(item.begin, item.begin + item.threads)
+        wp.launch(item.kernel, dim=threads, inputs=values, device=device, block_dim=item.block_dim, stream=stream)
+    elif stream is None or stream is device.stream:
+        item.function()
+    else:
+        with wp.ScopedStream(stream, sync_enter=False):
+            item.function()
 
 
 @functools.cache
-def _stream(alias: str, number: int) -> wp.Stream:
-    """Stream of a GPU for launches in parallel with the main stream; those of the side stream go before all others."""
-    return wp.Stream(alias, priority=-1 if number == SIDE else 0)
+def _side_stream(alias: str) -> wp.Stream:
+    """Stream of a GPU for launches that run in parallel with the main stream, and before those that wait there."""
+    return wp.Stream(alias, priority=-1)

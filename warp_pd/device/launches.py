@@ -101,31 +101,6 @@ class Span:
     most: int
 
 
-@dataclass(frozen=True)
-class OfStrip:
-    """What a launch does for a strip of a sheet that is worked through in strips (laws/strips.py).
-
-    Launches of neighbouring strips touch different points, lists and columns, or read what is over long since.
-
-    Attributes:
-        number: Number of the strip.
-        stream: Stream on which it runs (device/streams.py).
-        listed: Whether it works on the points of a list, known before, that other launches of the strip leave out.
-        apart: How far behind the strips are whose launches must be over.
-    """
-
-    number: int
-    stream: int
-    listed: bool
-    apart: int
-
-    def must_wait_for(self, earlier: OfStrip) -> bool:
-        """Whether a launch waits for an earlier one on another stream."""
-        if self.number == earlier.number:
-            return self.listed == earlier.listed
-        return not 0 < self.number - earlier.number < self.apart
-
-
 @dataclass(eq=False)
 class Launch:
     """One kernel launch with its arguments.
@@ -139,14 +114,11 @@ class Launch:
         touched: Arrays that it touches.
         block_dim: Threads per block on CUDA.
         begin: Value of `first` for the first thread.
-        module: Name of the Warp module of a pointwise stage's kernel.
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
-        beside: Whether it has some of the points of a launch that is divided around an exchange (device/overlap.py), or
-            otherwise writes other entries than the launches next to it that are `beside`, too.
+        beside: Whether it has some of the points of a launch that is divided around a Call.
         span: How blocks share points, where its threads do not stand for points.
-        strip: Which strip of a sheet it works on, if that is why it may run in parallel with others.
         only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
     """
 
@@ -158,13 +130,11 @@ class Launch:
     touched: Touched
     block_dim: int
     begin: int = 0
-    module: str = ""
     run: int = 0
     side_stream: bool = False
     alone: bool = False
     beside: bool = False
     span: Span | None = None
-    strip: OfStrip | None = None
     only_if: Array | None = None
 
     @property
@@ -192,9 +162,9 @@ class Launch:
         """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
             if self.run == SPREAD_RUN:
-                return spread_points(self.source, self.run, self.module)
+                return spread_points(self.source, self.run)
             few = self.run == 1 and self.threads <= FEW_POINTS
-            return every_point(self.source, self.run, self.module, (self.block_dim, FEW_BLOCKS) if few else None)
+            return every_point(self.source, self.run, (self.block_dim, FEW_BLOCKS) if few else None)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
@@ -217,7 +187,6 @@ class Call:
         touched: Arrays that it touches.
         side_stream: As of a launch.
         beside: As of a launch.
-        strip: None, as of a launch of the whole sheet.
     """
 
     name: str
@@ -228,7 +197,6 @@ class Call:
     touched: Touched
     side_stream: bool = False
     beside: bool = False
-    strip: None = None
 
     @property
     def parts(self) -> list[str]:
@@ -247,7 +215,6 @@ class Stage:
         name: Name, unique in a simulation.
         when: How often it runs, for `plan`.
         device: The Warp device.
-        module: Name of the Warp module of pointwise stages.
         block_dim: Threads per block on CUDA.
         items: The launches.
         wraparound: In a stage that is repeated, one launch that replaces its last and the next first one; or None.
@@ -256,7 +223,6 @@ class Stage:
     name: str
     when: str
     device: wp.Device
-    module: str
     block_dim: int
     items: list[Item]
     wraparound: Launch | None = None
@@ -276,15 +242,11 @@ class Stage:
         begin: int = 0,
         block_dim: int | None = None,
         side_stream: bool = False,
-        beside: bool = False,
         span: Span | None = None,
-        strip: OfStrip | None = None,
         only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
         """Add a launch; `begin` is the value of `first` for the first thread.
-
-        Launches `beside` each other write different entries of the same arrays: none waits for another.
 
         Raises:
             TypeError: if an argument is missing or unknown.
@@ -293,8 +255,7 @@ class Stage:
         _check_names(f"launch of {kernel.name}", expected, set(arguments))
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
-            block_dim or self.block_dim, begin, side_stream=side_stream, beside=beside, span=span, strip=strip,
-            only_if=only_if,
+            block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
         )  # fmt: skip
         self.items.append(made)
 
@@ -306,7 +267,6 @@ class Stage:
         *,
         begin: int = 0,
         alone: bool = False,
-        strip: OfStrip | None = None,
         only_if: Array | None = None,
         **arguments: Any,
     ) -> None:
@@ -324,7 +284,7 @@ class Stage:
         alone = alone or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone, strip=strip, only_if=only_if,
+            begin, run, alone=alone, only_if=only_if,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
@@ -371,11 +331,9 @@ def _joined(first: Item, second: Item) -> Launch | None:
         return None
     if first.alone or second.alone or (first.threads, first.begin) != (second.threads, second.begin):
         return None
-    if first.strip is not None or second.strip is not None:
-        return None
     if not first.touched.may_share_launch(second.touched):
         return None
-    part = in_turn(first.source, second.source, first.module)
+    part = in_turn(first.source, second.source)
     both = part.arguments()
     both.a, both.b = first.arguments["arguments"], second.arguments["arguments"]
     owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))

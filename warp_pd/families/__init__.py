@@ -1,6 +1,7 @@
 """Families of bonds on the host: stencil of a lattice or table of a cloud, masks of their intersections."""
 
-from .build import build_families, require_diagonals
+from .build import build_families
+from .horizon import require_diagonals
 from .masks import pack, unpack
 from .tables import (
     INFLUENCE,

@@ -6,14 +6,15 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
+from .horizon import Horizon
 from .intersections import common_by_row
 from .neighbours import near_by_row
 from .tables import TOLERANCE, Families, InfluenceFunction, in_blocks
 from .visibility import cut_through, nothing_severed, severed
 
 
-def cloud_families(sheet: Sheet, horizon: float, function: InfluenceFunction, intersections: bool) -> Families:
-    """Families of a cloud; arguments as for `build_families`, the horizon in meters.
+def cloud_families(sheet: Sheet, horizon: Horizon, function: InfluenceFunction, intersections: bool) -> Families:
+    """Families of a cloud; arguments as for `build_families`.
 
     Raises:
         InputError: for a point without neighbours.
@@ -29,7 +30,7 @@ def point_rows(
     neighbours: np.ndarray,
     reverses: np.ndarray,
     incomplete: np.ndarray,
-    horizon: float,
+    horizon: Horizon,
     function: InfluenceFunction,
     intersections: bool,
 ) -> Families:
@@ -41,7 +42,7 @@ def point_rows(
         neighbours: Their members, -1 where there is none, shape (R, n).
         reverses: Member indices of the reverse bonds, shape (R, n).
         incomplete: Which families lost members to a cut, shape (R,).
-        horizon: [m].
+        horizon: The horizon.
         function: Influence function.
         intersections: As for `build_families`.
     """
@@ -56,7 +57,7 @@ def point_rows(
 
     def fill(part: slice) -> None:
         here, member = exists[part], np.maximum(neighbours[part], 0)
-        chords[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon
+        chords[part] = np.where(here[..., None], points[member] - points[owners[part], None], 0.0) / horizon.length
         r = np.sqrt(sum(x**2 for x in np.moveaxis(chords[part], -1, 0)))
         if horizons is not None and relative is not None:
             r /= 0.5 * (horizons[part] + relative[owners[part], None])
@@ -67,7 +68,7 @@ def point_rows(
     in_blocks(rows, n, fill)
     frames = None if sheet.frames is None else whole_frames(sheet.frames[owners])
     return Families(
-        horizon=horizon,
+        horizon=horizon.length,
         reference_area=reference_area,
         exists=exists,
         bonds=chords if frames is None else chords @ frames[..., :2],
@@ -89,17 +90,17 @@ def whole_frames(frames: np.ndarray) -> np.ndarray:
     return np.concatenate([frames, np.cross(frames[..., 0], frames[..., 1])[..., None]], axis=-1)
 
 
-def refuse_lone_points(sheet: Sheet, owners: np.ndarray, neighbours: np.ndarray, horizon: float) -> None:
+def refuse_lone_points(sheet: Sheet, owners: np.ndarray, neighbours: np.ndarray, horizon: Horizon) -> None:
     """Raise InputError for a point without neighbours; members never precede a gap, so the first tells."""
     lone = owners[neighbours[:, 0] < 0] if neighbours.shape[1] else owners
     if len(lone):
         raise InputError(
             f"points[{lone[0]}] at {sheet.points[lone[0]].tolist()} has no neighbour within the horizon "
-            f"{horizon:.6g} m: expected points with at least one; raise the horizon or remove the point"
+            f"{horizon.length:.6g} m: expected points with at least one; raise the horizon or remove the point"
         )
 
 
-def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: Horizon) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Bonds among some points, shape (P,), ascending.
 
     Returns:
@@ -107,23 +108,25 @@ def find_neighbours(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np
         cut, (P,).
     """
     if sheet.spacings is None and nothing_severed(sheet):
-        near, reverses = near_by_row(sheet.points[among], horizon * (1.0 + TOLERANCE))
+        near, reverses = near_by_row(sheet.points[among], horizon.length * (1.0 + TOLERANCE))
         if len(among) < sheet.size:
             near = np.where(near >= 0, among.astype(np.int32)[near], -1)
         return near, reverses, np.zeros(len(among), bool)
     return _neighbours_of_pairs(sheet, among, horizon)
 
 
-def _neighbours_of_pairs(sheet: Sheet, among: np.ndarray, horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _neighbours_of_pairs(
+    sheet: Sheet, among: np.ndarray, horizon: Horizon
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same where horizons differ, or some pairs within the horizon share no bond."""
     from scipy import sparse
     from scipy.spatial import cKDTree
 
     size = len(among)
     if sheet.spacings is None:
-        pairs = cKDTree(sheet.points[among]).query_pairs(horizon * (1.0 + TOLERANCE), output_type="ndarray")
+        pairs = cKDTree(sheet.points[among]).query_pairs(horizon.length * (1.0 + TOLERANCE), output_type="ndarray")
     else:
-        pairs = _graded_pairs(sheet.points[among], sheet.spacings[among] * (horizon / sheet.spacing))
+        pairs = _graded_pairs(sheet.points[among], sheet.spacings[among] * horizon.ratio)
     incomplete = np.zeros(size, bool)
     incomplete[pairs[cut_through(sheet, among[pairs])]] = True
     pairs = pairs[~severed(sheet, among[pairs])]

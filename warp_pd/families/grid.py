@@ -9,6 +9,7 @@ import numpy as np
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
 from .cloud import find_neighbours, point_rows, refuse_lone_points
+from .horizon import Horizon
 from .lattice import near_cuts
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
@@ -20,9 +21,9 @@ OFF_PLACE = 3e-10
 
 
 def grid_families(
-    sheet: Sheet, horizon: float, function: InfluenceFunction, corrected: bool, intersections: bool
+    sheet: Sheet, horizon: Horizon, function: InfluenceFunction, corrected: bool, intersections: bool
 ) -> Families:
-    """Families of a grid with gaps; arguments as for `build_families`, the horizon in meters.
+    """Families of a grid with gaps; arguments as for `build_families`.
 
     Points are deep, and share row 0, if their family and those of all members are complete: every point of the stencil
     exists and stands for one cell, and nothing else is near. The member of a deep point then has the number that the
@@ -30,7 +31,7 @@ def grid_families(
 
     Args:
         sheet: The sheet.
-        horizon: [m].
+        horizon: The horizon.
         function: Influence function.
         corrected: Whether corrected weights, which change the families around unbalanced points too, need their rows:
             the members of deep points must then be deep in the above sense.
@@ -39,7 +40,7 @@ def grid_families(
     Raises:
         InputError: for a point without neighbours, or a grid whose points are out of order.
     """
-    stencil = Stencil.within(horizon / sheet.spacing)
+    stencil = Stencil.within(horizon, sheet.spacing)
     image = _Image.of(sheet, stencil)
     deep = _deep_points(sheet, image, stencil, horizon, corrected)
     own, band = np.flatnonzero(~deep), image.around(~deep)
@@ -64,12 +65,12 @@ class Stencil:
     reach: int
 
     @staticmethod
-    def within(ratio: float) -> Stencil:
-        """The stencil of a horizon in spacings."""
-        reach = int(ratio + 1e-6)
+    def within(horizon: Horizon, step: float) -> Stencil:
+        """The stencil of a horizon on a square grid of that step [m]."""
+        reach = horizon.reach(step)
         y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
         length = np.hypot(x, y)
-        inside = (length > 0.0) & (length <= ratio * (1.0 + TOLERANCE))
+        inside = (length > 0.0) & (step * length <= horizon.length * (1.0 + TOLERANCE))
         return Stencil(np.column_stack([x[inside], y[inside]]), reach)
 
     def number(self, steps: np.ndarray) -> np.ndarray:
@@ -136,14 +137,14 @@ class _Image:
         return np.flatnonzero(self.at_points(near) | ~self.on)
 
 
-def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: float, corrected: bool) -> np.ndarray:
+def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon, corrected: bool) -> np.ndarray:
     """Mask of the points that share row 0, shape (N,)."""
     if not image.on.any():
         return image.on
     cell = sheet.spacing**2
     whole_cell = image.on & (np.abs(sheet.areas - cell) <= ALIKE * cell)
     inner = image.marked(np.flatnonzero(whole_cell)) & (image.index >= 0)
-    apart = image.marked(np.flatnonzero(image.on & near_cuts(sheet, horizon)))
+    apart = image.marked(np.flatnonzero(image.on & near_cuts(sheet, horizon.length)))
     apart |= dilated(image.marked(np.flatnonzero(~image.on)), image.reach + 1)
     if sheet.barriers is not None and len(sheet.barriers):
         longest = np.linalg.norm(np.diff(sheet.points[sheet.barriers], axis=1), axis=-1).max() / sheet.spacing

@@ -9,23 +9,24 @@ import numpy as np
 
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Segment, crosses, lattice_box
+from .horizon import Horizon
 from .masks import pack
 from .tables import TOLERANCE, Families, InfluenceFunction
 
 
 def lattice_families(
-    sheet: Sheet, horizon: float, function: InfluenceFunction, depth: int, intersections: bool
+    sheet: Sheet, horizon: Horizon, function: InfluenceFunction, depth: int, intersections: bool
 ) -> Families:
-    """Families of a lattice; arguments as for `build_families`, the horizon in meters."""
+    """Families of a lattice; arguments as for `build_families`."""
     lattice = sheet.lattice
     assert lattice is not None
-    reach_x, reach_y = int(horizon / lattice.dx + 1e-6), int(horizon / lattice.dy + 1e-6)
+    reach_x, reach_y = horizon.reach(lattice.dx), horizon.reach(lattice.dy)
     if lattice.rows == 1:
         reach_y = 0
     oy, ox = np.mgrid[-reach_y : reach_y + 1, -reach_x : reach_x + 1]
     length = np.hypot(ox * lattice.dx, oy * lattice.dy)
-    inside = (length > 0.0) & (length <= horizon * (1.0 + TOLERANCE))
-    ox, oy, r = ox[inside], oy[inside], np.minimum(length[inside] / horizon, 1.0)
+    inside = (length > 0.0) & (length <= horizon.length * (1.0 + TOLERANCE))
+    ox, oy, r = ox[inside], oy[inside], np.minimum(length[inside] / horizon.length, 1.0)
     offsets = np.column_stack([ox * lattice.dx, oy * lattice.dy])
     apart = np.linalg.norm(offsets[:, None] - offsets[None], axis=-1)
     reverses = np.array([int(np.flatnonzero((ox == -a) & (oy == -b))[0]) for a, b in zip(ox, oy, strict=True)])
@@ -56,12 +57,12 @@ def lattice_families(
     areas, reference_area = sheet.areas, float(sheet.areas.mean())
     member = np.where(exists, to_y * lattice.columns + to_x, 0)
     return Families(
-        horizon=horizon,
+        horizon=horizon.length,
         reference_area=reference_area,
         exists=exists,
-        bonds=offsets / horizon,
+        bonds=offsets / horizon.length,
         influence=function(r),
-        common=pack(apart <= horizon * (1.0 + TOLERANCE)) if intersections else np.zeros((0, 0), np.uint32),
+        common=pack(apart <= horizon.length * (1.0 + TOLERANCE)) if intersections else np.zeros((0, 0), np.uint32),
         member_areas=np.where(exists, areas[member.ravel()].reshape(member.shape), 0.0) / reference_area,
         areas=areas[first] / reference_area,
         reverses=reverses,

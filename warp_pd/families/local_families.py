@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry.sheet import Sheet
-from .build import checked_horizon
 from .cloud import find_neighbours, point_rows, refuse_lone_points
+from .horizon import checked_horizon
 from .partition import Partition
 from .tables import Families, InfluenceFunction, WholeFamilies, influence_function
 
@@ -139,10 +139,10 @@ def local_cloud_families(
     Raises:
         InputError: for a horizon that the sheet does not allow, or a point without neighbours.
     """
-    function, length = influence_function(influence), checked_horizon(sheet, horizon) * sheet.spacing
+    function, checked = influence_function(influence), checked_horizon(sheet, horizon)
     # Members are in the order of the user's points, on any number of processes.
     among = np.sort(partition.points)
-    neighbours, reverses, incomplete = find_neighbours(sheet, among, length)
+    neighbours, reverses, incomplete = find_neighbours(sheet, among, checked)
     place = np.searchsorted(among, partition.points)
     neighbours, reverses = neighbours[place], reverses[place]
     neighbours[~partition.near], reverses[~partition.near] = -1, 0
@@ -151,10 +151,10 @@ def local_cloud_families(
     # All processes refuse the same point.
     first = min(gathered(int(lone.min(initial=sheet.size))))
     if first < sheet.size:
-        refuse_lone_points(sheet, np.array([first]), np.full((1, 1), -1), length)
+        refuse_lone_points(sheet, np.array([first]), np.full((1, 1), -1), checked)
     members = max(gathered(int(sizes.max())))
     neighbours, reverses = _wide(neighbours, members, -1), _wide(reverses, members, 0)
-    made = point_rows(sheet, partition.points, neighbours, reverses, incomplete[place], length, function, True)
+    made = point_rows(sheet, partition.points, neighbours, reverses, incomplete[place], checked, function, True)
     bonds = sum(gathered(int(sizes[partition.owned].sum())))
     local = np.full(neighbours.shape, -1, np.int32)
     there = neighbours >= 0

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..geometry.sheet import Sheet
+from .horizon import Horizon
 
 # Sums over points go by whole blocks, and then are the same on any number of processes.
 BLOCK = 256
@@ -224,7 +225,8 @@ def _lattice_reach(sheet: Sheet, horizon: float) -> int:
     """Largest difference of the indices of two points of a family or of a triangle of a lattice."""
     lattice = sheet.lattice
     assert lattice is not None
-    reach = [max(1, int(horizon * sheet.spacing / step + 1e-6)) for step in (lattice.dx, lattice.dy)]
+    found = Horizon.of(sheet, horizon)
+    reach = [max(1, found.reach(step)) for step in (lattice.dx, lattice.dy)]
     return reach[0] + reach[1] * lattice.columns
 
 

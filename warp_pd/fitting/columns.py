@@ -11,8 +11,8 @@ import numpy as np
 
 from ..device.checks import InputError
 from ..run.simulation import Simulation
-from .data import DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, read_table
-from .units import DIMENSIONS, dimension_of
+from .data import DIMENSIONS, DISPLACEMENTS, PLACES, Curve, FieldData, Table, Test, dimension_of, read_table
+from .model import require_arguments
 
 CONTROLS = ("time", "load_factor")
 
@@ -32,6 +32,7 @@ def read_tests(
     table = read_table(path)
     arguments = tuple(inspect.signature(build).parameters)
     control = _control(table, arguments, measure)
+    require_arguments(build, settings or {})
     scene = build(**(settings or {}))
     if {"x", "y"} <= set(table.columns) and set(DISPLACEMENTS) & set(table.columns):
         return list(_fields(table, control)), table.notes

@@ -1,89 +1,88 @@
-"""The command warp-pd fit."""
+"""What the command warp-pd fit does."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import click
-
-from ..device.checks import InputError
+from ..device.checks import InputError, one_of
 from ..run.arguments import converted
 from ..run.folder import free_folder
 from ..run.scene_files import load_scene
-from ..run.scene_help import SceneCommand
 from .columns import read_tests
 from .data import Test
 from .least_squares import LOSSES, fit
 from .model import SceneTests
 from .report import Fit
 
-# Points and assignments "name=value" -> settings of a scene, as text.
-Settings = Callable[[int | None, tuple[str, ...]], dict[str, Any]]
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Options of the command.
+
+    Attributes:
+        vary: Names of the constants, with commas between them.
+        measure: The measure of the scene that was measured; None: the column's name.
+        bounds: Texts NAME=LOW:HIGH.
+        loss: One of LOSSES.
+        device: "cpu", "cuda:0", ...; None: CUDA where there is one.
+        precision: 32 or 64; None: the solver's.
+        out: Folder for the results; None: runs/SCENE-fit, or the first free one of runs/SCENE-fit-2, ...
+    """
+
+    vary: str
+    measure: str | None = None
+    bounds: Sequence[str] = ()
+    loss: str = "linear"
+    device: str | None = None
+    precision: int | None = None
+    out: str | None = None
 
 
-def fit_command(settings_of: Settings) -> click.Command:
-    """The command, which reads the settings of a scene by `settings_of`."""
+def fit_scene(scene: str, data: Sequence[Path], given: Mapping[str, Any], options: FitOptions) -> Iterator[str]:
+    """Fit constants of a scene to tests, and save the result; gives the lines that the command prints.
 
-    @click.command("fit", cls=SceneCommand)
-    @click.argument("scene")
-    @click.argument("data", nargs=-1, required=True, metavar="DATA.csv...", type=click.Path(path_type=Path))
-    @click.option("--vary", required=True, metavar="NAME,...", help="Arguments of the scene that are fitted.")
-    @click.option("--measure", help="The measure of the scene that was measured; by default the column's name.")
-    @click.option("--bounds", multiple=True, metavar="NAME=LOW:HIGH", help="Bounds of a constant; may be repeated.")
-    @click.option("--loss", default="linear", help="linear, or soft_l1 for data with outliers.")
-    @click.option("--points", type=int, help="Points along x.")
-    @click.option(
-        "--set", "assignments", multiple=True, metavar="NAME=VALUE",
-        help="A parameter of the scene, or the start value of a constant; may be repeated.",
+    Args:
+        scene: Name or file.
+        data: CSV files of the tests.
+        given: Arguments of the scene, and start values of constants, as text or numbers.
+        options: Of the command.
+
+    Raises:
+        InputError: for files, names or values that do not fit.
+    """
+    one_of("--loss", options.loss, LOSSES)
+    bounds = _bounds(options.bounds)
+    build = load_scene(scene).build
+    parameters = inspect.signature(build).parameters
+    settings = {key: converted(key, value, parameters) for key, value in given.items()}
+    tests: list[Test] = []
+    for path in data:
+        found, notes = read_tests(path, build, options.measure, settings)
+        tests += found
+        yield from notes
+    names = [name.strip().replace("-", "_") for name in options.vary.split(",") if name.strip()]
+    result = fit(
+        SceneTests(build, tests, settings), names, bounds=bounds, loss=options.loss, device=options.device,
+        precision=options.precision,
     )  # fmt: skip
-    @click.option("--device", help="cpu, cuda:0, ...; by default CUDA if available.")
-    @click.option("--precision", type=int, help="32 or 64; by default the solver's.")
-    @click.option("--out", help="Folder for the results; by default runs/SCENE-fit, or runs/SCENE-fit-2, ...")
-    def command(
-        scene: str, data: tuple[Path, ...], vary: str, measure: str | None, bounds: tuple[str, ...], loss: str,
-        points: int | None, assignments: tuple[str, ...], device: str | None, precision: int | None, out: str | None,
-    ) -> None:  # fmt: skip
-        """Fit constants of SCENE to tests: CSV files with units in the header, all at once.
-
-        A curve has a column for what was controlled, an argument of the scene such as "pressure [kPa]", "time [s]" or
-        "load_factor [1]", and one for what was measured. Columns x, y, u, v (w) are displacements at places.
-        """
-        if loss not in LOSSES:
-            raise InputError(f"--loss = {loss!r}: expected one of {', '.join(LOSSES)}")
-        build = load_scene(scene).build
-        parameters = inspect.signature(build).parameters
-        given = settings_of(points, assignments)
-        settings = {key: converted(key, value, parameters) for key, value in given.items()}
-        tests: list[Test] = []
-        for path in data:
-            found, notes = read_tests(path, build, measure, settings)
-            tests += found
-            for note in notes:
-                click.echo(note)
-        names = [name.strip().replace("-", "_") for name in vary.split(",") if name.strip()]
-        result = fit(
-            SceneTests(build, tests, settings), names, bounds=_bounds(bounds), loss=loss, device=device,
-            precision=precision,
-        )  # fmt: skip
-        run = run_line(scene, points, assignments, result)
-        folder = free_folder(Path("runs") / f"{Path(scene).stem}-fit") if out is None else Path(out)
-        result.save(folder, run)
-        click.echo(result.table())
-        click.echo(f"results in {folder}")
-        click.echo(f"run the fitted scene: {run}")
-
-    return command
+    run = run_line(scene, given, result)
+    folder = free_folder(Path("runs") / f"{Path(scene).stem}-fit") if options.out is None else Path(options.out)
+    result.save(folder, run)
+    yield result.table()
+    yield f"results in {folder}"
+    yield f"run the fitted scene: {run}"
 
 
-def run_line(scene: str, points: int | None, assignments: Sequence[str], result: Fit) -> str:
+def run_line(scene: str, given: Mapping[str, Any], result: Fit) -> str:
     """The command that runs the fitted scene."""
-    kept = [text for text in assignments if text.partition("=")[0].strip().replace("-", "_") not in result.names]
-    values = [f"{name}={value:.9g}" for name, value in result.estimates.items()]
-    size = [] if points is None else ["--points", str(points)]
-    return " ".join(["warp-pd", "run", scene, *size, *(f"--set {text}" for text in (*kept, *values))])
+    kept = {name: value for name, value in given.items() if name not in result.names}
+    size = ["--points", str(kept.pop("points"))] if "points" in kept else []
+    values = {**kept, **{name: f"{value:.9g}" for name, value in result.estimates.items()}}
+    return " ".join(["warp-pd", "run", scene, *size, *(f"--set {name}={value}" for name, value in values.items())])
 
 
 def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:

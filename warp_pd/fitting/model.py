@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -57,6 +57,20 @@ class Experiment(Protocol):
         ...
 
 
+def require_arguments(made_by: Callable[..., Any], given: Collection[str]) -> None:
+    """Check that a scene or a material gets all constants that it has no default for.
+
+    Raises:
+        InputError: for the first that is missing.
+    """
+    for name, parameter in inspect.signature(made_by).parameters.items():
+        optional = parameter.default is not parameter.empty or parameter.kind in (
+            parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD,
+        )  # fmt: skip
+        if not optional and name not in given:
+            raise InputError(f"{name} has no default: expected a value in settings (--set {name}=VALUE), or it in vary")
+
+
 @dataclass(frozen=True, eq=False)
 class SceneTests:
     """Tests that one scene simulates.
@@ -87,6 +101,7 @@ class SceneTests:
             if test.control in vary:
                 raise InputError(f"vary = {test.control!r}: expected a constant; the test {test.name!r} controls it")
         settings = {**self.settings, **dict(zip(vary, start.tolist(), strict=True))}
+        require_arguments(self.build, settings)
         scene = self.build(**settings)
         if has_equilibrium(scene):
             return EquilibriumModel(self, vary, settings, scene, start, device, precision)

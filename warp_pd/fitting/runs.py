@@ -74,4 +74,7 @@ def _column(history: list[dict[str, float]], test: Curve, times: np.ndarray) -> 
     at = np.array([row["time"] for row in history])
     if times.max() > at[-1] * (1.0 + 1e-9):
         raise InputError(f"{test.name}: time {times.max():g} s: expected at most the {at[-1]:g} s of the scene")
-    return np.asarray(np.interp(times, at, [row[test.measure] for row in history]))
+    found = np.asarray(np.interp(times, at, [row[test.measure] for row in history]))
+    if not np.isfinite(found).all():
+        raise InputError(f"measure = {test.measure!r}: it is missing in a frame of the run that the test needs")
+    return found

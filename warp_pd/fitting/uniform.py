@@ -11,7 +11,7 @@ import numpy as np
 from ..device.checks import InputError, one_of
 from ..materials import Material, energy_density
 from .data import Curve, Test
-from .model import Model
+from .model import Model, require_arguments
 
 LOADINGS = ("uniaxial", "equibiaxial", "planar")
 # Steps of differences: of the stretch, for the stress, and of a constant.
@@ -86,6 +86,7 @@ class UniformTests:
         for name in vary:
             if name not in known:
                 raise InputError(f"vary = {name!r}: expected a constant of the material: {', '.join(known)}")
+        require_arguments(self.material, {*vary, *self.settings})
         curves = []
         for test in self.tests:
             if not isinstance(test, Curve):

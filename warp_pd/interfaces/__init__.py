@@ -8,13 +8,12 @@ docs/write-your-own-part.md.
 """
 
 from .built_part import BuiltPart, History, StepLimit
-from .law import BondBreaking, BuiltLaw, Law, Solve, SparseTangent, Tangent
+from .law import BuiltLaw, Law, Solve, SparseTangent, Tangent
 from .output import FrameReport, Reporter, Writer
 from .part import BuiltContact, BuiltLoad, BuiltRupture, Constraint, Contact, External, Load, Part, Rupture
 from .solver import BuiltSolver, FrameSink, Solver, System
 
 __all__ = [
-    "BondBreaking",
     "BuiltContact",
     "BuiltLaw",
     "BuiltLoad",

@@ -20,8 +20,8 @@ from ..families.partition import BLOCK as SUM_BLOCK
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import CoarseLattice
-from ..kernels.effects import OWN, Kernel
-from ..kernels.families import COMPACT, CURVED, WITH_SHARES
+from ..kernels.effects import Kernel
+from ..kernels.families import Layout
 from ..kernels.numeric import Numeric
 from .communicator import Communicator
 
@@ -47,11 +47,6 @@ def find_device(name: str | None) -> wp.Device:
     return wp.get_device(name)
 
 
-def layout_of(sheet: Sheet) -> str:
-    """Layout of the families of a sheet whose bonds keep their weight."""
-    return sheet.layout if sheet.frames is None else sheet.layout + CURVED
-
-
 @dataclass(frozen=True)
 class Features:
     """Requirements of the parts of a scene on the kernels that they have in common.
@@ -64,8 +59,7 @@ class Features:
         breakable: Whether bonds can break.
         contact: Whether a contact may change velocities.
         half_steps: Whether the energy balance may take the velocities at half steps.
-        compact: Name of the influence function of a cloud whose tables take few bytes, see kernels/compact_clouds.py;
-            empty on all other sheets.
+        dynamic: Whether the solver steps in time.
     """
 
     held: bool = False
@@ -76,7 +70,7 @@ class Features:
     gradual: bool = False
     contact: bool = False
     half_steps: bool = True
-    compact: str = ""
+    dynamic: bool = False
 
 
 @dataclass(eq=False)
@@ -116,7 +110,6 @@ class Context:
         sheet: The sheet, without stress; what is here of it, if several processes share it.
         device: The Warp device.
         types: Types of the precision.
-        module: Names the Warp module of kernels: each is its own module, named by its content (kernels/effects.py).
         features: Requirements of the parts on common kernels.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
         initial_displacement: From the state without stress [m], shape (N, 3).
@@ -130,6 +123,8 @@ class Context:
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
+        compact: Name of the influence function of a cloud whose families take few bytes (kernels/compact_clouds.py);
+            empty on all other sheets.
         state: Arrays that parts have in common.
     """
 
@@ -145,10 +140,10 @@ class Context:
     placement: np.ndarray | None = None
     partition: Partition | None = None
     communicator: Communicator = field(default_factory=Communicator)
-    module: str = OWN
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
+    compact: str = ""
     state: State = field(init=False)
     _sequences: dict[tuple[str, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -163,12 +158,19 @@ class Context:
         return self.types.bits
 
     @property
-    def layout(self) -> str:
-        """Layout of the families, see `family_functions`."""
-        if self.features.compact:
-            return COMPACT + self.features.compact
-        layout = layout_of(self.sheet)
-        return layout + WITH_SHARES if self.features.gradual else layout
+    def layout(self) -> Layout:
+        """Layout of the families."""
+        sheet, f = self.sheet, self.features
+        return Layout(sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.gradual)
+
+    def use_compact_families(self, influence: str) -> None:
+        """Let the families of a cloud take few bytes; for the force law, which is built before any kernel is made.
+
+        Args:
+            influence: As `compact`.
+        """
+        if influence:
+            self.compact = influence
 
     def array(
         self,
@@ -301,7 +303,7 @@ class Context:
         name = self.prefix + name
         if name in self.stages:
             raise ValueError(f"stage {name!r} exists already: expected a new name")
-        self.stages[name] = Stage(name, when, self.device, self.module, self.block_dim, [])
+        self.stages[name] = Stage(name, when, self.device, self.block_dim, [])
         return self.stages[name]
 
     def on(self, sheet: Sheet, prefix: str, features: Features, held: np.ndarray) -> Context:
@@ -309,7 +311,7 @@ class Context:
         start = np.zeros((sheet.size, 3))
         return replace(
             self, sheet=sheet, undivided=None, prefix=prefix, features=features, held=held, initial_displacement=start,
-            placement=None,
+            placement=None, compact="",
         )  # fmt: skip
 
     def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:

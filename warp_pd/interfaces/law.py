@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -12,7 +11,6 @@ import warp as wp
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
-from ..kernels.rupture import Breaking
 from .built_part import BuiltPart
 from .context import Context
 
@@ -79,36 +77,13 @@ class Tangent(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class BondBreaking:
-    """What breaks bonds before the forces of a step, for laws whose kernels of the force can do so.
-
-    Attributes:
-        kernel: The criterion, and what else decides the kernel.
-        values: Struct of the criterion.
-        spared: Whether the bonds of a point never break, (N,) uint8, or None.
-        squared_stretch: Squared stretch |Y|^2/|X|^2 [-] up to which no bond breaks; None if there is none.
-        stages: Names of the stages in which the force breaks bonds.
-    """
-
-    kernel: Breaking
-    values: Any
-    spared: Array | None
-    squared_stretch: float | None
-    stages: set[str] = field(default_factory=set)
-
-    def acts(self, stage: Stage) -> bool:
-        """Whether the force breaks bonds in a stage."""
-        return stage.name in self.stages
-
-
 class BuiltLaw(BuiltPart, Protocol):
     """A force law on a device.
 
     Attributes:
         weights: Weights in use, for the summary.
         has_energy: Whether its force is minus the gradient of an energy, or at least reports one.
-        horizon: Horizon in spacings of the sheet [-].
+        horizon_ratio: Horizon in spacings of the sheet [-].
         families: The families on the host.
         struct: The families on the device, a Warp struct (kernels/families.py).
         intact: Bits of the intact bonds, (words, N) uint32, or None if bonds cannot break. If they lose their weight
@@ -126,7 +101,7 @@ class BuiltLaw(BuiltPart, Protocol):
 
     weights: str
     has_energy: bool
-    horizon: float
+    horizon_ratio: float
     families: Families
     struct: Any
     intact: Array | None
@@ -144,13 +119,14 @@ class BuiltLaw(BuiltPart, Protocol):
         """Energy of each family [J] as of the last frame, (N,) float64; None without an energy."""
         ...
 
+    @property
+    def force_path(self) -> str:
+        """Name of the way in which it finds its force, for `plan`."""
+        return "reference"
+
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         ...
-
-    def break_with_force(self, breaking: BondBreaking) -> bool:
-        """Whether the force breaks the bonds in the stages that `breaking` names, so that no launch before has to."""
-        return False
 
     def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
         """Add, if it has one, a launch of the force that also says which blocks of points have bonds to break.
@@ -240,11 +216,6 @@ class Law(Protocol):
     def softens(self) -> bool:
         """Whether its bonds can lose their weight gradually."""
         return False
-
-    @property
-    def compact(self) -> str:
-        """Name of the influence function if its fast kernels take the tables of kernels/compact_clouds.py, or empty."""
-        return ""
 
     def build(self, context: Context) -> BuiltLaw:
         """Families, tables and kernels on a device."""

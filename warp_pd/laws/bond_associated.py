@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -12,23 +13,20 @@ from ..device.checks import InputError, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
-from ..interfaces import BondBreaking, BuiltLaw, Tangent
+from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..kernels.bond_associated import bond_associated
-from ..kernels.effects import Kernel
-from ..kernels.reference_force import reference_force
 from ..kernels.relaxation import row_sums
 from ..materials import Material, capabilities, check_material, energy_density
 from .bond_associated_tangent import BondAssociatedTangent
 from .family_law import FamilyLaw, require_one_material
-from .fast_path import fast_path, has_blocks
+from .force_paths import PATHS, FamilyBlocks, ForcePath, force_path
 from .point_fields import ShownFields, factors
-from .variational import FastForce, Key
+from .variational import Key
 from .weight_tables import MAX_CORRECTED, law_tables
 
 WEIGHTS = ("auto", "published", "plain", "corrected")
-BROKEN = ("redistribute", "drop")
-NO_PRONY = {"prony": None, "strain": None, "overstress": None}
+NO_PRONY: dict[str, Any] = {"prony": None, "strain": None, "overstress": None}
 
 
 @dataclass(frozen=True)
@@ -45,16 +43,11 @@ class BondAssociated:
             "corrected": the nearest weights for which uniform stress is in equilibrium also at the edges.
             "auto": "plain" if bonds can break or at horizons above 4.5, "corrected" otherwise; on graded sheets,
                 where plain weights are out of balance, also if bonds can break.
-            With rupture, "corrected" applies as long as the family of a point is undamaged; `broken` sets the
-            weights of a damaged family.
+            With rupture, "corrected" applies as long as the family of a point is undamaged; broken bonds take their
+            area with them.
         influence: Influence function of r = |X| / horizon: "linear" 1 - r, "inverse" 1/r, "inverse_square"
             1/r^2, or a function of an array.
-        broken: What happens to the area of broken bonds. "drop" removes it: the stable step does not decrease
-            when bonds break. "redistribute" gives it to the intact bonds of the point: the opening of a crack is
-            less overestimated (7.0 against 8.6 % above the exact opening, 12 spacings half length, horizon 3.15),
-            but the step is up to a third shorter, and breaking can add energy: the energy of a torn strip always
-            balanced within 1 % at a `safety` of 0.02, at 0.05 and 0.1 not always.
-        fast: Whether the force uses the fast kernels where available; they agree with the reference kernels to
+        fast: Whether the force takes a faster path where one applies; they agree with the reference kernels to
             round-off. The reference kernels are there to be read and compared with.
     """
 
@@ -62,7 +55,6 @@ class BondAssociated:
     horizon: float = 2.015
     weights: str = "auto"
     influence: str | InfluenceFunction = "linear"
-    broken: str = "drop"
     fast: bool = True
 
     has_tangent: ClassVar[bool] = True
@@ -70,19 +62,11 @@ class BondAssociated:
     @property
     def softens(self) -> bool:
         """Whether its bonds can lose their weight gradually."""
-        return self.form == "variational" and self.broken == "drop"
-
-    @property
-    def compact(self) -> str:
-        """Name of the influence function, "table" if it has none, if the law has fast kernels for a cloud on a GPU."""
-        if not has_blocks(self):
-            return ""
-        return self.influence if isinstance(self.influence, str) else "table"
+        return self.form == "variational"
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
         one_of("weights", self.weights, WEIGHTS)
-        one_of("broken", self.broken, BROKEN)
         one_of("fast", self.fast, (True, False))
         influence_function(self.influence)
         check_material(self.material, "functions")
@@ -117,8 +101,10 @@ class BondAssociatedForce(FamilyLaw):
 
     Attributes:
         weights: The weights in use, "published", "plain" or "corrected".
-        key: Everything that decides its kernels: layout, precision, material functions, `broken` or None, form.
-        fast_path: Its fast kernels, or None.
+        layout: Layout of its families.
+        key: Everything that decides its kernels: layout, material functions, form.
+        paths: Types of its force paths, in the order in which they are tried.
+        path: The one that it takes.
     """
 
     has_energy = True
@@ -127,30 +113,39 @@ class BondAssociatedForce(FamilyLaw):
     takes_graded = True
     takes_tension_field = True
     divides = True
+    paths: ClassVar[Sequence[type[ForcePath]]] = PATHS
 
     def __init__(self, law: BondAssociated, context: Context) -> None:
         breakable, sheet = context.features.breakable, context.sheet
         self.law, self.weights = law, law.resolved_weights(breakable, sheet.spacings is not None)
         self.material, self.fast = law.material, law.fast
         self.shown_stress = law.material
-        broken = law.broken if breakable else None
-        if self.weights == "published" and context.partition is not None:
-            raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
-        if self.weights == "published" or broken == "redistribute":
+        if self.weights == "published":
+            if context.partition is not None:
+                raise InputError("weights = 'published': several processes cannot yet run them; expected 'plain'")
             # Their kernels compute the weights themselves.
-            require_one_material(sheet, f"weights {self.weights!r} and broken {law.broken!r}")
+            require_one_material(sheet, "weights 'published'")
+        if self._has_compact_families(context):
+            named = isinstance(law.influence, str) and sheet.spacings is None
+            context.use_compact_families(str(law.influence) if named else "table")
         families, inverse, weights, self.correction = law_tables(context, law.horizon, law.influence, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0
-        self.key: Key = (context.layout, context.bits, law.material.functions, broken, law.form)
-        self.kernels = bond_associated(*self.key, context.module)
+        self.layout = context.layout
+        self.key: Key = (self.layout, law.material.functions, law.form)
+        self.kernels = bond_associated(*self.key)
         self.earlier_energy = self.kernels.earlier_energy
-        self._breaking: BondBreaking | None = None
-        self.fast_path: FastForce | None = self.fast_kernels(inverse, weights)
+        self.path = force_path(self, inverse, weights)
 
-    def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
-        """The fast kernels, from K^-1 and weights by row, or None."""
-        return fast_path(self, inverse, weights)
+    def _has_compact_families(self, context: Context) -> bool:
+        """Whether its families are those of kernels/compact_clouds.py."""
+        blocks = self.fast and self.weights != "published" and FamilyBlocks in self.paths
+        return blocks and FamilyBlocks.takes_compact_families(context, self.material, self.law.horizon)
+
+    @property
+    def force_path(self) -> str:
+        """Name of its force path."""
+        return self.path.name
 
     @functools.cached_property
     def pairs(self) -> Array:
@@ -170,48 +165,13 @@ class BondAssociatedForce(FamilyLaw):
             return super().bond_force()
         return self.pairs
 
-    def break_with_force(self, breaking: BondBreaking) -> bool:
-        """Whether the kernels of the force break bonds.
-
-        They do not where the energy is tracked: several processes have a launch of its own for it, and the same bits.
-        """
-        features = self.context.features
-        able = self.context.partition is None and not features.gradual and not features.tracked
-        found = able and self.fast_path is not None and self.fast_path.breaks_bonds(breaking)
-        if found:
-            self._breaking = breaking
-        return found
-
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
-        if self.fast_path is not None:
-            self.fast_path.add_force(stage, displacement, out, self._breaking)
-            return
-        self.add_reference_force(stage, displacement)
-        self.add_gather(stage, self.kernels.gather, self.pairs, out)
-
-    def add_reference_force(self, stage: Stage, displacement: Array) -> None:
-        """Add the launch that fills `pairs`."""
-        kernel = reference_force(*self.key, self.context.module)
-        stage.launch(
-            self.owner, kernel, self.points, **self.family_arguments(displacement), constants=self.constants,
-            unit_force=self.unit_volume * self.inverse_horizon, bond_force=self.pairs,
-        )  # fmt: skip
+        self.path.add_force(stage, displacement, out)
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
-        if self.fast_path is not None:
-            self.fast_path.add_energy(stage, displacement, out)
-        else:
-            self.add_reference_energy(stage, displacement, out)
-
-    def add_reference_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """The same with the reference kernel."""
-        super().add_energy(stage, displacement, out)
-
-    def energy_kernel(self) -> Kernel:
-        """Kernel of the energy of each family."""
-        return self.kernels.strain_energy
+        self.path.add_energy(stage, displacement, out)
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
         """Add the launches that fill the fields of frames, means over the bonds of a point."""
@@ -237,8 +197,8 @@ class BondAssociatedForce(FamilyLaw):
         response = capabilities(material).response
         if response is None:
             return None
-        layout, bits, functions, broken, form = self.key
-        rows, total = row_sums(layout, bits, functions, response, broken, form, context.module)
+        layout, functions, form = self.key
+        rows, total = row_sums(layout, functions, response, form)
         density = context.array("fictitious_mass", "Relaxation", context.types.real, shape=self.points)
         own = context.array("own_row", "Relaxation", context.types.real, shape=self.points)
         stage.launch(

@@ -58,11 +58,11 @@ class BondAssociatedTangent:
                 f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
                 f"or use the solver Relaxation"
             )
-        layout, bits, functions, broken, _ = force.key
+        layout, functions, _ = force.key
         held = context.features.held
-        self.kernels = bond_associated_tangent(layout, bits, functions, response, broken, held, context.module)
+        self.kernels = bond_associated_tangent(layout, functions, response, held)
         self._matrix = self._allocate_matrix() if self._stores_matrix() else None
-        self._matrix_kernels = lattice_matrix(bits, held, context.module) if self._matrix is not None else None
+        self._matrix_kernels = lattice_matrix(layout, held) if self._matrix is not None else None
 
     def _stores_matrix(self) -> bool:
         """Whether the tangent is stored as a matrix: on a CPU, where a product is four times faster."""

@@ -64,7 +64,6 @@ class BondBased:
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = True
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -105,17 +104,17 @@ class BondBasedForce(FamilyLaw):
         weights = families.stiffened(weights)
         super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
-        self.kernels = bond_based(context.layout, context.bits, law.material.pairwise, breakable, context.module)
+        self.kernels = bond_based(context.layout, law.material.pairwise)
         self.earlier_energy = self.kernels.earlier_energy
         # Gershgorin's bound: the fictitious mass is twice the row sum of the bonds' stiffness, of the stiffer sign.
         self.slack_frequency = None if capabilities(law.material).one_modulus else 1.0
         self.once: BondsOnce | None = None
         self._screened: Stage | None = None
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
-        if law.fast and context.layout == "lattice" and not context.device.is_cuda:
+        if law.fast and context.layout.kind == "lattice" and not context.device.is_cuda:
             members = families.members
-            pull = pull_of_bond("lattice", context.bits, law.material.pairwise, context.module)
-            self.once = bonds_once(context.bits, members, breakable, pull, context.module)
+            pull = pull_of_bond(context.layout, law.material.pairwise)
+            self.once = bonds_once(context.bits, members, breakable, pull)
         self._shown: dict[str, Array] = {}
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -167,11 +166,11 @@ class BondBasedForce(FamilyLaw):
         }  # fmt: skip
 
     def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
-        """Add the launch that computes each bond once, in the stage of a step before bonds break.
+        """Add the launch that computes each bond once, before bonds break.
 
-        The sum of the forces leaves out what has broken since.
+        The sum of the forces later in the stage leaves out what has broken since.
         """
-        if self.once is None or self.once.forces_and_screen is None or stage.name != "step":
+        if self.once is None or self.once.forces_and_screen is None:
             return False
         self._screened = stage
         stage.launch(
@@ -179,6 +178,11 @@ class BondBasedForce(FamilyLaw):
             **self._forces_once(self.context.state.displacement), nearly=NEARLY * squared_stretch, exceeding=exceeding,
         )  # fmt: skip
         return True
+
+    @property
+    def force_path(self) -> str:
+        """Whether each bond is computed once, or from both of its ends."""
+        return "reference" if self.once is None else "each bond once"
 
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family."""

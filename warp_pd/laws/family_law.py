@@ -122,7 +122,7 @@ class FamilyLaw(BuiltLaw):
             )
         self.owner = type(law).__name__
         self.label, self.context, self.families = f"force = {self.owner}", context, families
-        self.horizon = law.horizon
+        self.horizon_ratio = law.horizon
         self.struct = family_struct(families, context, self.owner, inverse, weights)
         self.intact: Array | None = None
         if context.features.breakable:

@@ -12,7 +12,7 @@ from ..families import Families, pack
 from ..families.tables import in_blocks
 from ..interfaces.context import Context
 from ..kernels.compact_clouds import EVALUATED
-from ..kernels.families import COMPACT, family_functions, is_compact
+from ..kernels.families import family_functions
 
 # Differences of indices below this have 16 bits.
 NEAR = 2**15
@@ -48,7 +48,7 @@ def family_struct(
         weights: W divided by the reference area by row, shape (R, n).
     """
     types = context.types
-    s: Any = family_functions(context.layout, types.bits, context.module).struct()
+    s: Any = family_functions(context.layout).struct()
     s.members, s.words = families.members, families.words
     family_areas = families.member_areas.sum(axis=1)
     real = wp.dtype_to_numpy(types.real)
@@ -76,9 +76,8 @@ def family_struct(
         s.class_family_area = put("class_family_area", family_areas, types.real)
         return s
     assert families.neighbours is not None
-    if is_compact(context.layout):
-        assert inverse is not None
-        _put_compact(s, families, context, put, inverse, weights)
+    if context.layout.compact:
+        _put_compact(s, families, context, put, weights)
         return s
     if families.centres is not None and families.steps is not None:
         steps = np.zeros((families.members, 2), np.int32)
@@ -107,9 +106,7 @@ def family_struct(
     return s
 
 
-def _put_compact(
-    s: Any, families: Families, context: Context, put: Callable[..., Any], inverse: np.ndarray, weights: np.ndarray
-) -> None:
+def _put_compact(s: Any, families: Families, context: Context, put: Callable[..., Any], weights: np.ndarray) -> None:
     """Put the tables of `kernels.compact_clouds` on the device; arguments as for `family_struct`."""
     types = context.types
     real = wp.dtype_to_numpy(types.real)
@@ -128,14 +125,11 @@ def _put_compact(
         s.reverses_high = put(
             "reverses_high", _by_member((families.reverses >> 8).astype(np.uint8), np.uint8), wp.uint8
         )
-    if context.layout.removeprefix(COMPACT) not in EVALUATED:
+    if context.layout.compact not in EVALUATED:
         s.influences = put("influences", _by_member(families.influence, real), types.real)
     s.commons = put("commons", _by_member(families.common, np.uint32, (1, 2, 0)), wp.uint32)
     s.initials = put("initials", pack(families.exists).T, wp.uint32)
     s.weights = put("weights", _by_member(weights, real), types.real)
-    if context.features.breakable:
-        a, b, c = np.moveaxis(inverse, -1, 0)
-        s.determinants = put("determinants", _by_member(a * c - b * b, real), types.real)
     s.areas = put("areas", families.areas, types.real)
     s.family_areas = put("family_areas", families.member_areas.sum(axis=1), types.real)
 

@@ -56,7 +56,6 @@ class HyperelasticBonds:
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -92,10 +91,7 @@ class HyperelasticBondsForce(FamilyLaw):
         weights = families.stiffened(_bond_weights(families))
         super().__init__(law, context, families, None, weights)
         shortened = law.material.compressed_constants
-        self.kernels = hyperelastic_bonds(
-            families.layout, context.bits, shortened is not None, law.surface_correction, context.features.breakable,
-            context.module,
-        )  # fmt: skip
+        self.kernels = hyperelastic_bonds(context.layout, shortened is not None, law.surface_correction)
         self.bond_constants = self.kernels.constants()
         self.bond_constants.stretched = self.constants
         self.bond_constants.shortened = context.types.parameters(*(shortened or law.material.constants))

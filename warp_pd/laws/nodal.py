@@ -42,7 +42,6 @@ class Nodal:
     has_energy: ClassVar[bool] = True
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -90,8 +89,7 @@ class NodalForce(PointLaw):
     def __init__(self, law: Nodal, context: Context) -> None:
         super().__init__(law, law.influence, context)
         self.material = self.shown_stress = law.material
-        breakable = context.features.breakable
-        self.kernels = nodal(context.layout, context.bits, law.material.functions, breakable, context.module)
+        self.kernels = nodal(context.layout, law.material.functions)
         self.earlier_energy = self.kernels.earlier_energy
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:

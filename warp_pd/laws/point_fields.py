@@ -119,7 +119,7 @@ class ShownFields:
         if not self.counts:
             return
         context = self.law.context
-        kernel = bond_counts(context.layout, context.bits, context.features.breakable, context.module, context.module)
+        kernel = bond_counts(context.layout)
         stage.launch(
             OWNER, kernel, self.law.points, family=self.law.struct, intact=self.law.intact,
             intact_count=self.arrays["intact_bonds"], broken_count=self.arrays["broken_bonds"],
@@ -129,20 +129,13 @@ class ShownFields:
         """Kernel of the gradient of the family, with the stress of a material, or None."""
         context, known = self.law.context, capabilities(material)
         functions = None if material is None else material.functions
-        return point_fields(
-            context.layout, context.bits, functions, context.features.breakable, known.volume, known.wrinkle_width,
-            self.wanted, context.module, context.module,
-        )  # fmt: skip
+        return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
     def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
         """Kernel of the means over the bonds of a law with a gradient for each."""
-        layout, bits, functions, broken, form = key
         known: Capabilities = capabilities(material)
-        context = self.law.context
-        return bond_fields(
-            layout, bits, functions, broken, form, known.volume, known.wrinkle_width, viscous,
-            context.sheet.stiffness is not None, self.wanted, context.module, context.module,
-        )  # fmt: skip
+        stiffened = self.law.context.sheet.stiffness is not None
+        return bond_fields(*key, known.volume, known.wrinkle_width, viscous, stiffened, self.wanted)
 
 
 def factors(context: Context) -> Array | None:

@@ -1,4 +1,4 @@
-"""Data of a lattice for the fast path of the bond-associated law."""
+"""Data of a lattice for the path of undamaged families (laws/force_paths.py)."""
 
 from __future__ import annotations
 

@@ -1,21 +1,22 @@
-"""Interface of the bond-associated law on a device for its tangent and fast kernels."""
+"""Interface of the bond-associated law on a device for its tangent and its force paths."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families
-from ..interfaces import BondBreaking
 from ..interfaces.context import Context
 from ..kernels.bond_associated import BondAssociatedKernels
 from ..kernels.factories import PairFactory
+from ..kernels.families import Layout
 from ..kernels.pointwise import Pointwise
 from ..materials import Material
 
-# Layout, precision, functions of the material, treatment of broken bonds (None: bonds cannot break), form.
-Key = tuple[str, int, PairFactory, str | None, str]
+# Layout, functions of the material, form.
+Key = tuple[Layout, PairFactory, str]
 
 
 class BondAssociatedLaw(Protocol):
@@ -23,6 +24,7 @@ class BondAssociatedLaw(Protocol):
 
     owner: str
     weights: str
+    layout: Layout
     key: Key
     kernels: BondAssociatedKernels
     context: Context
@@ -36,13 +38,18 @@ class BondAssociatedLaw(Protocol):
     unit_volume: float
 
     @property
+    def paths(self) -> Sequence[Any]:
+        """Types of its force paths (laws/force_paths.py), in the order in which they are tried; the reference last."""
+        ...
+
+    @property
     def material(self) -> Material:
         """The material."""
         ...
 
     @property
     def fast(self) -> bool:
-        """Whether to use the fast kernels."""
+        """Whether to take a faster path than the reference where one applies."""
         ...
 
     @property
@@ -54,33 +61,6 @@ class BondAssociatedLaw(Protocol):
         """Arguments common to all launches of a law."""
         ...
 
-    def add_reference_force(self, stage: Stage, displacement: Array) -> None:
-        """Add the launch that fills `pairs`."""
-        ...
-
-    def add_reference_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
-        """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""
-        ...
-
     def add_gather(self, stage: Stage, gather: Pointwise, bond_force: Array, force: Array) -> None:
         """Add the pointwise stage that sums the pairs of each point [N] to its force [N]."""
-        ...
-
-
-class FastForce(Protocol):
-    """Fast kernels on one sheet and device."""
-
-    def breaks_bonds(self, breaking: BondBreaking) -> bool:
-        """Whether the kernels of the force can break the bonds."""
-        ...
-
-    def add_force(self, stage: Stage, displacement: Array, force: Array, breaking: BondBreaking | None) -> None:
-        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3.
-
-        In the stages of `breaking`, for which `breaks_bonds` must be true, bonds break before.
-        """
-        ...
-
-    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
-        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
         ...

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-import numpy as np
 import warp as wp
 
 from ..device.checks import InputError
@@ -15,13 +14,13 @@ from ..device.launches import Stage
 from ..interfaces import BuiltLaw, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.visco import ViscoKernels, visco, visco_energy
+from ..kernels.reference_force import reference_force
+from ..kernels.visco import visco_energy, viscous_update
 from ..materials import Prony, capabilities
 from .bond_associated import BondAssociated, BondAssociatedForce
 from .family_law import FamilyLaw
-from .fast_path import NO_PRONY, RowSums, sums_rows
+from .force_paths import NO_PRONY, ForcePath, Reference, RowSums
 from .prony import at_once, check_prony, prony_array
-from .variational import FastForce
 
 # What the fast kernels of a CPU fill in with Prony terms: in a step, and off its path.
 VISCOUS = ("viscous_step", "viscous_force")
@@ -49,7 +48,6 @@ class Visco(BondAssociated):
     fast: bool = field(default=True, kw_only=True)
 
     has_tangent: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -71,11 +69,9 @@ class Visco(BondAssociated):
 
 
 class ElasticVisco(BondAssociatedForce):
-    """The law without Prony terms."""
+    """The law without Prony terms, on paths that keep the force of every pair."""
 
-    def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
-        """Those of a CPU, which keep the force of every pair."""
-        return RowSums(self) if self.fast and sums_rows(self) else None
+    paths: ClassVar[Sequence[type[ForcePath]]] = (RowSums, Reference)
 
     def bond_force(self) -> Array:
         """Force of the family of a point on each of its pairs [N], (members, N) vec3."""
@@ -99,12 +95,14 @@ class ViscoForce(ElasticVisco):
         viscous: Energy that each family has dissipated [J], (N,) float64, as of the last frame.
     """
 
+    # Those of elastic laws know of no Prony terms.
+    paths: ClassVar[Sequence[type[ForcePath]]] = (Reference,)
     depends_on_time = True
     takes_tension_field = False
 
     def __init__(self, law: Visco, context: Context) -> None:
         super().__init__(law, context)
-        self.rows = RowSums(self, VISCOUS) if law.fast and sums_rows(self) else None
+        self.rows = RowSums(self, VISCOUS) if law.fast and RowSums.applies(self) else None
         self._updated: Stage | None = None
         members, terms, vec3 = self.families.members, len(law.prony), context.types.vec3
         self.prony_terms = law.prony
@@ -150,30 +148,28 @@ class ViscoForce(ElasticVisco):
             self.rows.add_pairs(stage, displacement, "viscous_step", {"step": step, "prony": prony, **self.internal})
             self._updated = stage
             return
+        kernel = viscous_update(self.layout, self.law.material.functions)
         stage.launch(
-            "Visco", self._reference().update, self.points, **self.family_arguments(displacement), step=step,
+            "Visco", kernel, self.points, **self.family_arguments(displacement), step=step,
             prony=prony, unit_volume=self.unit_volume, **self.internal,
         )  # fmt: skip
-
-    def _reference(self) -> ViscoKernels:
-        layout, bits, material, broken, _form = self.key
-        return visco(layout, bits, material, broken, self.context.module)
-
-    def fast_kernels(self, inverse: np.ndarray, weights: np.ndarray) -> FastForce | None:
-        """None: those of elastic laws know of no Prony terms."""
-        return None
 
     @property
     def shown_internal(self) -> dict[str, Any]:
         """Prony terms, strain and overstress."""
         return {"prony": self.prony, "strain": self.internal["strain"], "overstress": self.internal["overstress"]}
 
+    @property
+    def force_path(self) -> str:
+        """Name of its force path."""
+        return Reference.name if self.rows is None else RowSums.name
+
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the internal force [N] at a displacement [m], both (N,) vec3."""
         state = {name: self.internal[name] for name in ("strain", "overstress")}
         if self.rows is None:
             stage.launch(
-                "Visco", self._reference().visco_force, self.points,
+                "Visco", reference_force(*self.key, viscous=True), self.points,
                 **self.family_arguments(displacement), constants=self.constants,
                 unit_force=self.unit_volume * self.inverse_horizon, prony=self.prony, **state, bond_force=self.pairs,
             )  # fmt: skip
@@ -183,9 +179,8 @@ class ViscoForce(ElasticVisco):
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the stored energy of each family [J]."""
-        layout, bits, material, broken, _form = self.key
         stage.launch(
-            "Visco", visco_energy(layout, bits, material, broken, self.context.module), self.points,
+            "Visco", visco_energy(self.layout, self.law.material.functions), self.points,
             **self.family_arguments(displacement), constants=self.constants, unit_volume=self.unit_volume,
             prony=self.prony, **self.internal, out=out, dissipated=self.viscous,
         )  # fmt: skip

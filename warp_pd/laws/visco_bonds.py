@@ -47,7 +47,6 @@ class ViscoBondBased:
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -85,10 +84,7 @@ class ViscoBondBasedForce(FamilyLaw):
         require_one_material(context.sheet, "the law ViscoBondBased")
         families = build_families(whole_sheet(law, context), law.horizon, "inverse_square", intersections=False)
         super().__init__(law, context, families, None, _bond_weights(families))
-        self.kernels = visco_bonds(
-            families.layout, context.bits, context.features.breakable, bool(law.prony), law.update == "series",
-            context.module,
-        )  # fmt: skip
+        self.kernels = visco_bonds(context.layout, bool(law.prony), law.update == "series")
         self.earlier_energy = self.kernels.earlier_energy
         shape = (families.members, self.points)
         self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)

@@ -8,11 +8,47 @@ from typing import TYPE_CHECKING, ClassVar
 from ..device.checks import positive
 
 if TYPE_CHECKING:
+    from ..kernels import compressible as kernels
     from ..kernels.factories import FunctionFactory, PairFactory
 
 
+class Compressible:
+    """Slightly compressible sheet in plane stress; its functions follow from its equations, kernels/compressible.py."""
+
+    isotropic: ClassVar[bool] = True
+
+    @property
+    def functions(self) -> PairFactory:
+        """See `kernels.compressible.Compressible`."""
+        return self._made.functions
+
+    @property
+    def near(self) -> FunctionFactory:
+        """See `kernels.compressible.Compressible`."""
+        return self._made.near
+
+    @property
+    def width(self) -> FunctionFactory:
+        """See `kernels.compressible.Compressible`."""
+        return self._made.width
+
+    @property
+    def volume(self) -> FunctionFactory:
+        """See `kernels.compressible.Compressible`."""
+        return self._made.volume
+
+    @property
+    def membrane(self) -> PairFactory:
+        """See `kernels.compressible.Compressible`."""
+        return self._made.membrane
+
+    @property
+    def _made(self) -> kernels.Compressible:
+        raise NotImplementedError(f"{type(self).__name__}._made: the functions of its kernels are needed")
+
+
 @dataclass(frozen=True)
-class NeoHookean:
+class NeoHookean(Compressible):
     """Slightly compressible neo-Hookean sheet in plane stress.
 
     Psi = mu/2 (I1b - 3) + K/8 (J^2 + J^-2 - 2). Source: NN paper.
@@ -28,8 +64,6 @@ class NeoHookean:
     mu: float
     bulk: float
 
-    isotropic: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         positive("mu", self.mu)
         positive("bulk", self.bulk)
@@ -40,13 +74,6 @@ class NeoHookean:
         return (self.mu, self.bulk)
 
     @property
-    def functions(self) -> PairFactory:
-        """See `kernels.neo_hookean.neo_hookean`."""
-        from ..kernels.neo_hookean import neo_hookean
-
-        return neo_hookean
-
-    @property
     def response(self) -> FunctionFactory:
         """See `kernels.neo_hookean.neo_hookean_response`."""
         from ..kernels.neo_hookean import neo_hookean_response
@@ -54,32 +81,10 @@ class NeoHookean:
         return neo_hookean_response
 
     @property
-    def near(self) -> FunctionFactory:
-        """See `kernels.neo_hookean.neo_hookean_near`."""
-        from ..kernels.neo_hookean import neo_hookean_near
+    def _made(self) -> kernels.Compressible:
+        from ..kernels.neo_hookean import neo_hookean
 
-        return neo_hookean_near
-
-    @property
-    def width(self) -> FunctionFactory:
-        """See `kernels.neo_hookean.neo_hookean_width`."""
-        from ..kernels.neo_hookean import neo_hookean_width
-
-        return neo_hookean_width
-
-    @property
-    def volume(self) -> FunctionFactory:
-        """See `kernels.neo_hookean.neo_hookean_volume`."""
-        from ..kernels.neo_hookean import neo_hookean_volume
-
-        return neo_hookean_volume
-
-    @property
-    def membrane(self) -> PairFactory:
-        """See `kernels.neo_hookean.neo_hookean_membrane`."""
-        from ..kernels.neo_hookean import neo_hookean_membrane
-
-        return neo_hookean_membrane
+        return neo_hookean
 
     @property
     def ratios(self) -> dict[str, float]:
@@ -88,7 +93,7 @@ class NeoHookean:
 
 
 @dataclass(frozen=True)
-class Gent:
+class Gent(Compressible):
     """Slightly compressible Gent sheet in plane stress: stiffens without bound as I1b - 3 nears Jm.
 
     Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J), with K = 2/D. Source: BA paper.
@@ -106,8 +111,6 @@ class Gent:
     bulk: float
     lock: float
 
-    isotropic: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
         positive("mu", self.mu)
         positive("bulk", self.bulk)
@@ -119,13 +122,6 @@ class Gent:
         return (self.mu, self.bulk, self.lock)
 
     @property
-    def functions(self) -> PairFactory:
-        """See `kernels.gent.gent`."""
-        from ..kernels.gent import gent
-
-        return gent
-
-    @property
     def response(self) -> FunctionFactory:
         """See `kernels.gent.gent_response`."""
         from ..kernels.gent import gent_response
@@ -133,32 +129,10 @@ class Gent:
         return gent_response
 
     @property
-    def near(self) -> FunctionFactory:
-        """See `kernels.gent.gent_near`."""
-        from ..kernels.gent import gent_near
+    def _made(self) -> kernels.Compressible:
+        from ..kernels.gent import gent
 
-        return gent_near
-
-    @property
-    def width(self) -> FunctionFactory:
-        """See `kernels.gent.gent_width`."""
-        from ..kernels.gent import gent_width
-
-        return gent_width
-
-    @property
-    def volume(self) -> FunctionFactory:
-        """See `kernels.gent.gent_volume`."""
-        from ..kernels.gent import gent_volume
-
-        return gent_volume
-
-    @property
-    def membrane(self) -> PairFactory:
-        """See `kernels.gent.gent_membrane`."""
-        from ..kernels.gent import gent_membrane
-
-        return gent_membrane
+        return gent
 
     @property
     def ratios(self) -> dict[str, float]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..geometry.picture_files import new_figure, save
 from . import plots
-from .labels import ENERGIES, column_label, column_unit
 from .picture_frames import Shown, frames_at
+from .quantities import ENERGIES, column_label, column_unit
 from .vtkhdf import read_series
 
 # Panels of the sheet, and of the numbers; of a sheet with more points than that only the last frame is drawn.

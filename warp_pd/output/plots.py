@@ -12,10 +12,9 @@ import numpy as np
 from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
 from ..geometry.topology import boundary_edges
 from .colour_scale import ColourScale, scale_of
-from .labels import ENERGIES, column_label, field_label
 from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, places_of, sphere
-from .raster import raster
+from .projection import View, material_lines, places_of, raster, sphere
+from .quantities import ENERGIES, column_label, field_label
 
 SEQUENTIAL = "viridis"
 # Triangles above which a sheet is drawn as pixels.

@@ -159,7 +159,7 @@ class BuiltBody(BuiltContact):
         context, part, f = self.context, self.part, self.context.features
         kernels = body_contact(
             context.bits, part.shape.distance, part.motion.free, part.friction > 0.0, self._curved, f.held, f.loaded,
-            f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None, context.module,
+            f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None,
         )  # fmt: skip
         project = phase is Phase.PROJECT
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)

@@ -112,7 +112,7 @@ class BuiltBoundaryForce(BuiltLoad):
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launches that find the normals and add the force."""
         context, law = self.context, self.law
-        find, push = boundary_force(context.layout, context.bits, self.breakable, self.load.form, context.module)
+        find, push = boundary_force(context.layout, self.load.form)
         family = {"family": law.struct, "intact": law.intact, "displacement": displacement}
         stage.launch(
             OWNER, find, self._threads[0], **family, points=self._points, marked=self._mask,

@@ -171,7 +171,7 @@ class DeadLoad(BuiltLoad):
         """Add the launch that adds the force times its factor."""
         context = self.context
         stage.launch(
-            self.owner, dead_load(context.bits, context.module), len(self._points),
+            self.owner, dead_load(context.bits), len(self._points),
             points=self._loaded, force=self._loaded_force, factors=context.clock.scheduled, schedule=self._schedule,
             external=out,
         )  # fmt: skip
@@ -187,8 +187,7 @@ class FollowerPressure(BuiltLoad):
         self.label, self.context, self.law = "loads: Pressure", context, law
         self._value, self._schedule = value, schedule
         self._unit_pressure = value * law.families.reference_area
-        scheduled, breakable = schedule is not None, law.intact is not None
-        self._key = (context.layout, context.bits, breakable, scheduled, context.module)
+        self._key = (context.layout, schedule is not None)
 
     def _arguments(self, displacement: Array) -> dict[str, Any]:
         law = self.law
@@ -284,7 +283,7 @@ class ExternalForce(External):
         return self._constant if self._dead is None else self._dead
 
     def _add_begin(self, stage: Stage, constant: Array | None, out: Array) -> None:
-        begin = begin_loads(self.context.bits, constant is not None, self.context.module)
+        begin = begin_loads(self.context.bits, constant is not None)
         stage.pointwise("loads", begin, self.context.sheet.size, constant=constant, external=out)
 
     def add_dead(self, stage: Stage, out: Array) -> None:

@@ -17,12 +17,12 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BondBreaking, BuiltLaw, BuiltRupture, Rupture
+from ..interfaces import BuiltLaw, BuiltRupture, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage import face_damage, point_damage
 from ..kernels.energy_release import energy_release
-from ..kernels.rupture import SCREENED, Breaking, Criterion, breaking, critical_energy, critical_stretch, screening
+from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, critical_stretch, screening
 
 # Beyond it the squares of stretches overflow in float32.
 MAX_STRETCH = 1e12
@@ -84,9 +84,9 @@ class CriticalStretch(BondCriterion):
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The squared critical stretch."""
-        found = critical_stretch(context.layout, context.bits, context.module)
+        found = critical_stretch(context.layout)
         values = found.struct()
-        values.squared = self.stretch**2
+        values.squared = self.squared_stretch
         return found, values
 
 
@@ -119,7 +119,7 @@ class CriticalEnergy(BondCriterion):
         Raises:
             InputError: for a graded sheet.
         """
-        found = critical_energy(context.layout, context.bits, context.module)
+        found = critical_energy(context.layout)
         values = found.struct()
         shape = (law.families.members, context.sheet.size)
         values.energy_release = context.array(
@@ -127,7 +127,7 @@ class CriticalEnergy(BondCriterion):
         )
         if context.sheet.spacings is not None:
             raise InputError("damage = CriticalEnergy: expected a sheet of one spacing, got a graded one")
-        values.critical = self.energy / crossing_bonds(law.horizon)
+        values.critical = self.energy / crossing_bonds(law.horizon_ratio)
         return found, values
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
@@ -207,10 +207,9 @@ class Damaged(BuiltRupture):
     def _add_damage(self, stage: Stage) -> None:
         context = self.context
         family = {"family": self.law.struct, "intact": self.law.intact}
-        key = (context.layout, context.bits, context.module)
-        stage.launch(self.owner, point_damage(*key), context.sheet.size, **family, out=self.damage)
+        stage.launch(self.owner, point_damage(context.layout), context.sheet.size, **family, out=self.damage)
         stage.launch(
-            self.owner, face_damage(*key), len(context.sheet.triangles), **family, triangles=self._triangles,
+            self.owner, face_damage(context.layout), len(context.sheet.triangles), **family, triangles=self._triangles,
             intact_faces=self.intact_faces,
         )  # fmt: skip
 
@@ -241,29 +240,19 @@ class BreakingBonds(Damaged):
     def __init__(self, owner: str, rupture: BondCriterion, context: Context, law: BuiltLaw) -> None:
         super().__init__(owner, rupture, context, law)
         found, self.criterion = rupture.criterion(context, law)
-        self._breaking = BondBreaking(
-            Breaking(found, self.spared is not None), self.criterion, self.spared, rupture.squared_stretch,
-        )  # fmt: skip
-        self._with_force = law.break_with_force(self._breaking)
-        screened = (
-            self.screens and context.layout == "lattice" and not context.device.is_cuda and context.partition is None
-        )
-        self._screen = screening(context.bits, found, context.module) if screened else None
-        self._kernel = breaking(
-            context.layout, context.bits, found, self.spared is not None, screened, self.tracked_energy, context.module
-        )
+        self._limit = rupture.squared_stretch
+        on_lattice = context.layout.kind == "lattice" and context.partition is None
+        screened = self.screens and on_lattice and not context.device.is_cuda
+        self._screen = screening(context.layout, found) if screened else None
+        self._kernel = breaking(context.layout, found, self.spared is not None, screened, self.tracked_energy)
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that break bonds, unless the force law does so on its own in a step."""
-        if self._with_force and stage.name == "step":
-            self._breaking.stages.add(stage.name)
-            return
+        """Add the launches that break bonds."""
         size, arguments, exceeding = self.context.sheet.size, self.arguments(), None
         if self._screen is not None:
             blocks = -(-size // SCREENED)
             exceeding = self.context.array("exceeding", self.owner, wp.uint8, shape=blocks, per="block")
-            limit = self._breaking.squared_stretch
-            if limit is None or not self.law.screen_with_force(stage, limit, exceeding):
+            if self._limit is None or not self.law.screen_with_force(stage, self._limit, exceeding):
                 stage.launch(
                     self.owner, self._screen, blocks, criterion=self.criterion, exceeding=exceeding,
                     **{name: arguments[name] for name in ("family", "displacement", "horizon", "intact")},
@@ -280,7 +269,7 @@ class BreakingByEnergy(BreakingBonds):
         if phase is Phase.BOND_WORK:
             context, law, sheet = self.context, self.law, self.context.sheet
             stage.launch(
-                self.owner, energy_release(context.layout, context.bits, context.module), sheet.size,
+                self.owner, energy_release(context.layout), sheet.size,
                 family=law.struct, intact=law.intact, velocity=context.state.velocity, step=context.state.step,
                 bond_force=law.bond_force(), inverse_surface=1.0 / (sheet.thickness * sheet.spacing),
                 energy_release=self.criterion.energy_release,

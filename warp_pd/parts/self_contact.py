@@ -118,16 +118,15 @@ class BuiltSelfContact(BuiltContact):
         self._allocate_points(pieces)
         self._allocate_lists(capacity)
         self._allocate_friction(rubbing)
-        self._lists = pair_lists(context.layout, context.bits, pieces, context.module)
+        self._lists = pair_lists(context.layout, pieces)
         self._kernels = repulsion(
-            context.layout, context.bits, law.intact is not None, pieces, rubbing, f.held, f.loaded,
-            f.damped and f.half_steps, f.tracked, context.module,
-        )  # fmt: skip
+            context.layout, pieces, rubbing, f.held, f.loaded, f.damped and f.half_steps, f.tracked
+        )
 
     def _allocate_points(self, pieces: bool) -> None:
         """Allocate what pairs ask of points: where they lay, their areas, and their pieces."""
         context, sheet = self.context, self.context.sheet
-        points = pair_functions(context.bits, pieces, context.module).Points()
+        points = pair_functions(context.bits, pieces).Points()
         points.reference = context.array("reference", OWNER, wp.vec3d, sheet.positions)
         if pieces:
             points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)

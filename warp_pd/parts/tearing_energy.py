@@ -94,7 +94,7 @@ class TearingEnergy(BondCriterion):
             InputError: if there is none in the range that the spacing resolves.
         """
         spacing = tearing_spacing(context.sheet, self.spared)
-        width = tip_width(law.horizon, context.features.gradual) * spacing
+        width = tip_width(law.horizon_ratio, context.features.gradual) * spacing
         stretches = np.geomspace(MIN_STRETCH, MAX_STRETCH, 400)
         found = stretch_of_density(law.energy_density, self.energy / width, stretches)
         if np.isnan(found):
@@ -137,9 +137,7 @@ class SofteningBonds(Damaged):
         begin, self.end = (1.0 + fraction * (self.critical - 1.0) for fraction in (BEGIN, END))
         _, self.beginning = _elongation(context, begin, rupture.spared)
         self._spacing = tearing_spacing(context.sheet, rupture.spared)
-        self._kernel = softening(
-            context.layout, context.bits, self.spared is not None, self.tracked_energy, context.module
-        )
+        self._kernel = softening(context.layout, self.spared is not None, self.tracked_energy)
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launch that takes weight from bonds."""
@@ -156,7 +154,7 @@ class SofteningBonds(Damaged):
 
 def _elongation(context: Context, stretch: float, spared: Any) -> tuple[Criterion, Any]:
     """The criterion of elongation, and its struct filled in."""
-    found = elongation(context.layout, context.bits, context.module)
+    found = elongation(context.layout)
     values = found.struct()
     values.stretch, values.spacing = stretch, tearing_spacing(context.sheet, spared)
     return found, values

@@ -90,7 +90,8 @@ def plan(built: Built) -> str:
     Two tables: arrays (name, shape, type, bytes, owner, what for) and launches (name, threads, owner, how often).
     """
     context, points = built.context, built.context.sheet.size
-    lines = [f"{built.simulation.scene}: {points} points, float{context.bits}", "", "arrays"]
+    lines = [f"{built.simulation.scene}: {points} points, float{context.bits}"]
+    lines += [f"{built.law.label}: {built.law.force_path}", "", "arrays"]
     rows = [
         (
             s.name, "x".join(map(str, s.array.shape)), _type_name(s.array.dtype), f"{s.nbytes}", s.field.per,

@@ -46,7 +46,7 @@ class Soundness:
             between = f"became NaN or Inf between t = {last:.6g} s and t = {now:.6g} s (frame {index})"
         else:
             between = f"became NaN or Inf beyond {format_time(last, load_duration)}"
-        raise DivergedError(f"diverged: {where} {between}; likely cause: {self._cause(dt)}")
+        raise DivergedError(f"diverged: {where} {between}; likely cause: {self.cause(dt)}")
 
     def _require_slow(self, index: int, now: float, dt: float) -> None:
         built = self.built
@@ -56,7 +56,7 @@ class Soundness:
             when = format_time(now, built.simulation.load_duration)
             raise DivergedError(
                 f"diverged: point {fastest} moves more than a horizon in one step at {when} "
-                f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self._cause(dt)}"
+                f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt)}"
             )
 
     def require_no_gain(self, row: Mapping[str, float], index: int, dt: float) -> None:
@@ -64,17 +64,37 @@ class Soundness:
         if row.get("balance_error", 0.0) > MAX_GAIN:
             raise DivergedError(
                 f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet holds more energy than was ever put "
-                f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self._cause(dt)}"
+                f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self.cause(dt)}"
             )
 
-    def _cause(self, dt: float) -> str:
+    def cause(self, dt: float) -> str:
+        """What to suspect after a step of dt [s]."""
         if self.last_time is None:
             return "the initial displacement strains the sheet more than its material bears"
         if self.built.simulation.load_duration is not None:
+            ramp = getattr(self.built.simulation.solver, "ramp_steps", None)
+            slower = "" if ramp is None else f", or more ramp_steps, over which a load step is applied (here {ramp})"
             return (
-                "no equilibrium near the last good load step, or the load rose faster than the relaxation followed; "
-                "try a smaller load, or more load_steps or ramp_steps"
+                "no equilibrium near the last good load step, or the load rose faster than the solver followed; "
+                f"try a smaller load, or more load_steps{slower}"
             )
         if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
             return f"the step {dt:.4g} s is above the stable step {self.stable_dt:.4g} s"
         return self.built.law.likely_cause()
+
+
+def free_motions(built: Built) -> int:
+    """Number of ways in which a sheet can move as a rigid body, past its supports; 0 to 6."""
+    at = built.context.whole.positions
+    at = at - at.mean(axis=0)
+    held = np.zeros(at.shape, bool)
+    for constraint in built.constraints:
+        held[constraint.points] |= [bool(constraint.components & (1 << c)) for c in range(3)]
+    shift = np.broadcast_to(np.eye(3)[:, None], (3, *at.shape))
+    turn = np.cross(np.eye(3)[:, None], at[None] / max(float(np.abs(at).max()), 1e-300))
+    modes = np.concatenate([shift, turn]).reshape(6, -1)
+
+    def rank(some: np.ndarray) -> int:
+        return int(np.linalg.matrix_rank(some @ some.T / at.size, 1e-12, hermitian=True))
+
+    return rank(modes) - rank(modes[:, held.ravel()])

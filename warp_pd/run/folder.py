@@ -6,6 +6,7 @@ import contextlib
 import csv
 import itertools
 import json
+import math
 import os
 import shutil
 from collections.abc import Iterator
@@ -175,7 +176,8 @@ def read_history(path: Path) -> History:
     """
     try:
         with path.open(newline="") as stream:
-            history = [{key: float(text) for key, text in row.items()} for row in csv.DictReader(stream)]
+            rows = list(csv.DictReader(stream))
+        history = [{key: float("nan" if text == "" else text) for key, text in row.items()} for row in rows]
     except (OSError, ValueError, TypeError):
         history = []
     if not history:
@@ -191,10 +193,10 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def write_history(path: Path, history: History) -> None:
-    """History as CSV, one row per frame, written atomically."""
+    """History as CSV, one row per frame, written atomically; a number that is missing is an empty cell."""
     part = path.with_name(path.name + ".part")
     with part.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, fieldnames=list(history[-1]))
         writer.writeheader()
-        writer.writerows(history)
+        writer.writerows({name: "" if math.isnan(value) else value for name, value in row.items()} for row in history)
     os.replace(part, path)

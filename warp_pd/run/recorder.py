@@ -78,6 +78,7 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
+        missing: Measures that failed: in how many frames, and why first.
         points: The points that frames hold.
     """
 
@@ -98,6 +99,7 @@ class Recorder:
     step_seconds: float = 0.0
     fine: FineHistory | None = None
     stop_asked: bool = False
+    missing: dict[str, dict[str, Any]] = field(default_factory=dict)
     points: FramePoints = field(init=False)
 
     def __post_init__(self) -> None:
@@ -223,8 +225,21 @@ class Recorder:
         if built.simulation.measures:
             frame = frame.in_double()
         for measure in built.simulation.measures:
-            reported = number_of(measure, built, frame)
+            try:
+                reported = number_of(measure, built, frame)
+            except InputError as error:
+                # The other numbers of the run must not go with this one.
+                reported = None
+                self._miss(measure, frame, error)
             row[measure.name] = math.nan if reported is None else reported
+
+    def _miss(self, measure: Measure, frame: Frame, error: InputError) -> None:
+        """Remember that a measure failed in a frame, and why it did so first."""
+        found = self.missing.setdefault(measure.name, {"frames": 0, "why": ""})
+        found["frames"] += 1
+        if found["frames"] == 1:
+            when = format_time(frame.time, self.built.simulation.load_duration)
+            found["why"] = f"first at {when} (frame {frame.index}): {error}"
 
 
 def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
@@ -233,13 +248,12 @@ def number_of(item: Measure | Outcome, *arguments: Any) -> float | None:
     Raises:
         InputError: if it raises, or gives neither a number nor None.
     """
-    what = f"{type(item).__name__} {item.name!r}"
-    with user_code(lambda error: f"{what}: {kind_and_text(error)}"):
+    with user_code(kind_and_text):
         value = item.value(*arguments)
     try:
         return None if value is None else float(value)
     except (TypeError, ValueError):
-        raise InputError(f"{what} gives {value!r}: expected a number") from None
+        raise InputError(f"it gives {value!r}: expected a number") from None
 
 
 def balance_error(history: Sequence[Mapping[str, float]], row: Mapping[str, float]) -> float:

@@ -24,11 +24,11 @@ from .recorder import Recorder
 from .scene import Scene
 
 NAME = "restart.npz"
-VERSION = 4
+VERSION = 5
 # Numbers of the recorder that a restart keeps.
-NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history")
+NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history", "missing")
 # What a scene says that changes nothing of the state of a run; of measures the names count all the same.
-REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings")
+REPORTED = ("measures", "outcomes", "scene", "file", "section", "pictures", "notes", "settings", "sources")
 # Longer values are kept as their hash; a message names so many that differ.
 MAX_LENGTH, MAX_NAMED = 60, 4
 
@@ -89,6 +89,14 @@ def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
     outer = [name for name in names if not any(name.startswith(f"{other}.") for other in names)]
     shown = [f"{name} = {began.get(name)}, here {here.get(name)}" for name in outer[:MAX_NAMED]]
     return "; ".join(shown) + (f"; and {len(outer) - MAX_NAMED} more" if len(outer) > MAX_NAMED else "")
+
+
+def difference(began: Identity, here: Identity) -> str:
+    """What differs between a run and what is to be run now, such as "pressure = 5.0, here 15.0"; "" if nothing."""
+    sides = (began.settings, began.parts), (here.settings, here.parts)
+    # Settings of a scene are what its user knows; where they are the same, the scene itself differs.
+    same = began.settings == here.settings
+    return _different(*(parts if same else {**s, "precision": parts["precision"]} for s, parts in sides))
 
 
 def extends(began: Identity, here: Identity) -> bool:
@@ -152,10 +160,7 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
         raise InputError(f"{where}: it is of version {numbers.get('version')}, expected {VERSION}")
     began = Identity(numbers["parts"], numbers["settings"])
     if began != known and not extends(began, known):
-        sides = (numbers["settings"], numbers["parts"]), (known.settings, known.parts)
-        # Settings of a scene are what its user knows; where they are the same, the scene itself differs.
-        same = numbers["settings"] == known.settings
-        other = _different(*(p if same else {**s, "precision": p["precision"]} for s, p in sides))
+        other = difference(began, known)
         raise InputError(f"{where}: it belongs to other settings ({other}); expected those that the run began with")
     return {**data, "numbers": numbers}
 

@@ -94,7 +94,7 @@ class Result:
         Raises:
             InputError: for a column that the history does not have, or no column at all.
         """
-        from ..output.history_plot import plot_history
+        from ..output.curves import plot_history
 
         scene = self.built.simulation
         shown = names or tuple(measure.name for measure in scene.measures)
@@ -131,10 +131,11 @@ class Result:
 
 def report(result: Result) -> Iterator[str]:
     """Notes, reported numbers and files, one line each, for the command line."""
-    yield from result.summary["notes"]
+    notes: list[str] = result.summary["notes"]
+    yield from notes
     for name, m in result.summary["measures"].items():
         if m["value"] is None:
-            wrong = next((note for note in result.summary["notes"] if note.startswith(f"Outcome {name!r}")), None)
+            wrong = any(note.startswith((f"Measure {name!r}: missing", f"Outcome {name!r}: ")) for note in notes)
             yield f"{name} = none: {'see above' if wrong else 'it did not happen'}"
             continue
         line = f"{name} = {m['value']:.6g}" + ("" if m["unit"] == "1" else f" {m['unit']}")

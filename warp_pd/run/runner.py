@@ -17,9 +17,10 @@ from typing import Any
 from ..device.checks import InputError, count, kind_and_text, one_of, user_code
 from ..geometry.picture_files import FORMATS, Drawing, drawing, pictures_in
 from ..interfaces import History, Reporter, Writer
+from ..interfaces.frame import format_time
 from . import restart
 from .built import Built, compose
-from .divergence import DivergedError
+from .divergence import DivergedError, free_motions
 from .files import Files, add_files, require_gatherable, stored_fields
 from .folder import PAGE, clear, clear_unfinished, remove_if_empty, sole_use, writable_folder, write_atomically
 from .frame_points import FramePoints
@@ -164,7 +165,8 @@ def _run(
     def finish() -> tuple[dict[str, Any], History, History, Path | None]:
         result = Result(summary_of(recorder, status, message, seconds), recorder.history, built, last, folder)
         result.fine_history = [] if recorder.fine is None else recorder.fine.rows
-        if folder is not None:
+        if folder is not None and known is not None:
+            result.summary["identity"] = {"parts": known.parts, "sources": scene.sources}
             _finish(result, folder, files)
         return result.summary, result.history, result.fine_history, folder
 
@@ -222,6 +224,10 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
         status = built.solver.run(recorder)
         if status == NOT_CONVERGED:
             message = _not_converged(recorder)
+        elif status == DIVERGED:
+            when = format_time(recorder.time, built.simulation.load_duration)
+            cause = recorder.soundness.cause(recorder.dt)
+            message = f"diverged: the residual is {recorder.residual} beyond {when}; likely cause: {cause}"
     except DivergedError as error:
         status, message = DIVERGED, str(error)
     except KeyboardInterrupt:
@@ -305,6 +311,12 @@ def _not_converged(recorder: Recorder) -> str:
         f"not converged: the residual is {recorder.residual:.3g} after {recorder.solve['iterations']} iterations; "
         f"the last good load step is at load factor {reached:.4g}"
     )
+    free = free_motions(recorder.built) if reached == 0.0 else 0
+    if free:
+        return (
+            f"{text}; likely cause: the sheet can move freely, in {free} of 6 ways as a rigid body; expected supports "
+            "(Fixed, Motion) that hold it"
+        )
     return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
 
 

@@ -71,6 +71,9 @@ class Outcome:
         value: Function of the history, one row per frame, in order; None where there is no such number yet.
         reference: What it is compared with, in the same unit, or None.
         source: Where the reference comes from.
+        fine: Whether it reads the rows between frames, too, where the run has them (`Explicit(history_every=)`): a
+            peak between frames is then not lost. They hold energies, losses, forces of bodies and of `Reaction`, and
+            no measures.
     """
 
     name: str
@@ -78,6 +81,7 @@ class Outcome:
     value: Callable[[History], float | None]
     reference: float | None = None
     source: str = ""
+    fine: bool = False
 
     def __post_init__(self) -> None:
         check_reference("Outcome", self.name, self.unit, self.reference)
@@ -110,6 +114,7 @@ class Scene:
             the default ones.
         notes: What a scene decided for the user, one line each; the summary and the command line repeat them.
         settings: Arguments of the scene's `build`, for the summary and restart files.
+        sources: Hashes of the code of the scene's file and of the modules beside it that it uses, by file name.
     """
 
     sheet: Sheet
@@ -131,6 +136,7 @@ class Scene:
     pictures: Callable[[History, Path], None] | None = None
     notes: Sequence[str] = ()
     settings: dict[str, Any] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
 
     @property
     def contacts(self) -> tuple[Contact, ...]:

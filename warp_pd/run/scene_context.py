@@ -15,7 +15,6 @@ from ..interfaces import Constraint, Part
 from ..interfaces.communicator import Communicator
 from ..interfaces.context import BLOCK, SMALL, SMALL_BLOCK, Context, Features, State
 from ..kernels.numeric import numeric
-from ..laws import fast_path
 from ..parts.frame_checks import EnergyBalance
 from ..parts.supports import held_components
 from .scene import Scene
@@ -45,8 +44,7 @@ def scene_context(
         gradual=gradual,
         contact=any(part.changes_velocities for part in scene.contacts),
         half_steps=all(c.half_steps for c in scene.contacts),
-        # The energy that a breaking bond releases has the same bits in every launch only with stored tables.
-        compact=fast_path.compact_tables(scene.force, sheet, device) if solver.dynamic and scene.damage is None else "",
+        dynamic=solver.dynamic,
     )
     initial = start if placement is None else start + placement
     made = Context(

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import functools
+import hashlib
 import importlib
 import importlib.util
 import inspect
 import pkgutil
 import sys
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from ..device.checks import InputError, kind_and_text, one_of, user_code
 from .arguments import converted, is_plain, plain
-from .scene import Scene
 
 
 def scene_names() -> list[str]:
@@ -69,6 +71,8 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     Raises:
         InputError: for a name that the scene does not know, or a value that does not fit.
     """
+    from .scene import Scene
+
     scene = load_scene(name)
     parameters = inspect.signature(scene.build).parameters
     values = {key: converted(key, value, parameters) for key, value in settings.items()}
@@ -88,4 +92,30 @@ def build_scene(name: str, settings: dict[str, Any]) -> Any:
     simulation.file = str(Path(name).resolve()) if own else None
     used = {key: values.get(key, p.default) for key, p in parameters.items()}
     simulation.settings = {key: plain(value) for key, value in used.items() if is_plain(value)}
+    simulation.sources = sources_of(Path(scene.__file__))
     return simulation
+
+
+def sources_of(file: Path) -> dict[str, str]:
+    """Hashes of the code of a scene's file and of the modules in its folder that it imports, by file name.
+
+    Comments and blank lines count nothing.
+    """
+    found: dict[str, str] = {}
+    waiting = [file]
+    while waiting:
+        path = waiting.pop()
+        if path.name not in found and path.is_file():
+            tree = ast.parse(path.read_text("utf-8"))
+            found[path.name] = hashlib.sha1(ast.dump(tree).encode()).hexdigest()[:12]
+            waiting += [file.with_name(f"{name}.py") for name in _imported(tree)]
+    return dict(sorted(found.items()))
+
+
+def _imported(tree: ast.Module) -> Iterator[str]:
+    """Last names of all that a module imports: some of them are modules beside it."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield from (alias.name.rpartition(".")[2] for alias in node.names)
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module.rpartition(".")[2]

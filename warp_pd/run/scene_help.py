@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from typing import Any
 
 import click
@@ -77,7 +76,8 @@ def scene_arguments(module: Any) -> list[tuple[str, str]]:
     for name, parameter in inspect.signature(module.build).parameters.items():
         common = COMMON.get(name, "")
         if parameter.default is not None:
-            common = re.sub(r"; None: .*", ".", common)
+            common, without, _ = common.partition("; None: ")
+            common += "." if without else ""
         rows.append((str(parameter).replace("'", ""), said.get(name) or _sentence(name, prose) or common))
     return rows
 
@@ -88,12 +88,14 @@ def _said_under_args(docstring: str) -> dict[str, str]:
     found: dict[str, str] = {}
     name = ""
     for line in section.splitlines():
-        entry = re.match(r" {4}(\w+): (.*)", line)
-        if entry is not None:
-            name, found[entry[1]] = entry[1], entry[2].strip()
-        elif line.startswith("     ") and name:
-            found[name] += " " + line.strip()
-        elif line.strip():
+        text = line.strip()
+        indent = len(line) - len(line.lstrip())
+        key, entry, rest = text.partition(": ")
+        if indent == 4 and entry and key.isidentifier():
+            name, found[key] = key, rest.strip()
+        elif indent > 4 and name:
+            found[name] += f" {text}"
+        elif text:
             break
     return found
 
@@ -101,7 +103,11 @@ def _said_under_args(docstring: str) -> dict[str, str]:
 def _sentence(name: str, texts: list[str]) -> str:
     """The first sentence that begins with an argument in backticks; empty if there is none."""
     for text in texts:
-        found = re.search(rf"(?:^|(?<=[.:;] ))`{name}`.*?(?=\. |\.$|$)", " ".join(text.split()))
-        if found is not None:
-            return f"{found[0]}."
+        words = " ".join(text.split())
+        at = words.find(f"`{name}`")
+        while at >= 0:
+            if at == 0 or words[at - 2 : at] in (". ", ": ", "; "):
+                sentence, _, _ = words[at:].partition(". ")
+                return f"{sentence.removesuffix('.')}."
+            at = words.find(f"`{name}`", at + 1)
     return ""

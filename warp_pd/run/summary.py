@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError, said
+from ..interfaces import History
 from .recorder import Recorder, number_of
 from .scene import Measure, Outcome
 
@@ -43,6 +44,9 @@ def notes_of(recorder: Recorder) -> list[str]:
         notes.append("energy: the law has no potential, so there is no strain energy and no balance to report")
     for part in built.parts:
         notes += part.notes(recorder.history, built.simulation.load_duration)
+    for name, found in recorder.missing.items():
+        frames = "one frame" if found["frames"] == 1 else f"{found['frames']} frames"
+        notes.append(f"Measure {name!r}: missing in {frames}, {found['why']}")
     return notes + _energy_notes(recorder)
 
 
@@ -87,12 +91,23 @@ def _measures(recorder: Recorder, notes: list[str]) -> dict[str, Any]:
     for outcome in scene.outcomes:
         value = None
         try:
-            value = number_of(outcome, recorder.history) if found else None
+            value = number_of(outcome, _rows_for(outcome, recorder, notes)) if found else None
         except InputError as error:
             # The run is over: the other numbers must not go with this one.
-            notes.append(str(error))
+            notes.append(f"Outcome {outcome.name!r}: {error}")
         reported[outcome.name] = _compared(outcome, value, "whole run")
     return reported
+
+
+def _rows_for(outcome: Outcome, recorder: Recorder, notes: list[str]) -> History:
+    """The rows that an outcome reads; a note says so if it asks for those between frames and there are none."""
+    if not outcome.fine:
+        return recorder.history
+    if recorder.fine is not None:
+        return recorder.fine.rows
+    if recorder.built.simulation.solver.dynamic:
+        notes.append(f"{outcome.name}: read at frames alone; history_every (--history-every) adds rows between them")
+    return recorder.history
 
 
 def _commit() -> str | None:

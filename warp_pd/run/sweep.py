@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,8 +12,9 @@ from typing import Any
 
 from ..device.checks import InputError
 from . import restart
+from .built import compose
 from .divergence import DivergedError
-from .folder import run_summary
+from .folder import run_summary, write_atomically
 from .runner import DIVERGED, FINISHED, NOT_CONVERGED, STOPPED
 
 REFUSED = "refused"
@@ -86,6 +88,7 @@ def sweep(
     out: Path,
     start: Start,
     *,
+    device: str | None = None,
     precision: int | None = None,
     overwrite: bool = False,
     told: Callable[[int, int, Row], None] | None = None,
@@ -97,18 +100,24 @@ def sweep(
         choices: Values of each argument.
         out: Folder that holds the folders of the runs.
         start: Runs a simulation.
+        device: Of all runs; None for CUDA where there is one.
         precision: Of all runs; None for the solver's.
         overwrite: Run everything again.
         told: Called after each run with its number, the number of all runs, and its row.
+
+    Raises:
+        InputError: if a folder holds a run of another scene, other settings or other code; nothing has run then.
 
     Returns:
         A row for each run, in order. A run that fails does not stop the others. If the user stops a run, its row is
         the last one.
     """
     everything = list(combinations(choices))
+    for values in everything if not overwrite else ():
+        _require_same(build, values, out / folder_name(values), device, precision)
     rows = []
     for number, values in enumerate(everything, start=1):
-        row = _run(build, values, out / folder_name(values), start, precision, overwrite)
+        row = _run(build, values, out / folder_name(values), start, overwrite)
         rows.append(row)
         if told is not None:
             told(number, len(everything), row)
@@ -117,21 +126,37 @@ def sweep(
     return rows
 
 
+def _require_same(
+    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, device: str | None,
+    precision: int | None,
+) -> None:  # fmt: skip
+    """Refuse a folder with a run that is not the one which these values stand for now.
+
+    Raises:
+        InputError: for the first thing that differs, or a scene that refuses values which it took before.
+    """
+    earlier = run_summary(folder)
+    if earlier is None:
+        return
+    simulation = build(values)
+    here = restart.identity(simulation, compose(simulation, device, precision))
+    told = earlier.get("identity", {"parts": {}, "sources": {}})
+    other = restart.difference(restart.Identity(told["parts"], earlier["settings"]), here)
+    sources = {**told["sources"], **simulation.sources}
+    changed = [name for name in sources if told["sources"].get(name) != simulation.sources.get(name)]
+    if other or changed:
+        what = f"other settings ({other})" if other else f"other code ({', '.join(changed)} has changed)"
+        raise InputError(f"{str(folder)!r} holds a run with {what}; expected another folder (--out), or --overwrite")
+
+
 def _run(
-    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, start: Start,
-    precision: int | None, overwrite: bool,
+    build: Callable[[dict[str, str]], Any], values: dict[str, str], folder: Path, start: Start, overwrite: bool
 ) -> Row:  # fmt: skip
     try:
-        simulation = build(values)
         earlier = None if overwrite else run_summary(folder)
-        changed = [] if earlier is None else _changed(earlier, simulation.settings, precision)
-        if changed:
-            raise InputError(
-                f"{str(folder)!r} holds a run with another {changed[0]}; expected another folder (--out), or "
-                "--overwrite"
-            )
         if earlier is not None and earlier["status"] in OVER:
             return Row(values, folder, earlier["status"], earlier["message"], earlier, skipped=True)
+        simulation = build(values)
         goes_on = not overwrite and (folder / restart.NAME).is_file()
         found = start(Task(simulation, values, folder, goes_on, overwrite or not goes_on))
     except (InputError, MemoryError) as error:
@@ -141,13 +166,6 @@ def _run(
     except KeyboardInterrupt:
         return Row(values, folder, STOPPED, "interrupted before the first frame")
     return Row(values, folder, found["status"], found["message"], found)
-
-
-def _changed(earlier: Mapping[str, Any], settings: Mapping[str, Any], precision: int | None) -> list[str]:
-    """Names of what an earlier run had otherwise."""
-    before = earlier["settings"]
-    names = [name for name in {**before, **settings} if before.get(name) != settings.get(name)]
-    return [*names, *(["precision"] if precision not in (None, earlier["precision"]) else [])]
 
 
 def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
@@ -172,13 +190,34 @@ def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
     return head, cells
 
 
-def write_table(path: Path, rows: Sequence[Row]) -> None:
-    """The table as CSV, with all digits; a number that does not exist is an empty cell."""
+def write_table(path: Path, rows: Sequence[Row]) -> bool:
+    """The table as CSV, with all digits; a number that does not exist is an empty cell.
+
+    Returns:
+        Whether it was written: a table with refused runs does not replace one that holds results which it lacks.
+    """
     head, cells = table(rows)
-    with path.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(head)
-        writer.writerows(cells)
+    names = list(rows[0].values)
+    if any(row.status == REFUSED for row in rows):
+        kept = {tuple(row.values.values()) for row in rows if row.status != REFUSED}
+        if not _results_in(path, names) <= kept:
+            return False
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(head)
+    writer.writerows(cells)
+    write_atomically(path, text.getvalue())
+    return True
+
+
+def _results_in(path: Path, names: Sequence[str]) -> set[tuple[str | None, ...]]:
+    """Values of some arguments in the rows of an earlier table that are not refused."""
+    if not path.is_file():
+        return set()
+    with path.open(newline="", encoding="utf-8") as stream:
+        return {
+            tuple(row.get(name) for name in names) for row in csv.DictReader(stream) if row.get("status") != REFUSED
+        }
 
 
 def printed_table(rows: Sequence[Row]) -> str:

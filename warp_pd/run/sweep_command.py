@@ -11,7 +11,7 @@ import click
 from ..device.checks import InputError
 from ..geometry.picture_files import Drawing, drawing
 from ..interfaces.communicator import LostError
-from ..output.sweep_plot import draw_sweep
+from ..output.curves import draw_sweep
 from .divergence import DivergedError
 from .folder import run_summary, writable_folder
 from .processes import DIVERGED, INTERRUPTED, LOST, WRONG_INPUT, launch
@@ -73,8 +73,8 @@ def _summary(folder: Path, code: int) -> Mapping[str, Any]:
 
 
 def run_sweep(
-    scene: str, choices: Mapping[str, Sequence[str]], folder: Path, start: Start, precision: int | None,
-    overwrite: bool, quiet: bool,
+    scene: str, choices: Mapping[str, Sequence[str]], folder: Path, start: Start, device: str | None,
+    precision: int | None, overwrite: bool, quiet: bool,
 ) -> int:  # fmt: skip
     """Run a sweep, print and write its table, draw its plot.
 
@@ -83,6 +83,7 @@ def run_sweep(
         choices: Values of each argument.
         folder: Of the runs, the table and the plot.
         start: Runs a simulation.
+        device: Of all runs; None for CUDA where there is one.
         precision: Of all runs; None for the solver's.
         overwrite: Run everything again.
         quiet: Print the table alone.
@@ -91,7 +92,7 @@ def run_sweep(
         The exit code, that of the worst run.
 
     Raises:
-        InputError: for a scene that does not exist, or a folder that cannot be written.
+        InputError: for a scene that does not exist, a folder that cannot be written, or one with other runs.
     """
     load_scene(scene)
     writable_folder(folder, resume=False)
@@ -105,12 +106,14 @@ def run_sweep(
     def build(values: dict[str, str]) -> Any:
         return build_scene(scene, values)
 
-    rows = sweep(build, choices, folder, start, precision=precision, overwrite=overwrite, told=told)
+    rows = sweep(build, choices, folder, start, device=device, precision=precision, overwrite=overwrite, told=told)
     for row in rows:
         if row.message:
             click.echo(f"warp-pd: {row.name}: {row.message}", err=True)
     click.echo(printed_table(rows))
-    write_table(folder / "sweep.csv", rows)
+    if not write_table(folder / "sweep.csv", rows):
+        click.echo(f"warp-pd: {folder / 'sweep.csv'}: left as it was; it holds results that this table lacks", err=True)
+        return WRONG_INPUT
     with drawing(Drawing(Path(scene).stem)):
         drawn = draw_sweep(folder / "sweep.png", [(row.values, row.summary.get("measures", {})) for row in rows])
     click.echo(f"  {folder / 'sweep.csv'}" + (f", {folder / 'sweep.png'}" if drawn else ""))

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from ..device.fields import assign
-from ..interfaces import FrameSink
-from .level import dot
-
-if TYPE_CHECKING:
-    from .search import Search
+from .level import Level, dot
+from .linear import LinearSolver
+from .newton_settings import NewtonSettings
+from .static_rupture import MIN_LOAD
 
 # A step is accepted unless the work of the unbalanced force along it turned to less than minus this
 # fraction of its start.
@@ -31,23 +32,53 @@ KEPT = 1e-4
 COARSE_TOLERANCE = 1e-3
 
 
-class Descent:
-    """Newton steps of one level at one load factor."""
+@dataclass
+class Sizes:
+    """How stiff and how loaded the sheet was found to be so far.
 
-    def __init__(self, search: Search, index: int, factor: float, sink: FrameSink) -> None:
-        self.search, self.index, self.sink = search, index, sink
-        self.level, self.solver = search.levels[index], search.solvers[index]
-        self.constant = search.settings.stiffness == "constant"
+    Attributes:
+        modulus: Mean modulus [Pa]; 0 before the first linearisation.
+        largest: Largest norm of loads and reactions in equilibrium [N].
+    """
+
+    modulus: float = 0.0
+    largest: float = 0.0
+
+    def relative(self, norm: float, scale: float) -> float:
+        """Unbalanced force over loads and reactions, these at least MIN_LOAD of the largest in equilibrium so far."""
+        return ratio(norm, max(scale, MIN_LOAD * self.largest))
+
+
+class Descent:
+    """Newton steps of one level at one load factor.
+
+    Args:
+        settings: Of the search.
+        level: The lattice.
+        solver: Its linear systems.
+        linearise: Takes the tangent with an added tension [Pa]; whether it could be factorised.
+        target: Displacement of held components [m], shape (N, 3); others are meaningless.
+        sizes: Of the sheet.
+        tolerance: Relative residual at which the level is in equilibrium.
+        told: Called with the number of steps and the residual of the sheet itself; None on coarser lattices.
+    """
+
+    def __init__(
+        self, settings: NewtonSettings, level: Level, solver: LinearSolver, linearise: Callable[[float], bool],
+        target: np.ndarray, sizes: Sizes, tolerance: float, told: Callable[[int, float], None] | None,
+    ) -> None:  # fmt: skip
+        self.settings, self.level, self.solver, self.linearise = settings, level, solver, linearise
+        self.sizes, self.tolerance, self.told = sizes, tolerance, told
+        self.constant = settings.stiffness == "constant"
         held = self.level.held
         self.lift = np.zeros((self.level.points, 3))
         if held.any():
             here = self.level.displacement.numpy().astype(np.float64)
-            self.lift = np.where(held, search.target(index, factor) - here, 0.0)
+            self.lift = np.where(held, target - here, 0.0)
             self.lift[np.abs(self.lift) <= 1e-12 * np.abs(here).max()] = 0.0
         self.lifting = bool(self.lift.any())
         self.tension = 0.0
         self._kept = False
-        self.tolerance = search.tolerance if index == 0 else max(search.tolerance, COARSE_TOLERANCE)
         self.residuals: list[float] = []
         self.step_lengths: list[float] = []
 
@@ -57,17 +88,17 @@ class Descent:
         wp.copy(self.level.base, self.level.displacement)
         norm, scale = self.level.evaluate()
         converged = False
-        for iteration in range(self.search.settings.most_iterations + 1):
-            relative = self.search.relative(norm, scale) if self.index == 0 else ratio(norm, scale)
+        for iteration in range(self.settings.most_iterations + 1):
+            relative = ratio(norm, scale) if self.told is None else self.sizes.relative(norm, scale)
             self.residuals.append(relative)
-            if self.index == 0:
-                self.sink.progress(len(self.step_lengths), relative, self.search.tolerance)
+            if self.told is not None:
+                self.told(len(self.step_lengths), relative)
             if not math.isfinite(norm):
                 break
             converged = relative <= self.tolerance and not self.lifting
-            if converged and self.index == 0:
-                self.search.largest = max(self.search.largest, scale)
-            if converged or iteration == self.search.settings.most_iterations:
+            if converged and self.told is not None:
+                self.sizes.largest = max(self.sizes.largest, scale)
+            if converged or iteration == self.settings.most_iterations:
                 break
             advanced = self._step(relative, norm)
             if advanced is None:
@@ -83,15 +114,15 @@ class Descent:
 
     def _step(self, relative: float, norm: float) -> tuple[float, float] | None:
         """One accepted step: the new norms; None if no tension helps."""
-        level, search = self.level, self.search
+        level, sizes = self.level, self.sizes
         while True:
             least = level.tangent.min_tension(relative)
-            usable = self._kept or search.linearise(self.index, max(self.tension, least))
+            usable = self._kept or self.linearise(max(self.tension, least))
             self._kept = usable and relative <= KEPT and self.tension == 0.0 and self._shrinks()
-            if not search.modulus:
-                search.modulus = level.tangent.modulus()
+            if not sizes.modulus:
+                sizes.modulus = level.tangent.modulus()
                 if not self.constant and level.tangent.is_slack():
-                    self.tension = SLACK_TENSION * search.modulus
+                    self.tension = SLACK_TENSION * sizes.modulus
                     continue
             if usable:
                 self._direct(relative)
@@ -105,8 +136,8 @@ class Descent:
             if self.constant:
                 return None
             self._kept = False
-            self.tension = max(10.0 * self.tension, FIRST_TENSION * search.modulus)
-            if self.tension > MAX_TENSION * search.modulus:
+            self.tension = max(10.0 * self.tension, FIRST_TENSION * sizes.modulus)
+            if self.tension > MAX_TENSION * sizes.modulus:
                 return None
 
     def _shrinks(self) -> bool:
@@ -159,8 +190,8 @@ class Descent:
             self.lift *= 1.0 - step_length
             self.lifting = bool(self.lift.any())
         if step_length == 1.0:
-            self.tension = min(0.1 * self.tension, relative * self.search.modulus)
-            if self.tension < MIN_TENSION * self.search.modulus:
+            self.tension = min(0.1 * self.tension, relative * self.sizes.modulus)
+            if self.tension < MIN_TENSION * self.sizes.modulus:
                 self.tension = 0.0
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..device.checks import InputError, below_one, count, one_of, positive
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from .search import Search
@@ -125,6 +125,16 @@ class BuiltNewton(BuiltSolver):
         After a failure the state is that of the last good load step.
         """
         return self.search.run(sink)
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Load steps between which equilibrium states are missing."""
+        return [
+            f"Newton: between load factors {jump['from']:.4g} and {jump['to']:.4g} the sheet moved "
+            f"{jump['moved']:.3g} m, {jump['times']:.1f} times as far as in the load steps before: it may have "
+            "jumped over a maximum of the load (a limit point), or buckled; prescribe a displacement (Motion) or the "
+            "volume (EnclosedVolume) to see what lies between"
+            for jump in self.search.jumps
+        ]
 
     def host_state(self) -> dict[str, Any]:
         """Where the search stands."""

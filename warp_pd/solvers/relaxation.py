@@ -30,7 +30,7 @@ CHECK_EVERY = 50
 # Density and step follow the stiffness this often, and more often while the load rises.
 STEPS_BETWEEN = 300
 FIRST_ITERATIONS, LATER_ITERATIONS = 60, 10
-FINISHED, NOT_CONVERGED = "finished", "not converged"
+FINISHED, NOT_CONVERGED, DIVERGED = "finished", "not converged", "diverged"
 # Bonds break in static equilibrium, in a stage of their own, not while the sheet is on its way there.
 STEPPED = tuple(phase for phase in STEP if phase is not Phase.RUPTURE)
 NOT_DONE = (Phase.PROJECT, Phase.INTERNAL_VARIABLES, Phase.BOND_WORK, Phase.SEPARATE)
@@ -56,7 +56,8 @@ class Relaxation:
         tolerance: Norm of the unbalanced force over the norm of loads and reactions at which the sheet is in
             equilibrium; by default 1e-6 in float64 and 1e-4 in float32, whose round-off allows no better.
         load_steps: Equal load steps, each brought to equilibrium and recorded as a frame.
-        ramp_steps: Steps over which a load step is applied.
+        ramp_steps: Steps over which a load step is applied; more of them where the residual becomes infinite, as with
+            a volume that is prescribed.
         most_steps: Steps after which the run gives up, with status "not converged" and the last good load step.
         safety: Step over the estimated stable step.
     """
@@ -131,7 +132,7 @@ class BuiltRelaxation(BuiltSolver):
         add_motion(phase, stage, context, self.inertia())
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
-            measure_motion, set_damping = adaptive_damping(context.bits, following, context.module)
+            measure_motion, set_damping = adaptive_damping(context.bits, following)
             arrays = {
                 "mass": self.inertia(), "held_mask": state.held_mask, "velocity": state.velocity, "force": state.force,
                 "external": state.external, "previous": self._previous,
@@ -158,7 +159,7 @@ class BuiltRelaxation(BuiltSolver):
         self.stable_step = StableStep(system, self.inertia())
         self._mass_launches = context.sequence("fictitious mass")
         f = context.features
-        kernel = residual(context.bits, f.held, f.loaded, dead is not None, context.module)
+        kernel = residual(context.bits, f.held, f.loaded, dead is not None)
         context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(
             OWNER, kernel, context.sheet.size,
             held_mask=state.held_mask, force=state.force, external=state.external, dead=dead,
@@ -247,7 +248,7 @@ class Relaxing:
                     self._restore(good)
                 else:
                     sink.frame(sink.frame_index + 1, 0.0, self.done - before, built.dt)
-                return NOT_CONVERGED
+                return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
             sink.frame(sink.frame_index + 1, duration * index / load_steps, self.done - before, built.dt)
         return FINISHED
 

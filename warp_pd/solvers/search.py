@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -13,16 +15,19 @@ import warp as wp
 from ..device.checks import InputError
 from ..device.fields import assign
 from ..interfaces import FrameSink, System, Tangent
-from .descent import Descent, ratio
+from .descent import COARSE_TOLERANCE, Descent, Sizes
 from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import NewtonSettings, Report
-from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture
+from .static_rupture import MAX_ROUNDS, StaticRupture
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
 FINISHED, NOT_CONVERGED = "finished", "not converged"
+# A note tells of a load step that moves the sheet so many times as far as each of the last few. Towards a maximum of
+# the load, where the displacement has a square root, equal load steps move it 2.4 times as far at most.
+JUMP, COMPARED = 4.0, 3
 
 
 class Search:
@@ -32,8 +37,7 @@ class Search:
         levels: The sheet itself, then coarser lattices over it.
         good: Displacement of the last good load step [m], (N,) vec3.
         earlier: Displacement of the one before [m], (N,) vec3.
-        modulus: How stiff the sheet is [Pa]; 0 before the first linearisation.
-        largest: Largest norm of loads and reactions in equilibrium so far [N].
+        sizes: How stiff and how loaded the sheet is.
     """
 
     def __init__(self, settings: NewtonSettings, system: System, tangent: Tangent) -> None:
@@ -63,16 +67,19 @@ class Search:
         ]
         self.report = Report(self.preconditioner)
         self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
-        self.modulus = self.largest = self._begin = 0.0
+        self.sizes, self._begin = Sizes(), 0.0
         self._size, self._cutbacks = 1.0 / settings.load_steps, 0
         self._earlier_factor: float | None = None
         self._kept_factor: float | None = None
         self._resumed = False
+        # Lengths of the last load steps, and how far they moved the sheet [m]; load steps that moved it much farther.
+        self._moved: list[tuple[float, float]] = []
+        self.jumps: list[dict[str, float]] = []
 
     def _preconditioner(self, tangent: Tangent) -> str:
         wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
         sheet, held = context.sheet, context.held
-        narrow = law.horizon <= MAX_MULTIGRID_HORIZON
+        narrow = law.horizon_ratio <= MAX_MULTIGRID_HORIZON
         lattices = coarser(sheet.lattice) if sheet.lattice is not None and not sheet.cuts and narrow else []
         possible = bool(lattices) and law.coarsens
         if sheet.lattice is not None and possible:
@@ -94,15 +101,16 @@ class Search:
     def host_state(self) -> dict[str, Any]:
         """Where the search stands, for a restart that goes on bit for bit."""
         return {
-            "modulus": self.modulus, "largest": self.largest, "size": self._size, "cutbacks": self._cutbacks,
-            "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor,
+            **asdict(self.sizes), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
+            "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor, "jumps": self.jumps,
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Put back what `host_state` gave."""
-        self.modulus, self.largest = state["modulus"], state["largest"]
+        self.sizes = Sizes(state["modulus"], state["largest"])
         self._size, self._cutbacks = state["size"], state["cutbacks"]
         self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
+        self._moved, self.jumps = state["moved"], state["jumps"]
         self._resumed = True
 
     # Load steps ----------------------------------------------------------------------------------------
@@ -113,7 +121,7 @@ class Search:
             return self._load_step(factor, sink)[0]
         self.set_loads(factor)
         assign(self.levels[0].displacement, guess)
-        return bool(Descent(self, 0, factor, sink).run()["converged"])
+        return bool(self._descend(0, factor, sink)["converged"])
 
     def set_loads(self, factor: float) -> None:
         """Set the loads of the sheet itself to a load factor."""
@@ -134,6 +142,7 @@ class Search:
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
             converged, sink.residual = self._equilibrium(factor, sink)
             if converged:
+                self._compare(reached, factor)
                 reached = factor
                 intact = self._keep(reached)
                 if factor == goal:
@@ -153,6 +162,16 @@ class Search:
                 sink.solve = self._summary(reached)
                 return NOT_CONVERGED
         return FINISHED
+
+    def _compare(self, before: float, reached: float) -> None:
+        """Remember a load step that moved the sheet much farther than those before it, and than its supports moved."""
+        here, good = (array.numpy().astype(np.float64) for array in (self.levels[0].displacement, self.good))
+        moved, length = np.abs(here - good), reached - before
+        far, prescribed = float(moved.max()), float(moved[self.levels[0].held].max(initial=0.0))
+        usual = max((m * max(1.0, length / earlier) for earlier, m in self._moved), default=0.0)
+        if 0.0 < usual < far / JUMP and prescribed < far / JUMP:
+            self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
+        self._moved = [*self._moved, (length, far)][-COMPARED:]
 
     def _keep(self, reached: float) -> np.ndarray | None:
         """Remember the state as the last good load step; its intact bonds, if any can break."""
@@ -207,12 +226,24 @@ class Search:
             if index < last and self.hierarchy and entry["lattices"][-1]["converged"]:
                 self.hierarchy.start(index)
                 self._prescribe(index, factor)
-            found = Descent(self, index, factor, sink).run()
+            found = self._descend(index, factor, sink)
             entry["lattices"].append(found)
             if not found["converged"] and index > 0:
                 wp.copy(level.displacement, level.base)
         entry["converged"] = found["converged"]
         return found["converged"], found["residuals"][-1]
+
+    def _descend(self, index: int, factor: float, sink: FrameSink) -> dict[str, Any]:
+        """Newton steps on a lattice at a load factor, as an entry of the report."""
+        tolerance = self.tolerance if index == 0 else max(self.tolerance, COARSE_TOLERANCE)
+
+        def told(steps: int, residual: float) -> None:
+            sink.progress(steps, residual, tolerance)
+
+        return Descent(
+            self.settings, self.levels[index], self.solvers[index], partial(self.linearise, index),
+            self.target(index, factor), self.sizes, tolerance, told if index == 0 else None,
+        ).run()  # fmt: skip
 
     def _set_loads(self, index: int, factor: float) -> None:
         duration = self.settings.duration
@@ -242,8 +273,3 @@ class Search:
             return self.hierarchy.usable
         self.levels[0].linearise(tension)
         return self.solvers[0].prepare()
-
-    def relative(self, norm: float, scale: float) -> float:
-        """Unbalanced force over loads and reactions, these at least MIN_LOAD of the largest in equilibrium so far."""
-        scale = max(scale, MIN_LOAD * self.largest)
-        return ratio(norm, scale)

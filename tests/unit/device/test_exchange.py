@@ -25,7 +25,6 @@ from warp_pd import (
 )
 from warp_pd.interfaces.exchange import add_exchanges
 from warp_pd.kernels.effects import kernel
-from warp_pd.laws import fast_path
 
 
 def exchanged(name, stage="step"):
@@ -42,10 +41,9 @@ def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
 
 
 @pytest.mark.parametrize("few", [0, 10**6])
-def test_the_kernels_of_a_gpu_exchange_the_same(monkeypatch, few):
+def test_the_kernels_of_a_gpu_exchange_the_same(gpu_paths, tune, few):
     """On a CPU their launches can be declared, not run."""
-    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
-    monkeypatch.setattr(fast_path, "MAX_SHARED", few)
+    tune(lattice_bonds=few)
     assert exchanged("loads") == ["exchange displacement"]
     assert exchanged("torn") == ["exchange displacement, velocity"]
     assert exchanged("cloud") == ["exchange displacement, velocity"]
@@ -99,8 +97,8 @@ def test_other_laws_are_refused_before_their_families_are_built():
 
 
 @functools.cache
-def far(module):
-    @kernel(module, gathers=("values",))
+def far():
+    @kernel(gathers=("values",))
     def look_far(values: wp.array(dtype=wp.vec3), first: int, out: wp.array(dtype=wp.vec3)):
         out[wp.tid() + first] = values[0]
 
@@ -114,7 +112,7 @@ def test_a_launch_that_looks_too_far_is_refused():
     n, values = context.sheet.size, context.state.displacement
     for k in range(3):
         out = context.array(f"far_{k}", "test", wp.vec3, shape=n)
-        stage.launch("test", far("test_exchange"), n, values=values, out=out)
+        stage.launch("test", far(), n, values=values, out=out)
         values = out
     with pytest.raises(InputError, match=r"^test: look_far looks 3 horizons around a point"):
         add_exchanges(context)

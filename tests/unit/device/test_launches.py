@@ -7,21 +7,18 @@ import pytest
 import warp as wp
 
 from warp_pd.device import graph
-from warp_pd.device.graph import LaunchSequence
+from warp_pd.device.graph import LaunchSequence, side_stream_waits
 from warp_pd.device.launches import Stage, Touched
-from warp_pd.device.streams import side_stream_waits
 from warp_pd.interfaces.context import find_device
 from warp_pd.kernels.effects import Effects, kernel
 from warp_pd.kernels.pointwise import pointwise
-
-MODULE = "test_launches"
 
 
 @functools.cache
 def add_kernel():
     """b[i] += a[i]."""
 
-    @kernel(MODULE)
+    @kernel()
     def add(a: wp.array(dtype=float), first: int, b: wp.array(dtype=float)):
         i = wp.tid() + first
         b[i] = b[i] + a[i]
@@ -33,12 +30,12 @@ def add_kernel():
 def neighbour_sum():
     """Pointwise stage: out[i] = source[i - 1] + source[i + 1]."""
 
-    @functools.partial(wp.struct, module=MODULE)
+    @wp.struct
     class Neighbours:
         source: wp.array(dtype=float)
         out: wp.array(dtype=float)
 
-    @pointwise(MODULE, Neighbours, writes=("out",), gathers=("source",))
+    @pointwise(Neighbours, writes=("out",), gathers=("source",))
     def sum_neighbours(begin: int, end: int, a: Neighbours):
         for i in range(begin, end):
             n = a.source.shape[0]
@@ -51,12 +48,12 @@ def neighbour_sum():
 def twice():
     """Pointwise stage: out[i] = 2 source[i]."""
 
-    @functools.partial(wp.struct, module=MODULE)
+    @wp.struct
     class Twice:
         source: wp.array(dtype=float)
         out: wp.array(dtype=float)
 
-    @pointwise(MODULE, Twice, writes=("out",))
+    @pointwise(Twice, writes=("out",))
     def double(begin: int, end: int, a: Twice):
         for i in range(begin, end):
             a.out[i] = 2.0 * a.source[i]
@@ -65,7 +62,7 @@ def twice():
 
 
 def stage():
-    return Stage("stage", "once", find_device("cpu"), MODULE, 64, [])
+    return Stage("stage", "once", find_device("cpu"), 64, [])
 
 
 def array(*values):
@@ -205,7 +202,7 @@ def test_effects_know_what_a_thread_works_on():
     # What works on a list of points may read any of them.
     made = stage()
 
-    @kernel(MODULE, per="list")
+    @kernel(per="list")
     def pick(points: wp.array(dtype=int), a: wp.array(dtype=float), first: int, b: wp.array(dtype=float)):
         i = points[wp.tid() + first]
         b[i] = a[i]
@@ -219,7 +216,7 @@ def test_effects_know_what_a_thread_works_on():
 def test_a_kernel_without_first_is_named():
     with pytest.raises(ValueError, match="kernel add_one: expected an argument `first`"):
 
-        @kernel(MODULE)
+        @kernel()
         def add_one(a: wp.array(dtype=float)):
             a[wp.tid()] = 1.0
 

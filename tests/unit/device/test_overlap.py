@@ -12,11 +12,9 @@ import pytest
 from shared_scenes import OneOfMany, scene
 
 from warp_pd.device.fields import assign, to_host
-from warp_pd.device.graph import run_once
+from warp_pd.device.graph import run_once, side_stream_waits
 from warp_pd.device.launches import Call, Launch, Touched
-from warp_pd.device.streams import side_stream_waits
 from warp_pd.interfaces import exchange
-from warp_pd.laws import fast_path
 from warp_pd.run.built import compose
 
 STEPS, DT, END = 12, 2e-4, 4e-2
@@ -141,10 +139,9 @@ def test_an_interior_one_row_too_wide_is_noticed(monkeypatch):
     assert not np.isfinite(displacements("loads", 2, monkeypatch, widened=33)).all()
 
 
-def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(monkeypatch):
+def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(monkeypatch, gpu_paths, tune):
     """Declared on a CPU, not run."""
-    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
-    monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
+    tune(lattice_bonds=0)
     monkeypatch.setattr(exchange, "has_streams", lambda device: True)
     items = list(process(scene("torn"), 1, 3, begin=False).context.stages["step"])
     names = ["break_bonds", "undamaged_family_force"]
@@ -152,10 +149,10 @@ def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(monkeypatch):
     parts = [(name, side) for name in names for side in (True, True, False)]
     assert [(name.split(", ")[0], side) for name, side in beside[1:]] == parts and beside[0][1]
     waits = dict(zip([item.name for item in items], side_stream_waits(items), strict=False))
-    # What waits first is the list of damaged families, before their kernel and that of the families at edges.
-    assert waits["changed_families"] and not waits["undamaged_family_force"]
+    # What waits first is the list of all others, before their kernel.
+    assert waits["list_other_families"] and not waits["undamaged_family_force"]
     order = [item.name for item in items]
-    assert order.index("changed_families") < min(order.index("family_block_force"), order.index("damaged_family_force"))
+    assert order.index("list_other_families") < order.index("family_block_force")
 
 
 def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
@@ -166,9 +163,8 @@ def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
 
 
 @pytest.mark.parametrize("name", ["cloud", "relaxed"])
-def test_blocks_that_share_points_are_divided_by_them(name, monkeypatch):
+def test_blocks_that_share_points_are_divided_by_them(name, monkeypatch, gpu_paths):
     """Clouds, and sheets too small for a thread a point, have one kernel; declared on a CPU, not run."""
-    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
     monkeypatch.setattr(exchange, "has_streams", lambda device: True)
     context = process(scene(name), 1, 2, begin=False).context
     parts = [i for i in context.stages["step"] if i.name == "family_block_force"]

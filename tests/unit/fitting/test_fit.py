@@ -215,3 +215,15 @@ def test_results_are_saved(tmp_path, heights):
     table = np.loadtxt(folder / "test-1.csv", delimiter=",", skiprows=1)
     assert table[:, 1] == pytest.approx(heights)
     assert table[:, 2] == pytest.approx(heights, rel=1e-5)
+
+
+def test_a_constant_without_a_default_that_nothing_gives_is_named():
+    curve = Curve("uniaxial", np.linspace(1.1, 2.0, 5), "stress", np.ones(5))
+    with pytest.raises(InputError, match=r"^bulk has no default: expected a value in settings"):
+        fit(UniformTests(Gent, [curve], {"lock": 20.0}), ["mu"], start={"mu": 1e5})
+
+    def scene(mu, pressure, points=7):
+        raise AssertionError("it must not be built")
+
+    with pytest.raises(InputError, match=r"^pressure has no default: expected a value in settings"):
+        fit(SceneTests(scene, [curve]), ["mu"], start={"mu": 1e5})

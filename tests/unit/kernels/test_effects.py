@@ -47,8 +47,9 @@ from warp_pd import (
     Yeoh,
     together,
 )
-from warp_pd.device import launches
+from warp_pd.device import graph, launches
 from warp_pd.device.launches import Launch, arrays_in
+from warp_pd.laws import force_paths
 from warp_pd.parts import built_motion
 from warp_pd.solvers import stable_step
 
@@ -127,26 +128,49 @@ def further():
 
 
 @pytest.fixture(scope="module")
-def recorded():
+def gpu_paths():
+    """Builds simulations with the force paths of a large sheet on a GPU, which a CPU runs one block after the other."""
+    large = replace(force_paths.TUNING, lattice_bonds=0, compact_points=0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(force_paths, "shares_memory", lambda device: True)
+        patch.setattr(force_paths, "TUNING", large)
+        patch.setattr(graph, "SPLIT_FROM", float("inf"))
+        patch.setattr(wp.config, "enable_cpu_blocks", True)
+        law = BondAssociated(NEO, horizon=1.5, weights="plain")
+        torn = {"damage": CriticalStretch(2.0)}
+        cases = ((square(13), {}), (square(13), torn), (square(9).as_cloud(), {}))
+        return _launches_of(Simulation(sheet, law, Explicit(1.0), **parts) for sheet, parts in cases)
+
+
+@pytest.fixture(scope="module")
+def recorded(gpu_paths):
     """Every launch of all cases, each pointwise stage apart, with the simulation it belongs to."""
-    found, joined = [], launches._joined
     # The last case as on a large sheet.
     small, large = (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS), (0, 0)
-    launches._joined = lambda first, second: None
+    made, more = compare_checkouts.parts(), further()
+    found = _launches_of(made[name]() for name in CASES) + _launches_of(more.values())
     try:
-        made, more = compare_checkouts.parts(), further()
-        cases = [(simulation, small) for simulation in (*(made[name]() for name in CASES), *more.values())]
-        for simulation, (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS) in (*cases, (more["bodies"], large)):
-            built = simulation.build("cpu", 64)
-            _prepare(built)
-            found += [(built, launch) for stage in built.context.stages.values() for launch in stage.launches()]
+        built_motion.MARKED_FROM, stable_step.MANY_BLOCKS = large
+        found += _launches_of([more["bodies"]])
     finally:
-        launches._joined, (built_motion.MARKED_FROM, stable_step.MANY_BLOCKS) = joined, small
+        built_motion.MARKED_FROM, stable_step.MANY_BLOCKS = small
     unique = {}
-    for built, launch in found:
+    for built, launch in [*found, *gpu_paths]:
         key = (launch.name, launch.kernel.module.name, tuple(_names(launch)))
         unique.setdefault(key, (built, launch))
     return list(unique.values())
+
+
+def _launches_of(simulations):
+    """Every launch of some simulations, each pointwise stage apart, with what it belongs to."""
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(launches, "_joined", lambda first, second: None)
+        for simulation in simulations:
+            built = simulation.build("cpu", 64)
+            _prepare(built)
+            found += [(built, launch) for stage in built.context.stages.values() for launch in stage.launches()]
+    return found
 
 
 def _prepare(built):
@@ -181,7 +205,10 @@ def _declared(launch):
 
 def _run(launch, begin, end):
     threads, values = launch.slice(begin, end)
-    wp.launch(launch.kernel, threads, inputs=values, device="cpu")
+    with pytest.MonkeyPatch.context() as patch:
+        # Its threads share memory.
+        patch.setattr(wp.config, "enable_cpu_blocks", launch.name == "family_block_force")
+        wp.launch(launch.kernel, threads, inputs=values, device="cpu", block_dim=launch.block_dim)
 
 
 def _everything(built, launch):
@@ -309,14 +336,11 @@ def _kernels_of_the_package():
 
 def test_every_kernel_is_looked_at(recorded):
     seen = {launch.name for _, launch in recorded}
-    # On a GPU alone: fast paths, linear iterations. In `warp-pd bench`, the training of a network and the set-up of
-    # families, and the check that bodies begin outside the sheet alone: the rest.
+    # What no stage runs: linear iterations that Warp's solver asks for, `warp-pd bench`, the training of a network, the
+    # set-up of families, and the check that bodies begin outside the sheet.
     elsewhere = {
-        "family_block_force", "undamaged_family_force", "damaged_family_force", "changed_families",
-        "gather_from_reverse_bonds", "combine", "scale_blocks",
-        "multiply_adds", "samples",
-        "list_near_points", "find_reverse_members", "mark_common_members", "sum_intersection_shapes",
-        "find_distances",
+        "combine", "scale_blocks", "multiply_adds", "samples", "list_near_points", "find_reverse_members",
+        "mark_common_members", "sum_intersection_shapes", "find_distances",
     }  # fmt: skip
     missing = {name for _, name in _kernels_of_the_package()} - seen - elsewhere
     assert missing == set()

@@ -4,7 +4,7 @@ import pytest
 from helpers import NEO, square
 from two_material_cases import LAWS, built_with, laminate
 
-from warp_pd import BondAssociated, CriticalStretch, InputError, Neural, Nodal, ViscoBondBased, Yeoh
+from warp_pd import BondAssociated, InputError, Neural, Nodal, ViscoBondBased, Yeoh
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -25,17 +25,16 @@ def test_a_second_material_adds_no_array_and_no_launch(name):
 
 
 @pytest.mark.parametrize(
-    ("law", "parts"),
+    "law",
     [
-        (Nodal(NEO, horizon=2.015), {}),
-        (Neural(NEO, horizon=2.015, evaluation="closed_form"), {}),
-        (ViscoBondBased(Yeoh(1e3, 10.0)), {}),
-        (BondAssociated(NEO, weights="published"), {}),
-        (BondAssociated(NEO, broken="redistribute"), {"damage": CriticalStretch(2.0)}),
+        Nodal(NEO, horizon=2.015),
+        Neural(NEO, horizon=2.015, evaluation="closed_form"),
+        ViscoBondBased(Yeoh(1e3, 10.0)),
+        BondAssociated(NEO, weights="published"),
     ],
-    ids=["nodal", "neural", "visco bond-based", "published weights", "redistributed weights"],
+    ids=["nodal", "neural", "visco bond-based", "published weights"],
 )
-def test_a_law_of_one_material_refuses_two(law, parts):
-    assert built_with(law, square(12), **parts).law is not None
+def test_a_law_of_one_material_refuses_two(law):
+    assert built_with(law, square(12)).law is not None
     with pytest.raises(InputError, match=r"sheet\.stiffness"):
-        built_with(law, laminate(12), **parts)
+        built_with(law, laminate(12))

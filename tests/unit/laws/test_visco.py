@@ -61,7 +61,7 @@ def test_both_laws_take_their_arguments_in_one_order():
         assert (law.horizon, law.prony) == (2.015, TERMS)
     for law in (Visco, ViscoBondBased):
         with pytest.raises(TypeError):
-            law(POLYUREA, 2.015, "plain", "linear", "drop", TERMS)
+            law(POLYUREA, 2.015, "plain", "linear", TERMS)
 
 
 @pytest.mark.parametrize(("name", "law"), [("Visco", LAWS["stress-free"]), ("ViscoBondBased", LAWS["published"])])

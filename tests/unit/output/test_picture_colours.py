@@ -14,11 +14,10 @@ from warp_pd import InputError, Sheet
 from warp_pd.geometry import picture_files
 from warp_pd.output import plots
 from warp_pd.output.colour_scale import scale_of
-from warp_pd.output.labels import column_label, column_unit, field_label
 from warp_pd.output.picture_frames import Shown
 from warp_pd.output.plots import MOST_POLYGONS
-from warp_pd.output.projection import View, material_lines
-from warp_pd.output.raster import raster
+from warp_pd.output.projection import View, material_lines, raster
+from warp_pd.output.quantities import column_label, column_unit, field_label
 from warp_pd.run.runner import picture_formats
 
 

@@ -1,6 +1,8 @@
 """The help of a command lists the arguments of the scene that it names."""
 
 import inspect
+import subprocess
+import sys
 
 import pytest
 from small_runs import cli
@@ -61,3 +63,9 @@ def test_help_on_a_scene_of_ones_own(tmp_path):
 def test_help_on_a_scene_that_does_not_exist_is_one_line():
     done = cli("run", "notched", "--help")
     assert done.exit_code == 2 and "did you mean 'notched_strip'?" in done.output and "Usage" not in done.output
+
+
+def test_the_help_waits_for_no_warp():
+    asked = "from warp_pd.__main__ import main; import sys; print(sorted({'warp', 'scipy', 'h5py'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

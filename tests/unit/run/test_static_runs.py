@@ -1,12 +1,13 @@
 """Runs of static solvers: exit codes, resuming, and the share of the load in place of a time."""
 
+import itertools
 import json
 
 import pytest
 from helpers import StopAt, square
 from small_runs import cli, run, simulate
 
-from warp_pd import Fixed, Newton, Pressure, Relaxation
+from warp_pd import EnclosedVolume, Fixed, Measure, Motion, NeoHookean, Newton, PointForce, Pressure, Relaxation, Yeoh
 from warp_pd.output import info, plots
 from warp_pd.output.progress import Progress
 
@@ -80,3 +81,67 @@ def test_too_few_steps_end_as_not_converged():
     result = run(sheet, solver, weights="auto", loads=[Fixed(sheet.edges()), Pressure(5.0)])
     assert result.status == "not converged" and "not converged" in result.summary["message"]
     assert result.summary["solve"]["iterations"] == 50
+
+
+def inflated(pressure, load_steps):
+    sheet = square(11)
+    height = Measure("height", "m", lambda built, frame: frame.displacement[:, 2].max())
+    return run(
+        sheet, Newton(load_steps=load_steps), material=Yeoh(c10=5e4, c30=20.0), weights="corrected",
+        loads=[Fixed(sheet.edges("all")), Pressure(pressure)], measures=[height],
+    )  # fmt: skip
+
+
+def test_a_jump_over_a_limit_point_is_told_with_its_load_step():
+    """A Yeoh sheet snaps from 0.05 to 0.10 m between two load steps; below the limit point nothing is said."""
+    result = inflated(4.5e3, 15)
+    heights = [row["height"] for row in result.history]
+    rises = [b - a for a, b in itertools.pairwise(heights)]
+    jump = rises.index(max(rises))
+    assert result.status == "finished" and jump == 11 and rises[jump] > 5.0 * rises[jump - 1]
+    (note,) = [note for note in result.summary["notes"] if note.startswith("Newton: between")]
+    assert f"load factors {jump / 15:.4g} and {(jump + 1) / 15:.4g}" in note and "limit point" in note
+    assert not [note for note in inflated(3.2e3, 12).summary["notes"] if note.startswith("Newton: between")]
+
+
+def test_supports_that_jump_are_no_jump_of_the_sheet():
+    sheet = square(7)
+    motion = Motion(sheet.edges("right"), times=[0.0, 0.75, 1.0], x=[0.0, 1e-4, 0.02], y=0.0, z=0.0)
+    result = run(sheet, Newton(load_steps=4), loads=[Fixed(sheet.edges("left")), motion])
+    assert result.status == "finished" and not result.summary["notes"]
+
+
+@pytest.mark.parametrize(
+    ("loads", "free"),
+    [([], 6), ([("left", "xz")], 2), ([("left", "xyz")], 1), ([("left", "xyz"), ("right", "z")], 0)],
+)
+def test_a_sheet_that_can_move_freely_is_named_as_the_cause(loads, free):
+    sheet = square(7)
+    supports = [Fixed(sheet.edges(side), components) for side, components in loads]
+    solver = Newton(most_iterations=3, most_cuts=0)
+    result = run(sheet, solver, loads=[*supports, PointForce(sheet.edges("right"), (1.0, 3.0, 0.0))])
+    assert result.status == "not converged"
+    said = f"the sheet can move freely, in {free} of 6 ways as a rigid body; expected supports (Fixed, Motion)"
+    assert (said in result.summary["message"]) == bool(free)
+    assert ("move freely" in result.summary["message"]) == bool(free)
+
+
+@pytest.mark.parametrize("ramp_steps", [1, 5000])
+def test_an_infinite_residual_is_divergence_that_more_ramp_steps_cure(ramp_steps):
+    """A volume a hundred times larger within one step of the relaxation; spread over steps it reaches equilibrium."""
+    sheet = square(11)
+    volume = EnclosedVolume([(0.0, 0.0), (0.5, 1e-5), (1.0, 1e-3)], stiffness=1e10)
+    solver = Relaxation(load_steps=2, ramp_steps=ramp_steps, most_steps=20000)
+    result = run(
+        sheet, solver, material=NeoHookean(1e5, 1e7), weights="auto", loads=[Fixed(sheet.edges("all")), volume]
+    )
+    message = result.summary["message"]
+    if ramp_steps > 1:
+        assert result.status == "finished"
+        return
+    assert result.status == "diverged" and len(result.history) == 2
+    assert (
+        "the residual is inf beyond load factor 0.5" in message
+        and "more ramp_steps, over which a load step is applied (here 1)" in message
+    )
+    assert "prescribe" not in message

@@ -1,11 +1,25 @@
 """The summary: measures and outcomes, and those that fail."""
 
+import csv
 import json
 
+import numpy as np
 import pytest
 from helpers import NEO, square
 
-from warp_pd import BondAssociated, Explicit, InputError, Measure, Outcome, Simulation
+from warp_pd import (
+    BondAssociated,
+    Explicit,
+    Fixed,
+    InputError,
+    Measure,
+    Motion,
+    Outcome,
+    Reaction,
+    Simulation,
+)
+from warp_pd.measures import largest
+from warp_pd.run.folder import read_history
 
 
 def one_frame(tmp_path, **parts):
@@ -22,9 +36,54 @@ def test_an_outcome_that_fails_leaves_the_other_numbers(tmp_path, value, said):
     assert any("Outcome 'peak'" in note and said in note for note in summary["notes"])
 
 
-def test_a_measure_that_fails_and_pictures_that_fail_are_told_in_a_line(tmp_path):
-    with pytest.raises(InputError, match="Measure 'm' gives 'abc': expected a number"):
-        one_frame(tmp_path, measures=[Measure("m", "1", lambda built, frame: "abc")])
+@pytest.mark.parametrize(
+    ("value", "said"), [(1 / 3, ""), ("abc", "it gives 'abc': expected a number"), (None, "ZeroDiv")]
+)
+def test_a_measure_that_fails_in_a_frame_leaves_the_run(tmp_path, value, said):
+    def failing(built, frame):
+        if frame.index != 2:
+            return 1.0
+        return 1 / 0 if value is None else value
+
+    simulation = Simulation(
+        square(5), BondAssociated(NEO), Explicit(3e-4, frames=3),
+        measures=[Measure("m", "N", failing), Measure("kept", "1", lambda built, frame: 3.0)],
+        outcomes=[Outcome("peak", "N", largest("m"))],
+    )  # fmt: skip
+    result = simulation.run(device="cpu", out=tmp_path, usd=False)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    notes = [note for note in summary["notes"] if note.startswith("Measure 'm': missing in one frame, first at t =")]
+    assert summary["status"] == "finished" and summary["measures"]["peak"]["value"] == 1.0
+    cells = [row["m"] for row in csv.DictReader((tmp_path / "history.csv").read_text().splitlines())]
+    if said:
+        assert len(notes) == 1 and "(frame 2)" in notes[0] and said in notes[0]
+        assert cells == ["1.0", "1.0", "", "1.0"] and np.isnan(result.history[2]["m"])
+        assert np.isnan(read_history(tmp_path / "history.csv")[2]["m"])
+    else:
+        assert not notes and float(cells[2]) == value
+
+
+def test_pictures_that_fail_are_told_in_a_line(tmp_path):
     with pytest.raises(InputError, match="pictures: KeyError"):
         one_frame(tmp_path, pictures=lambda history, folder: history[0]["nothing"])
     assert (tmp_path / "summary.json").is_file()
+
+
+@pytest.mark.parametrize("every", [None, 2e-4])
+def test_an_outcome_reads_the_peak_between_frames(tmp_path, every):
+    sheet = square(7)
+    right = sheet.edges("right")
+    # Pulled to the middle of the frame and back: frames see the load before and after its peak.
+    motion = Motion(right, times=[0.0, 0.01, 0.02], x=[0.0, 0.01, 0.0], y=0.0, z=0.0)
+    result = Simulation(
+        sheet, BondAssociated(NEO), Explicit(0.02, frames=1, history_every=every, step=1e-4, damping=1.0),
+        [Fixed(sheet.edges("left")), motion, Reaction(right, "pull")],
+        outcomes=[Outcome("peak", "N", largest("pull_x"), fine=True)],
+    ).run(device="cpu")  # fmt: skip
+    found = result.summary["measures"]["peak"]["value"]
+    at_frames = max(row["pull_x"] for row in result.history)
+    told = [note for note in result.summary["notes"] if note.startswith("peak: read at frames alone")]
+    if every is None:
+        assert found == at_frames and told
+    else:
+        assert found == max(row["pull_x"] for row in result.fine_history) > at_frames + 1e-3 and not told

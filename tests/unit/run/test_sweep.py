@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 
 import pytest
 from small_runs import cli
@@ -91,9 +92,51 @@ def test_other_settings_in_the_folder_are_refused(scene):
     assert sweep("--points", "7").exit_code == 0
     (scene / "mine.py").write_text(SCENE.replace("load=1.0", "load=3.0"))
     changed = sweep("--points", "7")
-    assert changed.exit_code == 2 and "holds a run with another load" in changed.output
+    assert changed.exit_code == 2 and "holds a run with other settings (load = 1.0, here 3.0)" in changed.output
     assert sweep("--points", "7", "--overwrite").exit_code == 0
     assert float(rows(scene / "runs" / "mine-sweep")[0]["stretched"]) == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("0.01 * load", "0.03 * load", "other settings (loads.2.x = [0.0, 0.01], here [0.0, 0.03])"),
+        ("[:, 0].max()", "[:, 0].max() / arm", "other code (mine.py has changed)"),
+        ("arm = 1.0", "arm = 2.0", "other code (beside.py has changed)"),
+    ],
+)
+def test_an_edited_scene_never_gets_its_old_results(scene, old, new, said):
+    files = {
+        "mine.py": SCENE.replace("\n\ndef", "\nfrom beside import arm\n\ndef"),
+        "beside.py": "import json\narm = 1.0\n",
+    }
+
+    def write(old, new):
+        sys.modules.pop("beside", None)
+        for name, text in files.items():
+            (scene / name).write_text(text.replace(old, new))
+
+    write("", "")
+    assert sweep("--points", "7,9").exit_code == 0
+    folder = scene / "runs" / "mine-sweep"
+    table = (folder / "sweep.csv").read_bytes()
+    write("\n", "\n# A comment changes nothing.\n")
+    assert sweep("--points", "7,9").output.count("done before") == 2
+    write(old, new)
+    edited = sweep("--points", "9,7,11")
+    assert edited.exit_code == 2 and said in edited.output and len(edited.output.strip().splitlines()) == 1
+    assert (folder / "sweep.csv").read_bytes() == table and not (folder / "points=11").exists()
+
+
+def test_a_table_is_not_replaced_by_one_of_refused_runs(scene):
+    assert sweep("--points", "7").exit_code == 0
+    folder = scene / "runs" / "mine-sweep"
+    table = (folder / "sweep.csv").read_bytes()
+    refused = sweep("--points", "2")
+    assert refused.exit_code == 2 and "sweep.csv: left as it was" in refused.output
+    assert (folder / "sweep.csv").read_bytes() == table
+    assert sweep("--points", "2,7").exit_code == 2
+    assert [row["status"] for row in rows(folder)] == ["refused", "finished"], "it lacks no result"
 
 
 def test_an_interrupted_sweep_stops_and_says_how_to_continue(scene, monkeypatch):

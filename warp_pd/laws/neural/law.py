@@ -70,7 +70,6 @@ class Neural:
     has_energy: ClassVar[bool] = False
     has_tangent: ClassVar[bool] = False
     softens: ClassVar[bool] = False
-    compact: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
@@ -140,8 +139,8 @@ class NeuralForce(PointLaw):
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
         self.kernels = neural(
-            context.layout, context.bits, known.membrane, context.features.breakable, law.weights == "corrected",
-            law.evaluation, layers, law.loaded is not None, context.module,
+            context.layout, known.membrane, law.weights == "corrected", law.evaluation, layers,
+            law.loaded is not None,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None
         self.outside: Array | None = None

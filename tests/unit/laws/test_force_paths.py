@@ -1,16 +1,16 @@
-"""Fast kernels of the bond-associated law agree with the reference kernels on random states with damage."""
+"""Force paths of the bond-associated law agree with the reference on random states with damage."""
 
 import numpy as np
 import pytest
-import warp as wp
 from curved_sheets import rough_motion, small_tube
 from grid_sheets import holed, partly_off_the_grid
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square, strain_energy
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Gent, Newton, Sheet, TearingEnergy, Visco
-from warp_pd.device import graph
+from warp_pd import CriticalStretch, Explicit, Gent, Newton, Sheet, Simulation, TearingEnergy, Visco
 from warp_pd.families import pack
-from warp_pd.laws import family_struct, fast_path
+from warp_pd.laws import family_struct
+from warp_pd.laws.force_paths import TUNING, strips_of
+from warp_pd.run.description import plan
 
 TOLERANCE = {32: 2e-6, 64: 1e-12}
 # An energy is of second order in a strain that float32 knows to 1e-6 of one.
@@ -31,18 +31,9 @@ class Hasty(Gent):
 
 
 @pytest.fixture
-def blocks(monkeypatch):
-    """Run blocks of threads on a CPU as on a GPU, one after the other."""
-    monkeypatch.setattr(fast_path, "shares_memory", lambda device: True)
-    monkeypatch.setattr(fast_path, "COMPACT_FROM", 0)
-    monkeypatch.setattr(graph, "SPLIT_FROM", float("inf"))
-    monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
-
-
-@pytest.fixture
-def large_on_gpu(monkeypatch, blocks):
-    """Use the kernels for large sheets on a GPU with small sheets on a CPU."""
-    monkeypatch.setattr(fast_path, "MAX_SHARED", 0)
+def large_on_gpu(gpu_paths, tune):
+    """The path of a large sheet on a GPU, with small sheets on a CPU."""
+    tune(lattice_bonds=0)
 
 
 def rough(sheet, seed=0):
@@ -61,7 +52,7 @@ def energy_of_families(built, displacement):
     return built.law.strain_energy.numpy()
 
 
-def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT, law=None):
+def compare(sheet, horizon, bits, cut=None, material=GENT, law=None):
     parts = {"damage": CriticalStretch(1e3)} if cut else {}
     forces, energies, launches = [], [], []
     for fast in (True, False):
@@ -70,7 +61,7 @@ def compare(sheet, horizon, bits, cut=None, broken="drop", material=GENT, law=No
             horizon=horizon,
             material=material,
             precision=bits,
-            law={"fast": fast, "broken": broken, **(law or {})},
+            law={"fast": fast, **(law or {})},
             **parts,
         )
         if cut:
@@ -94,17 +85,16 @@ def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, materi
     assert reference[1:2] == ["variational_force"]
 
 
-@pytest.mark.parametrize("bits", [32, 64])
-@pytest.mark.parametrize("horizon", [1.5, 2.015, 3.15])
-@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
+@pytest.mark.parametrize(
+    ("horizon", "bits", "cut"), [(1.5, 64, CUT), (2.015, 32, CUT), (3.15, 64, None), (3.15, 32, CUT)]
+)
 def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu, horizon, bits, cut):
     quick, _ = compare(square((17, 15)), horizon, bits, cut=cut)
     assert "undamaged_family_force" in quick
 
 
-@pytest.mark.parametrize("bits", [32, 64])
+@pytest.mark.parametrize(("horizon", "bits"), [(1.5, 32), (3.15, 64), (4.15, 32)])
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-@pytest.mark.parametrize("horizon", [1.5, 3.15, 4.15])
 @pytest.mark.parametrize(
     "sheet", [square(15), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052)), holed(19)],
     ids=["lattice", "cloud", "slit", "grid"],
@@ -112,10 +102,6 @@ def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu,
 def test_a_cpu_sums_rows(sheet, horizon, cut, bits):
     quick, reference = compare(sheet, horizon, bits, cut=cut)
     assert "family_rows_force" in quick and "family_rows_force" not in reference
-
-
-def test_a_cpu_sums_rows_of_broken_families_that_keep_their_weight():
-    compare(square(15), 2.015, 64, cut=CUT, broken="redistribute")
 
 
 @pytest.mark.parametrize("material", [NEO, Woven(MU, 2e5, 160.0), Hasty(MU, 2e5, 160.0)], ids=["neo", "woven", "far"])
@@ -142,7 +128,7 @@ def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
 @pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052)), holed(19)])
-def test_one_thread_per_bond(blocks, sheet, cut, bits):
+def test_one_thread_per_bond(gpu_paths, sheet, cut, bits):
     """A GPU takes small sheets so."""
     quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
     assert quick[-3:-1] == ["family_block_force", "gather_from_reverse_bonds"]
@@ -175,18 +161,18 @@ def shuffled(points=13):
 
 
 @pytest.mark.parametrize("influence", ["inverse", "inverse_square", lambda r: 1.2 - r])
-def test_influence_functions_of_a_cloud(blocks, influence):
+def test_influence_functions_of_a_cloud(gpu_paths, influence):
     """Named ones are evaluated, others have a table."""
     compare(jittered(13), 2.015, 64, law={"influence": influence})
 
 
-def test_a_cloud_through_a_ring(monkeypatch, blocks):
-    monkeypatch.setattr(fast_path, "CLOUD_RING", 300)
+def test_a_cloud_through_a_ring(gpu_paths, tune):
+    tune(cloud_ring=300)
     quick, _ = compare(jittered(33), 2.015, 64)
     assert quick.count("gather_from_reverse_bonds") > 4
 
 
-def test_indices_that_are_far_apart(monkeypatch, blocks):
+def test_indices_that_are_far_apart(gpu_paths):
     """More than 2^15 points: differences have a second half."""
     sheet = shuffled(183)
     built = build(sheet)
@@ -198,33 +184,35 @@ def test_indices_that_are_far_apart(monkeypatch, blocks):
     assert (found == np.where(families.exists, families.neighbours, np.arange(sheet.size)[:, None])).all()
 
 
-def test_forces_with_indices_that_are_far_apart(monkeypatch, blocks):
+def test_forces_with_indices_that_are_far_apart(monkeypatch, gpu_paths):
     monkeypatch.setattr(family_struct, "NEAR", 5)
     compare(shuffled(), 2.015, 64)
 
 
-def test_bytes_of_a_cloud(monkeypatch, blocks):
+def test_bytes_of_a_cloud(gpu_paths):
     """At 3.15 a cloud without rupture takes at most 600 bytes a point, and the ring 88 of a million points."""
     built = build(square(101).as_cloud(), horizon=3.15, precision=32, solver=Explicit(duration=1.0))
     points, stored = built.simulation.sheet.size, built.context.fields
-    ring = fast_path.CLOUD_RING * built.law.families.members * 12 / 1e6
+    ring = TUNING.cloud_ring * built.law.families.members * 12 / 1e6
     assert (stored.nbytes - stored["bond_force"].size * 12) / points + ring <= 600.0
     assert not {"shapes", "bonds", "moments"} & {field.name for field in stored}
 
 
-def test_laws_that_need_tables_have_them(monkeypatch, blocks):
+def test_laws_that_need_tables_have_them(gpu_paths, tune):
     cloud = jittered(13)
-    assert build(cloud).context.layout == "cloud compact linear"
-    assert build(cloud, law={"fast": False}).context.layout == "cloud"
-    assert build(cloud, law={"broken": "redistribute"}).context.layout == "cloud"
-    assert build(cloud, solver=Newton()).context.layout == "cloud"
-    assert build(cloud, damage=CriticalStretch(1e3)).context.layout == "cloud"
-    assert build(cloud, damage=TearingEnergy(10.0)).context.layout == "cloud with shares"
-    assert build(cloud, horizon=3.15).context.layout == "cloud compact linear"
-    monkeypatch.setattr(fast_path, "COMPACT_FROM", cloud.size + 1)
-    assert build(cloud, horizon=3.15).context.layout == "cloud"
-    assert build(cloud, horizon=2.015).context.layout == "cloud compact linear"
-    assert Visco(NEO).compact == "" and BondAssociated(NEO, influence=lambda r: 1.2 - r).compact == "table"
+
+    def compact(**parts):
+        return build(cloud, **parts).context.layout.compact
+
+    assert compact() == compact(horizon=3.15) == "linear"
+    assert compact(law={"influence": lambda r: 1.2 - r}) == "table"
+    for damage in (CriticalStretch(1e3), TearingEnergy(10.0)):
+        assert not compact(damage=damage)
+    assert not compact(law={"fast": False}) and not compact(solver=Newton())
+    assert not Simulation(cloud, Visco(NEO), Explicit(1.0)).build("cpu").context.layout.compact
+    tune(compact_points=cloud.size + 1)
+    assert not compact(horizon=3.15)
+    assert compact(horizon=2.015) == "linear"
 
 
 def test_softened_families():
@@ -233,7 +221,7 @@ def test_softened_families():
 
 @pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
-def test_softened_families_with_one_thread_per_bond(blocks, sheet, bits):
+def test_softened_families_with_one_thread_per_bond(gpu_paths, sheet, bits):
     compare_softened(sheet, 3.15 if bits == 64 else 2.015, bits)
 
 
@@ -242,11 +230,10 @@ def test_softened_families_that_share_blocks(large_on_gpu, sheet):
     compare_softened(sheet, 2.015, 64)
 
 
-@pytest.mark.parametrize("broken", ["drop", "redistribute"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13), holed(25, 0.006)], ids=["lattice", "cloud", "grid"])
-def test_families_that_share_blocks(large_on_gpu, sheet, broken):
+def test_families_that_share_blocks(large_on_gpu, sheet):
     """A GPU takes the damaged and the outer families of large sheets so."""
-    quick, _ = compare(sheet, 2.015, 64, cut=CUT, broken=broken)
+    quick, _ = compare(sheet, 2.015, 64, cut=CUT)
     assert "family_block_force" in quick and "gather_from_reverse_bonds" in quick
 
 
@@ -258,26 +245,55 @@ def test_a_large_family(large_on_gpu):
 
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
 @pytest.mark.parametrize("sheet", [square(33), holed(33, 0.006)], ids=["lattice", "grid"])
-def test_forces_through_a_ring(monkeypatch, large_on_gpu, sheet, cut):
+def test_forces_through_a_ring(large_on_gpu, tune, sheet, cut):
     """Large sheets are computed in strips; here the ring is small."""
-    monkeypatch.setattr(fast_path, "RING", 300)
-    monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
-    monkeypatch.setattr(fast_path, "STRIP", 150)
+    tune(ring=300)
     quick, _ = compare(sheet, 2.015, 64, cut=cut)
-    assert quick.count("undamaged_family_force") > 4
-    # Where bonds cannot break, the kernel of the forces gathers those of all but the last strips.
-    gathers = quick.count("undamaged_family_force") if cut else fast_path.LAG
-    assert quick.count("gather_from_reverse_bonds") == gathers
+    assert quick.count("undamaged_family_force") == quick.count("gather_from_reverse_bonds") > 4
 
 
 @pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-def test_bonds_between_distant_indices_need_no_ring(monkeypatch, large_on_gpu, cut):
+def test_bonds_between_distant_indices_need_no_ring(large_on_gpu, tune, cut):
     """The points off the grid come first, those around them much later."""
-    monkeypatch.setattr(fast_path, "RING", 300)
-    monkeypatch.setattr(fast_path, "STRIPS_FROM", 0)
-    monkeypatch.setattr(fast_path, "STRIP", 150)
+    tune(ring=300)
     quick, _ = compare(partly_off_the_grid(33), 2.015, 64, cut=cut)
     assert quick.count("undamaged_family_force") == 1
+
+
+@pytest.mark.parametrize("damage", [None, CriticalStretch(1.1)], ids=["undamaged", "torn"])
+def test_strips_have_the_bits_of_a_whole_sheet(large_on_gpu, tune, damage):
+    sheet, results = square(25), []
+    for ring in (250, 10**9):
+        tune(ring=ring)
+        built = build(sheet, material=GENT, damage=damage)
+        built.state.velocity.assign(np.column_stack([60.0 * sheet.points[:, 0], 0.0 * sheet.points]))
+        internal_force(built, rough(sheet))
+        built.state.step.fill_(2e-5)
+        built.context.sequence("step", 3).run()
+        results.append({name: array.numpy().tobytes() for name, array in built.context.fields.kept().items()})
+    assert results[0] == results[1]
+
+
+def test_strips_take_little_memory(large_on_gpu, tune):
+    tune(ring=201 * 20)
+    stored = build(square(201), horizon=3.15, material=GENT, precision=32).context.fields
+    assert stored.nbytes < 200 * 201**2
+
+
+@pytest.mark.parametrize(("points", "ring"), [(1000, 57), (1000, 100), (999, 101), (1001, 250)])
+def test_strips_cover_a_sheet_once(points, ring):
+    here, reach = slice(3, points - 5), 10
+    strips = strips_of(here, points, reach, ring)
+    assert len(strips) > 1 and all(strip.end - strip.begin == ring - 2 * reach for strip in strips[:-1])
+    computed = np.concatenate([np.arange(strip.begin, strip.end) for strip in strips])
+    assert (computed == np.arange(here.start, here.stop)).all()
+    gathered = np.concatenate([np.arange(strip.gather_begin, strip.gather_end) for strip in strips])
+    assert (gathered == np.arange(points)).all()
+    assert all(strip.gather_end + reach <= strip.end for strip in strips[:-1])
+
+
+def test_sheets_of_few_strips_or_distant_bonds_are_whole():
+    assert len(strips_of(slice(0, 400), 400, 20, 200)) == 1 == len(strips_of(slice(0, 1000), 1000, 80, 200))
 
 
 def test_large_families_deep_inside_a_grid(large_on_gpu):
@@ -286,24 +302,23 @@ def test_large_families_deep_inside_a_grid(large_on_gpu):
     assert "undamaged_family_force" in quick and "family_block_force" in quick
 
 
-def test_the_lists_of_points_are_emptied(large_on_gpu):
+def test_the_list_of_other_families_is_emptied(large_on_gpu):
     built = build(square(13), damage=CriticalStretch(1e3))
     sever(built, CUT)
     first = internal_force(built, rough(built.simulation.sheet))
     assert (array(built, "other_count").numpy() == 0).all()
     assert (internal_force(built, rough(built.simulation.sheet)) == first).all()
-    inner = built.law.families.family_class == built.law.fast_path.stencil[1]
-    assert (array(built, "edge_points").numpy() == np.flatnonzero(~inner)).all()
-    lost = (built.law.intact.numpy() != pack(built.law.families.exists[built.law.families.family_class]).T).any(axis=0)
-    damaged = np.flatnonzero(inner & lost)
-    assert len(damaged) > 0 and set(array(built, "damaged_points").numpy()[: len(damaged)]) == set(damaged)
+    families = built.law.families
+    lost = (built.law.intact.numpy() != pack(families.exists[families.family_class]).T).any(axis=0)
+    others = np.flatnonzero(lost | (families.family_class != built.law.path.inner))
+    assert lost.any() and set(array(built, "other_points").numpy()[: len(others)]) == set(others)
 
 
 def torn(sheet, horizon, bits, fast, **parts):
     """A sheet that is pulled apart and tears, after 400 steps, with the bits of its bonds at the start."""
     solver = Explicit(duration=0.02)
     built = build(sheet, horizon=horizon, precision=bits, law={"fast": fast}, solver=solver, **parts)
-    assert (built.law.fast_path is not None) == fast
+    assert (built.law.force_path != "reference") == fast
     intact = built.law.intact.numpy().copy()
     built.state.velocity.assign(np.column_stack([120.0 * sheet.points[:, 0], 0.0 * sheet.points]))
     internal_force(built, np.zeros((sheet.size, 3)))
@@ -323,44 +338,44 @@ def compare_torn(sheet, horizon, bits, **parts):
     return quick, reference
 
 
-def test_both_paths_break_the_same_bonds():
-    """A sheet that tears breaks the same bonds at the same time on both paths."""
-    quick, _ = compare_torn(square(15), 2.015, 64, damage=CriticalStretch(1.5))
-    assert "break_bonds" in launch_names(quick)
+def test_rows_break_the_same_bonds():
+    """A sheet that tears breaks the same bonds at the same time on every path."""
+    compare_torn(square(15), 2.015, 64, damage=CriticalStretch(1.5))
 
 
-@pytest.mark.parametrize("tracked", [False, True], ids=["untracked", "tracked"])
 @pytest.mark.parametrize("sheet", [square(13), jittered(13), holed(19)], ids=["lattice", "cloud", "grid"])
-def test_the_force_breaks_the_same_bonds(blocks, sheet, tracked):
-    """On a GPU the kernel of the force breaks bonds, unless the energy that this releases is summed up."""
-    quick, reference = compare_torn(
-        sheet, 2.015, 64, damage=CriticalStretch(1.5, spared=[0, 1, 2]), track_energy=tracked
-    )
-    assert ("break_bonds" in launch_names(quick)) == tracked
-    if tracked:
-        released, expected = (built.rupture.released.numpy() for built in (quick, reference))
-        assert expected.max() > 0.0
-        assert np.abs(released - expected).max() < 1e-9 * np.abs(expected).max()
+def test_blocks_break_the_same_bonds(gpu_paths, sheet):
+    quick, reference = compare_torn(sheet, 2.015, 64, damage=CriticalStretch(1.5, spared=[0, 1, 2]))
+    released, expected = (built.rupture.released.numpy() for built in (quick, reference))
+    assert expected.max() > 0.0
+    assert np.abs(released - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("horizon", [2.015, 3.15])
-@pytest.mark.parametrize("sheet", [square(17), square((17, 15))], ids=["square", "oblong"])
-def test_the_force_of_large_sheets_breaks_the_same_bonds(large_on_gpu, sheet, horizon):
-    """The kernel of undamaged families leaves those to the other one in which a bond may break now."""
-    quick, _ = compare_torn(sheet, horizon, 64, damage=CriticalStretch(1.5), track_energy=False)
-    assert "break_bonds" not in launch_names(quick) and "undamaged_family_force" in launch_names(quick)
+@pytest.mark.parametrize(
+    ("sheet", "horizon"), [(square(17), 2.015), (square((17, 15)), 3.15)], ids=["square", "oblong"]
+)
+def test_large_sheets_break_the_same_bonds(large_on_gpu, sheet, horizon):
+    """Families that lose bonds join the others."""
+    quick, _ = compare_torn(sheet, horizon, 64, damage=CriticalStretch(1.5))
+    assert "undamaged_family_force" in launch_names(quick)
 
 
-def test_scenes_without_fast_kernels():
-    assert build(square(15)).law.fast_path is not None
-    assert build(square(15), weights="published").law.fast_path is None
-    assert build(square(15), law={"fast": False}).law.fast_path is None
-    assert build(square(25), horizon=9.5).law.fast_path is None
+def test_scenes_on_the_reference_path():
+    assert build(square(15)).law.force_path == "rows"
+    assert build(square(15), weights="published").law.force_path == "reference"
+    assert build(square(15), law={"fast": False}).law.force_path == "reference"
+    assert build(square(25), horizon=9.5).law.force_path == "reference"
 
 
-def test_sheets_without_a_kernel_of_undamaged_families(large_on_gpu):
-    assert build(square(15)).law.fast_path.stencil is not None
-    assert build(square(15), material=Woven(MU, 2e5, 160.0)).law.fast_path.stencil is None
-    assert build(square(15), material=Hasty(MU, 2e5, 160.0)).law.fast_path is None
-    assert build(jittered(13)).law.fast_path.stencil is None
-    assert build(square(5), horizon=3.15).law.fast_path.stencil is None
+def test_a_gpu_takes_the_first_path_that_applies(large_on_gpu, tune):
+    assert build(square(15)).law.force_path == "undamaged lattice"
+    assert build(square(15), material=Woven(MU, 2e5, 160.0)).law.force_path == "blocks"
+    assert build(square(15), material=Hasty(MU, 2e5, 160.0)).law.force_path == "reference"
+    assert build(jittered(13)).law.force_path == "blocks"
+    assert build(square(5), horizon=3.15).law.force_path == "blocks"
+    tune(lattice_bonds=TUNING.lattice_bonds)
+    assert build(square(15)).law.force_path == "blocks"
+
+
+def test_the_plan_names_the_path():
+    assert "force = BondAssociated: rows\n" in plan(build(square(15)))

@@ -1,0 +1,442 @@
+"""Paths to the force of the bond-associated law, and which one a sheet takes.
+
+All compute the sums of kernels/bond_associated.py. The reference applies to every law and sheet. On a CPU one kernel
+sums rows of a small table. On a GPU families share blocks of threads, with two bonds a thread; in a lattice or grid
+that is large enough, undamaged families have a kernel of their own and blocks take all others, on a list.
+
+The forces between the points of a large sheet pass through a ring buffer, one strip of the sheet at a time: all of them
+would take most of the memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import warp as wp
+
+from ..device.fields import Array
+from ..device.launches import Span, Stage
+from ..interfaces.context import Context
+from ..kernels.factories import FunctionFactory
+from ..kernels.families import WORD
+from ..kernels.family_blocks import block_force, families_together, threads_of_family
+from ..kernels.family_rows import family_rows
+from ..kernels.reference_force import reference_force
+from ..kernels.reverse_bonds import gather_reverse_bonds
+from ..kernels.stencil import Stencil
+from ..kernels.undamaged_lattice import list_of_others, undamaged_lattice_force
+from ..materials import Material, capabilities
+from .family_struct import moments_of
+from .undamaged_lattice import undamaged_stencil
+from .variational import BondAssociatedLaw
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What decides which path a sheet takes and how its kernels divide their work; measured in docs/performance.md."""
+
+    # Largest family whose rows a CPU sums; larger ones compile slowly.
+    rows_members: int = 256
+    # Largest family that a block of threads shares; larger ones compile slowly.
+    block_members: int = 64
+    # Number of bonds of a sheet from which on undamaged families have their own kernel: fewer do not fill a GPU with
+    # one thread a point.
+    lattice_bonds: int = 300_000
+    # Threads per block of that kernel: with a family in registers, few threads fit a multiprocessor.
+    lattice_block: int = 64
+    # Maximum number of blocks of families: enough to fill a GPU; each works until all families are done. With a list
+    # most blocks would find nothing, and starting them takes time.
+    blocks: int = 8192
+    listed_blocks: int = 1056
+    # Columns of the ring of a lattice, and of a cloud, from twice as many points on. Every strip of a lattice waits for
+    # its few other families, which take as long as 2^16 undamaged ones; a cloud has no such families.
+    ring: int = 2**19
+    cloud_ring: int = 2**18
+    # Horizon [spacings] up to which families of a cloud have few enough members for blocks.
+    compact_horizon: float = 4.0
+    # Horizon up to which tables of few bytes cost no time, and number of points from which on they are worth it.
+    free_compact_horizon: float = 2.5
+    compact_points: int = 2**20
+    # Entries of these tables have numbers of 31 bits.
+    max_compact_points: int = 2**24
+
+
+TUNING = Tuning()
+
+
+class ForcePath(Protocol):
+    """One way to the force of a law on a sheet and device.
+
+    Attributes:
+        name: Its name, for `plan`.
+    """
+
+    name: ClassVar[str]
+
+    @classmethod
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
+        """The path of a law on its sheet and device, or None if it does not apply.
+
+        Args:
+            law: The law.
+            inverse: K^-1 by row, shape (R, n, 3).
+            weights: W divided by the reference area by row, shape (R, n).
+        """
+        ...
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of the internal force [N] at a displacement [m], both (N,) vec3."""
+        ...
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family [J], (N,) float64, at a displacement [m], (N,) vec3."""
+        ...
+
+
+def force_path(law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath:
+    """The first of the law's paths that applies; the reference does. Arguments as for `ForcePath.of`."""
+    kinds = law.paths if law.fast and law.weights != "published" else (Reference,)
+    return next(path for kind in kinds if (path := kind.of(law, inverse, weights)) is not None)
+
+
+def shares_memory(device: wp.Device) -> bool:
+    """Whether the threads of a block have shared memory."""
+    return bool(device.is_cuda)
+
+
+class Reference:
+    """The sums as they are written, for any law, sheet and device: to be read and compared with."""
+
+    name: ClassVar[str] = "reference"
+
+    def __init__(self, law: BondAssociatedLaw) -> None:
+        self.law = law
+
+    @classmethod
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
+        """It always applies."""
+        return cls(law)
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches that fill the pairs and sum them."""
+        law = self.law
+        stage.launch(
+            law.owner, reference_force(*law.key), law.points, **law.family_arguments(displacement),
+            constants=law.constants, unit_force=law.unit_volume * law.inverse_horizon, prony=None, strain=None,
+            overstress=None, bond_force=law.pairs,
+        )  # fmt: skip
+        law.add_gather(stage, law.kernels.gather, law.pairs, force)
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family."""
+        law = self.law
+        stage.launch(
+            law.owner, law.kernels.strain_energy, law.points, **law.family_arguments(displacement),
+            constants=law.constants, unit_volume=law.unit_volume, out=energies,
+        )  # fmt: skip
+
+
+# What only viscous laws give to the kernel of a CPU.
+NO_PRONY: dict[str, Any] = {"step": None, "prony": None, "strain": None, "overstress": None, "viscous_work": None}
+
+
+class RowSums:
+    """Sums of the rows of a small table, on a CPU.
+
+    Attributes:
+        kernels: By what they fill in, see `family_rows`.
+    """
+
+    name: ClassVar[str] = "rows"
+
+    def __init__(self, law: BondAssociatedLaw, what: Sequence[str] = ("force", "energy")) -> None:
+        self.law = law
+        layout, material, _ = law.key
+        near, words = capabilities(law.material).near, -(-law.families.members // WORD)
+        self.kernels = {name: family_rows(layout, material, near, words, name) for name in what}
+
+    @staticmethod
+    def applies(law: BondAssociatedLaw) -> bool:
+        """Whether it applies to a law on its sheet and device."""
+        return not shares_memory(law.context.device) and law.families.members <= TUNING.rows_members
+
+    @classmethod
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
+        """Those of a CPU, if families are not too large."""
+        return cls(law) if cls.applies(law) else None
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches that fill the pairs and sum them."""
+        self.add_pairs(stage, displacement, "force", NO_PRONY)
+        self.law.add_gather(stage, self.law.kernels.gather, self.law.pairs, force)
+
+    def add_pairs(self, stage: Stage, displacement: Array, what: str, prony: Mapping[str, Any]) -> None:
+        """Add the launch that fills the forces of each family on its pairs [N]; `what` as for `family_rows`."""
+        law = self.law
+        stage.launch(
+            law.owner, self.kernels[what], law.points, **law.family_arguments(displacement), constants=law.constants,
+            unit=law.unit_volume * law.inverse_horizon, bond_force=law.pairs, energies=None, **prony,
+        )  # fmt: skip
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the energy of each family."""
+        law = self.law
+        stage.launch(
+            law.owner, self.kernels["energy"], law.points, **law.family_arguments(displacement),
+            constants=law.constants, unit=law.unit_volume, bond_force=None, energies=energies, **NO_PRONY,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Points begin to end - 1 of a sheet, and those whose force is complete after the forces of these families."""
+
+    begin: int
+    end: int
+    gather_begin: int
+    gather_end: int
+
+
+def strips_of(here: slice, points: int, reach: int, ring: int) -> list[Strip]:
+    """Strips of a sheet that follow each other through a ring of `ring` columns; one if it has few more points.
+
+    The forces of a strip stay where they are until its points and those of the strip behind it have gathered them.
+
+    Args:
+        here: Points whose families are not empty.
+        points: Number of points.
+        reach: Largest difference of the indices of two points that share a bond.
+        ring: Number of columns.
+    """
+    size = ring - 2 * reach
+    if points <= 2 * ring or size < ring // 2:
+        return [Strip(here.start, here.stop, 0, points)]
+    strips: list[Strip] = []
+    for begin in range(here.start, here.stop, size):
+        end = min(begin + size, here.stop)
+        gathered = strips[-1].gather_end if strips else 0
+        strips.append(Strip(begin, end, gathered, points if end == here.stop else end - reach))
+    return strips
+
+
+class BondForces:
+    """The forces between points, [members, points] or a ring of fewer columns, and the stage that gathers them.
+
+    Attributes:
+        strips: Strips of the sheet, which follow each other.
+        array: The forces [N], vec3.
+    """
+
+    def __init__(self, law: BondAssociatedLaw, ring: int | None) -> None:
+        self.law = law
+        here, points = whole_families(law), law.points
+        self.strips = [Strip(here.start, here.stop, 0, points)]
+        if ring is not None and points > 2 * ring:
+            self.strips = strips_of(here, points, law.families.index_reach(), ring)
+        if len(self.strips) == 1:
+            self.array = law.pairs
+            return
+        shape = (law.families.members, ring)
+        self.array = law.context.array("bond_force_ring", law.owner, law.context.types.vec3, shape=shape, per="bond")
+
+    def add_gather(self, stage: Stage, strip: Strip, force: Array, other_count: Array | None = None) -> None:
+        """Add the stage that gathers the forces of a strip, and empties the list of other families if it is given."""
+        law = self.law
+        steps = law.families.steps
+        gather = gather_reverse_bonds(
+            law.layout, law.families.members, None if steps is None else tuple(map(tuple, steps.tolist())),
+            len(self.strips) > 1, other_count is not None,
+        )  # fmt: skip
+        stage.pointwise(
+            law.owner, gather, strip.gather_end - strip.gather_begin, begin=strip.gather_begin, family=law.struct,
+            columns=law.lattice_columns, bond_force=self.array, other_count=other_count,
+            first_point=strip.gather_begin, force=force,
+        )  # fmt: skip
+
+
+def whole_families(law: BondAssociatedLaw) -> slice:
+    """Points around all whole families; the empty ones of the outermost halo would take as long as others."""
+    partition = law.context.partition
+    return slice(0, law.points) if partition is None else partition.whole_families
+
+
+@dataclass(frozen=True)
+class Selected:
+    """Families of the points start to stop - 1, or of these entries of a list.
+
+    Attributes:
+        start: First point or entry.
+        stop: The one after the last.
+        points: The list, or None.
+        count: Array of the number of its entries, known on the device alone; or None.
+    """
+
+    start: int
+    stop: int
+    points: Array | None = None
+    count: Array | None = None
+
+
+class FamilyBlocks:
+    """Families that share blocks of threads, on a GPU.
+
+    Attributes:
+        near: Factory of the material's stress_near.
+    """
+
+    name: ClassVar[str] = "blocks"
+
+    def __init__(self, law: BondAssociatedLaw, near: FunctionFactory, forces: BondForces) -> None:
+        self.law, self.near, self.forces = law, near, forces
+        context = law.context
+        self.moments: Array | None = None
+        if not law.layout.compact:
+            self.moments = context.array(
+                "moments", law.owner, context.types.vec3, moments_of(law.families), per="table"
+            )
+
+    @staticmethod
+    def near_stress(law: BondAssociatedLaw) -> FunctionFactory | None:
+        """Factory of the material's stress_near if blocks can take a law on its sheet and device."""
+        few = law.families.members <= TUNING.block_members
+        return capabilities(law.material).near if few and shares_memory(law.context.device) else None
+
+    @staticmethod
+    def takes_compact_families(context: Context, material: Material, horizon: float) -> bool:
+        """Whether the families of a sheet should be those of kernels/compact_clouds.py.
+
+        Blocks find shape tensors anew; a tangent would take long. Where bonds can break, the energy that one releases
+        has the same bits in every launch only with stored tables.
+
+        Args:
+            context: Knows the sheet and the device.
+            material: The material.
+            horizon: In spacings.
+        """
+        sheet, features = context.whole, context.features
+        able = shares_memory(context.device) and capabilities(material).near is not None
+        cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < TUNING.max_compact_points
+        pays = horizon <= TUNING.free_compact_horizon or sheet.size >= TUNING.compact_points
+        few = horizon <= TUNING.compact_horizon
+        return able and cloud and pays and few and features.dynamic and not features.breakable
+
+    @classmethod
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
+        """Those of a GPU, if families are not too large and the material's stress may start from a guess."""
+        near = cls.near_stress(law)
+        if near is None:
+            return None
+        ring = TUNING.cloud_ring if law.layout.compact and law.context.partition is None else None
+        return cls(law, near, BondForces(law, ring))
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of each strip."""
+        for strip in self.forces.strips:
+            self.add_families(stage, Selected(strip.begin, strip.end), displacement, force)
+            self.forces.add_gather(stage, strip, force)
+
+    def add_families(self, stage: Stage, chosen: Selected, displacement: Array, force: Array) -> None:
+        """Add the launch of some families."""
+        law = self.law
+        layout, material, _ = law.key
+        members, count = law.families.members, chosen.stop - chosen.start
+        listed = chosen.points is not None
+        if not count:
+            return
+        together, sharing = families_together(members), threads_of_family(members)
+        blocks = min(-(-count // together), TUNING.listed_blocks if listed else TUNING.blocks)
+        kernel = block_force(layout, material, self.near, members, listed)
+        stage.launch(
+            law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
+            intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
+            moments=self.moments, displacement=displacement, constants=law.constants,
+            inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,
+            bond_force=self.forces.array, force=force, span=None if listed else Span(together, TUNING.blocks),
+        )  # fmt: skip
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the reference."""
+        Reference(self.law).add_energy(stage, displacement, energies)
+
+
+class UndamagedLattice:
+    """Undamaged families inside a lattice or grid by a kernel of their own, on a GPU; all others in blocks.
+
+    Attributes:
+        stencil: Stencil of the undamaged inner families.
+        inner: The row that they share.
+    """
+
+    name: ClassVar[str] = "undamaged lattice"
+
+    def __init__(self, law: BondAssociatedLaw, near: FunctionFactory, stencil: Stencil, inner: int) -> None:
+        self.law, self.stencil, self.inner = law, stencil, inner
+        context, breakable = law.context, law.layout.breakable
+        self.forces = BondForces(law, TUNING.ring)
+        self.blocks = FamilyBlocks(law, near, self.forces)
+        gridded = law.families.layout == "grid"
+        self.places = law.struct.centres if gridded else law.lattice_columns
+        self.kernel = undamaged_lattice_force(context.bits, near, stencil, gridded, breakable)
+        here = whole_families(law)
+        assert law.families.family_class is not None
+        self.edges = np.flatnonzero(law.families.family_class[here] != inner).astype(np.int32) + np.int32(here.start)
+        # Where bonds can break, a launch finds the others; else they are those at edges.
+        listed = None if breakable else self.edges if len(self.edges) else np.zeros(1, np.int32)
+        count = None if breakable else np.array([len(self.edges)], np.int32)
+        self.others = context.array("other_points", law.owner, wp.int32, listed, shape=law.points, per="table")
+        self.count = context.array("other_count", law.owner, wp.int32, count, shape=1, per="once")
+
+    @classmethod
+    def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
+        """Those of a large lattice or grid of an isotropic material, where blocks apply, too."""
+        near = FamilyBlocks.near_stress(law)
+        # By the whole sheet: several processes take the same path as one.
+        large = law.context.whole.size * law.families.members > TUNING.lattice_bonds
+        if near is None or not large or not capabilities(law.material).isotropic:
+            return None
+        found = undamaged_stencil(law.families, inverse, weights)
+        return None if found is None else cls(law, near, *found)
+
+    def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
+        """Add the launches of each strip."""
+        law = self.law
+        for strip in self.forces.strips:
+            # First: it need not wait for an exchange.
+            stage.launch(
+                law.owner, self.kernel, strip.end - strip.begin, begin=strip.begin, block_dim=TUNING.lattice_block,
+                family_class=law.struct.family_class, inner=self.inner, intact=law.intact, displacement=displacement,
+                places=self.places,
+                # An argument, not a constant, so that the compiler does not unroll the loop over the turns.
+                turns=self.stencil.turns, constants=law.constants, inverse_horizon=law.inverse_horizon,
+                unit_force=law.unit_volume * law.inverse_horizon * law.families.areas[self.inner],
+                bond_force=self.forces.array, force=force,
+            )  # fmt: skip
+            self._add_others(stage, strip, displacement, force)
+
+    def _add_others(self, stage: Stage, strip: Strip, displacement: Array, force: Array) -> None:
+        """Add the launches of the other families of a strip, and the gather of its forces."""
+        law = self.law
+        if law.intact is None:
+            start, stop = np.searchsorted(self.edges, (strip.begin, strip.end)).tolist()
+            edges = Selected(start, stop, self.others, self.count)
+            self.blocks.add_families(stage, edges, displacement, force)
+            self.forces.add_gather(stage, strip, force)
+            return
+        stage.launch(
+            law.owner, list_of_others(), strip.end - strip.begin, begin=strip.begin,
+            family_class=law.struct.family_class, inner=self.inner, all_members=self.stencil.all_members,
+            intact=law.intact, others=self.others, other_count=self.count,
+        )  # fmt: skip
+        self.blocks.add_families(stage, Selected(0, law.points, self.others, self.count), displacement, force)
+        self.forces.add_gather(stage, strip, force, self.count)
+
+    def add_energy(self, stage: Stage, displacement: Array, energies: Array) -> None:
+        """Add the launch of the reference."""
+        Reference(self.law).add_energy(stage, displacement, energies)
+
+
+# In the order in which they are tried.
+PATHS = (RowSums, UndamagedLattice, FamilyBlocks, Reference)
