@@ -14,18 +14,17 @@ from .numeric import numeric
 
 
 @functools.cache
-def adaptive_damping(bits: int, following: bool, module: str) -> tuple[Kernel, Kernel]:
+def adaptive_damping(bits: int, following: bool) -> tuple[Kernel, Kernel]:
     """Kernels `measure_motion`, which sums blocks of points in order, and `set_damping`, one thread.
 
     Args:
         bits: 32 or 64.
         following: Whether any load depends on the displacement; the external force is then part of the stiffness.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def measure_motion(
         mass: wp.array(dtype=real),
         held_mask: wp.array(dtype=wp.uint8),
@@ -55,7 +54,7 @@ def adaptive_damping(bits: int, following: bool, module: str) -> tuple[Kernel, K
         sums[0, b] = inertia
         sums[1, b] = stiffness
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def set_damping(
         sums: wp.array2d(dtype=wp.float64),
         step: wp.array(dtype=real),

@@ -137,7 +137,6 @@ def block_functions(
     material: PairFactory,
     near: FunctionFactory,
     members: int,
-    fast_module: str,
 ) -> BlockFunctions:
     """The functions, for the arguments of `block_force`."""
     types, bits = layout.types, layout.bits
@@ -159,7 +158,7 @@ def block_functions(
     Arm = vec4 if compact else vec2
     vector_of, moment_of = entry_of(vec3, 1), entry_of(vec3, 2)
 
-    @wp.func(module=fast_module)
+    @wp.func
     def arrive(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -213,7 +212,7 @@ def block_functions(
             arm[1] = moment[2]
         return intact_here, exchanged, arm, common, inverse, weight
 
-    @wp.func(module=fast_module)
+    @wp.func
     def shape_of(family: Family, moments: wp.array2d(dtype=vec3), i: int, k: int):
         """c_k X_k (x) X_k (11, 12, 22)."""
         row = i
@@ -222,7 +221,7 @@ def block_functions(
         m = moments[k, row]
         return m[2] * vec3(m[0] * m[0], m[0] * m[1], m[1] * m[1])
 
-    @wp.func(module=fast_module)
+    @wp.func
     def missing_shapes(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -246,7 +245,7 @@ def block_functions(
                 far_shape += wp.where(bit_of(far_bits, at), real(1.0), real(0.0)) * part
         return near_shape, far_shape
 
-    @wp.func(module=fast_module)
+    @wp.func
     def without_missing(missing: vec3, undamaged_inverse: vec3):
         """Inverse of what is left of a shape tensor after `missing` is taken from it, or zero, as `damaged_inverse`."""
         inverse = undamaged_inverse
@@ -256,7 +255,7 @@ def block_functions(
             inverse, _size = damaged_inverse(whole - missing, undamaged_inverse, real(0.0))
         return inverse
 
-    @wp.func(module=fast_module)
+    @wp.func
     def answer(
         family: Family,
         constants: parameters,

@@ -64,7 +64,6 @@ def body_contact(
     half_steps: bool,
     searched: bool,
     marked: bool,
-    module: str,
 ) -> BodyContactKernels:
     """Stages of contact with a body.
 
@@ -81,19 +80,18 @@ def body_contact(
         half_steps: Whether energies take the velocities at half steps.
         searched: Whether the distance is a search, which points remember.
         marked: Whether the stages do nothing but at marked points.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real = types.real
-    search = body_search(bits, distance, curved, held, searched, marked, module)
+    search = body_search(bits, distance, curved, held, searched, marked)
     BodyContact, wide, narrow, position = search.struct, search.wide, search.narrow, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
     plane, may_touch_in_step, may_touch_now = search.plane, search.may_touch_in_step, search.may_touch_now
-    half_kick, half_loss = half_step(bits, loaded, damped, module)
+    half_kick, half_loss = half_step(bits, loaded, damped)
 
     given = ("velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work")
 
-    @wp.func(module=module)
+    @wp.func
     def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
         """Change of velocity by friction, after a change `pressed` along the normal."""
         slip = relative - wp.dot(relative, n) * n
@@ -104,7 +102,7 @@ def body_contact(
             lost = (-least / speed) * slip
         return lost
 
-    @wp.func(module=module)
+    @wp.func
     def strike(
         i: int, change: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d, a: BodyContact
     ):
@@ -134,21 +132,21 @@ def body_contact(
             if wp.static(tracked):
                 a.loss[i] = a.loss[i] + wp.dot(momentum, surface_velocity(arm, a)) - gained
 
-    @wp.func(module=module)
+    @wp.func
     def forget(i: int, a: BodyContact):
         if wp.static(moves_freely):
             a.push[i] = wp.vec3d()
             if wp.static(tracked):
                 a.push_work[i] = wp.float64(0.0)
 
-    @wp.func(module=module)
+    @wp.func
     def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, weight: real, a: BodyContact):
         """Sum up what friction takes [J], `relative` being the velocity before it."""
         if wp.static(tracked):
             heat = wp.float64(weight * a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
             a.rubbed[i] = a.rubbed[i] - heat
 
-    @pointwise(module, BodyContact, writes=("need", "rows", "seen"))
+    @pointwise(BodyContact, writes=("need", "rows", "seen"))
     def find_inside(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
@@ -166,7 +164,7 @@ def body_contact(
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
                 a.need[i] = needed
 
-    @pointwise(module, BodyContact, writes=("need", "rows"))
+    @pointwise(BodyContact, writes=("need", "rows"))
     def find_touching(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
@@ -186,7 +184,7 @@ def body_contact(
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
                 a.need[i] = needed
 
-    @pointwise(module, BodyContact, writes=("displacement", "seen", *given))
+    @pointwise(BodyContact, writes=("displacement", "seen", *given))
     def project_out(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
@@ -228,7 +226,7 @@ def body_contact(
                         # The drift took the load along the way that the point did not go.
                         a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
 
-    @pointwise(module, BodyContact, writes=given)
+    @pointwise(BodyContact, writes=given)
     def separate_from(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):

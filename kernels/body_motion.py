@@ -59,10 +59,10 @@ def spin_of(rotation: wp.quatd, inverse_inertia: wp.mat33d, angular: wp.vec3d):
 
 
 @functools.cache
-def path_motion(module: str) -> Kernel:
+def path_motion() -> Kernel:
     """Kernel `follow_path`: to the place of a step later, along knots between which it is linear."""
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def follow_path(
         times: wp.array(dtype=wp.float64),
         places: wp.array(dtype=wp.vec3d),
@@ -128,12 +128,12 @@ class FreeMotion:
 
 
 @functools.cache
-def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: str) -> FreeMotion:
+def free_motion(bits: int, damped: bool, tracked: bool, marked: bool) -> FreeMotion:
     """Kernels of a free body; `damped`, `tracked` and `marked` as in `body_contact`."""
     types = numeric(bits)
     real = types.real
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def move_body(
         inverse_inertia: wp.mat33d,
         gravity: wp.vec3d,
@@ -160,7 +160,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: st
         motion[0] = velocity
         motion[1] = spin_of(q, inverse_inertia, momenta[1])
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def kick_body(
         gravity: wp.vec3d,
         step: wp.array(dtype=real),
@@ -174,7 +174,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: st
         momenta[3] = motion[1]
         motion[0] = velocity
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def gather_touching(
         mass: wp.array(dtype=real),
         marks: wp.array(dtype=wp.uint8),
@@ -221,7 +221,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: st
         for r in range(6):
             sums[21 + r, b] = side[r]
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def sum_rows(sums: wp.array2d(dtype=wp.float64), first: int, totals: wp.array(dtype=wp.float64)):
         row = wp.tid() + first
         total = wp.float64(0.0)
@@ -229,7 +229,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: st
             total += sums[row, b]
         totals[row] = total
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def solve_touching(
         totals: wp.array(dtype=wp.float64),
         mass: wp.float64,
@@ -276,13 +276,13 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: st
             x[r] = x[r] / A[r, r]
         changes[0] = x
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def foresee(changes: wp.array(dtype=vec6d), first: int, motion: wp.array(dtype=wp.vec3d)):
         d = changes[0]
         motion[0] = motion[0] + wp.vec3d(d[0], d[1], d[2])
         motion[1] = motion[1] + wp.vec3d(d[3], d[4], d[5])
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def yield_to(
         changes: wp.array(dtype=vec6d),
         step: wp.array(dtype=real),
@@ -300,7 +300,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: st
         place[0] = place[0] + dt * linear
         rotation[0] = turned_by(dt * turn, rotation[0])
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def gather_given(
         marks: wp.array(dtype=wp.uint8),
         push: wp.array(dtype=wp.vec3d),
@@ -328,7 +328,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool, module: st
             sums[3 + c, b] = turn[c]
         sums[6, b] = work
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def give(
         totals: wp.array(dtype=wp.float64),
         mass: wp.float64,

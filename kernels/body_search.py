@@ -54,9 +54,7 @@ class BodySearch:
 
 
 @functools.cache
-def body_search(
-    bits: int, distance: wp.Function, curved: bool, held: bool, searched: bool, marked: bool, module: str
-) -> BodySearch:
+def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, searched: bool, marked: bool) -> BodySearch:
     """Struct and functions of a body.
 
     Args:
@@ -66,14 +64,13 @@ def body_search(
         held: Whether any component is held; held points do not feel the body.
         searched: Whether the distance is a search, which points remember.
         marked: Whether only marked points may touch.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    way_out = ways_out(distance, module)
+    way_out = ways_out(distance)
     flat = distance is plane_distance
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class BodyContact:
         reference: wp.array(dtype=vec3 if curved else types.vec2)
         mass: wp.array(dtype=real)
@@ -107,15 +104,15 @@ def body_search(
         arms: wp.array(dtype=wp.vec3d)
         push_work: wp.array(dtype=wp.float64)
 
-    @wp.func(module=module)
+    @wp.func
     def wide(v: vec3):
         return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
 
-    @wp.func(module=module)
+    @wp.func
     def narrow(v: wp.vec3d):
         return vec3(real(v[0]), real(v[1]), real(v[2]))
 
-    @wp.func(module=module)
+    @wp.func
     def position(i: int, a: BodyContact):
         X = a.reference[i]
         x = wide(a.displacement[i])
@@ -124,18 +121,18 @@ def body_search(
         else:
             return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def feels(i: int, a: BodyContact):
         if wp.static(held):
             return a.held_mask[i] == wp.uint8(0)
         else:
             return bool(True)
 
-    @wp.func(module=module)
+    @wp.func
     def surface_velocity(arm: wp.vec3d, a: BodyContact):
         return a.motion[0] + wp.cross(a.motion[1], arm)
 
-    @wp.func(module=module)
+    @wp.func
     def way(i: int, a: BodyContact):
         """Where a point is after the drift, and where it came from, in the frame of the body."""
         x = position(i, a)
@@ -143,14 +140,14 @@ def body_search(
         a1 = wp.quat_rotate_inv(a.rotation[0], x - a.place[0])
         return a1, wp.quat_rotate_inv(a.rotation[1], x - moved - a.place[1])
 
-    @wp.func(module=module)
+    @wp.func
     def clear(i: int, arm: wp.vec3d, reach: wp.float64, a: BodyContact):
         """Whether the surface is further away than `reach`, by what the point remembers."""
         s = a.seen[i]
         gone = wp.length(arm - wp.vec3d(wp.float64(s[0]), wp.float64(s[1]), wp.float64(s[2])))
         return gone + reach < wp.float64(s[3])
 
-    @wp.func(module=module)
+    @wp.func
     def remember(i: int, arm: wp.vec3d, a: BodyContact):
         at = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
         rounded = wp.length(arm - wp.vec3d(wp.float64(at[0]), wp.float64(at[1]), wp.float64(at[2])))
@@ -158,7 +155,7 @@ def body_search(
         free = wp.min(wp.abs(found[3]), a.far) - rounded - a.unsure
         a.seen[i] = wp.vec4(at[0], at[1], at[2], wp.float32(wp.float64(1.0 - 1e-6) * free))
 
-    @wp.func(module=module)
+    @wp.func
     def plane(a: BodyContact):
         found = wp.vec4d()
         if wp.static(flat):
@@ -166,11 +163,11 @@ def body_search(
             found = wp.vec4d(n[0], n[1], n[2], wp.dot(n, a.place[0]))
         return found
 
-    @wp.func(module=module)
+    @wp.func
     def height(i: int, a: BodyContact, plane: wp.vec4d):
         return wp.dot(wp.vec3d(plane[0], plane[1], plane[2]), position(i, a)) - plane[3]
 
-    @wp.func(module=module)
+    @wp.func
     def near_in_step(i: int, a: BodyContact, plane: wp.vec4d):
         """Whether a point may touch within the step."""
         near = feels(i, a)
@@ -193,7 +190,7 @@ def body_search(
                     near = not clear(i, a1, wp.length(a1 - a0) + wp.float64(2.0) * a.skin, a)
         return near
 
-    @wp.func(module=module)
+    @wp.func
     def near_now(i: int, a: BodyContact, plane: wp.vec4d):
         """Whether a point may touch."""
         near = feels(i, a)
@@ -208,21 +205,21 @@ def body_search(
                     near = not clear(i, wp.quat_rotate_inv(a.rotation[0], arm), wp.float64(2.0) * a.skin, a)
         return near
 
-    @wp.func(module=module)
+    @wp.func
     def may_touch_in_step(i: int, a: BodyContact, plane: wp.vec4d):
         if wp.static(marked):
             return a.marks[i] != wp.uint8(0)
         else:
             return near_in_step(i, a, plane)
 
-    @wp.func(module=module)
+    @wp.func
     def may_touch_now(i: int, a: BodyContact, plane: wp.vec4d):
         if wp.static(marked):
             return a.marks[i] != wp.uint8(0)
         else:
             return near_now(i, a, plane)
 
-    @wp.func(module=module)
+    @wp.func
     def touch_in_step(i: int, a: BodyContact):
         """`way_out` of a point after the drift, in the coordinates of the sheet."""
         a1, a0 = way(i, a)
@@ -235,20 +232,20 @@ def body_search(
         q = a.rotation[0]
         return touches, wp.quat_rotate(q, n), wp.quat_rotate(q, shift), gap
 
-    @wp.func(module=module)
+    @wp.func
     def touch_now(x: wp.vec3d, a: BodyContact):
         """Whether a point touches, and the normal there."""
         q = a.rotation[0]
         found = distance(wp.quat_rotate_inv(q, x - a.place[0]), wp.float64(2.0) * a.skin, a.body)
         return found[3] < a.skin, wp.quat_rotate(q, wp.vec3d(found[0], found[1], found[2]))
 
-    @pointwise(module, BodyContact, writes=("marks",))
+    @pointwise(BodyContact, writes=("marks",))
     def mark(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
             a.marks[i] = wp.where(near_in_step(i, a, here), wp.uint8(1), wp.uint8(0))
 
-    @pointwise(module, BodyContact, writes=("marks",))
+    @pointwise(BodyContact, writes=("marks",))
     def mark_now(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):

@@ -105,7 +105,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         material: Factory of (stress, energy), called with `bits`.
         form: "variational" or "published".
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     parameters = types.parameters
     f = family_functions(layout)
@@ -125,14 +125,14 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
     )
     curved = layout.curved
 
-    @wp.func(module=module)
+    @wp.func
     def green(H1: vec3, H2: vec3, tilt: vec2):
         if wp.static(curved):
             return curved_green(H1, H2, tilt)
         else:
             return flat_green(H1, H2)
 
-    @wp.func(module=module)
+    @wp.func
     def gradient(H1: vec3, H2: vec3, tilt: vec2):
         if wp.static(curved):
             F1, F2 = curved_gradient(H1, H2, tilt)
@@ -140,7 +140,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         else:
             return H1 + vec3(real(1.0), real(0.0), real(0.0)), H2 + vec3(real(0.0), real(1.0), real(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def stress_on_members(H1: vec3, H2: vec3, S: mat22, weight: real, inverse: vec3, tilt: vec2):
         if wp.static(curved):
             A1, A2 = curved_stress(H1, H2, S, weight, inverse, tilt)
@@ -149,7 +149,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
             B1, B2 = flat_stress(H1, H2, S, weight, inverse)
             return B1, B2
 
-    @wp.func(module=module)
+    @wp.func
     def damaged_inverse(shape: vec3, undamaged_inverse: vec3, size: real):
         if wp.static(published):
             return inverse_shape(shape), size
@@ -157,7 +157,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
             return remaining_inverse(shape, undamaged_inverse), size
 
     def declare_intersection(name, earlier):
-        @wp.func(module=module, name=name)
+        @wp.func(name=name)
         def intersection(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
@@ -214,7 +214,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
 
         return intersection
 
-    @wp.func(module=module)
+    @wp.func
     def area_weight(family: Family, i: int, j: int, undamaged: bool, size: real):
         """W_ij divided by the reference area; in the published form up to the factor `family_scale`."""
         if wp.static(published):
@@ -225,7 +225,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         else:
             return f.weight(family, i, j)
 
-    @wp.func(module=module)
+    @wp.func
     def family_scale(family: Family, i: int, undamaged: bool, total: real):
         """Factor that makes the weights of a family sum to the area of its point, in the published form."""
         if wp.static(published):
@@ -236,7 +236,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         else:
             return real(1.0)
 
-    @wp.func(module=module)
+    @wp.func
     def add_to_members(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -255,7 +255,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
                 xi = f.bond(family, i, k)
                 bond_force[k, i] = bond_force[k, i] + xi[0] * A1 + xi[1] * A2
 
-    @wp.func(module=module)
+    @wp.func
     def finish_forces(
         family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, scale: real, bond_force: wp.array2d(dtype=vec3)
     ):
@@ -267,7 +267,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
     def declare_visit(name, earlier):
         intersection = declare_intersection(f"intersection_{name}", earlier)
 
-        @wp.func(module=module, name=name)
+        @wp.func(name=name)
         def visit(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
@@ -300,7 +300,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
 
     visit_now, visit_earlier = declare_visit("visit_now", False), declare_visit("visit_earlier", True)
 
-    @wp.func(module=module)
+    @wp.func
     def visit(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -315,7 +315,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         )
         return there, H1, H2, inverse, weight, tilt
 
-    @wp.func(module=module)
+    @wp.func
     def earlier_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

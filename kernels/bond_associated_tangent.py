@@ -45,13 +45,13 @@ class TangentKernels:
 
 
 @functools.cache
-def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
+def block_functions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Warp functions `block_of`, the stiffness of an intersection, and `inverse_of`, of a 3x3 block."""
     types = numeric(bits)
     real, vec2, vec3, vec6, mat32, mat33 = types.real, types.vec2, types.vec3, types.vec6, types.mat32, types.mat33
     min_stiffness = MIN_STIFFNESS
 
-    @wp.func(module=module)
+    @wp.func
     def block_of(F: mat32, S: vec3, T: vec6, g: vec2):
         """Stiffness of an intersection when one point moves and contributes v (x) g to dF."""
         F1 = vec3(F[0, 0], F[1, 0], F[2, 0])
@@ -68,7 +68,7 @@ def block_functions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
             + real(0.5) * (wp.outer(b1, t1) + wp.outer(b2, t2) + wp.outer(b3, t3))
         )  # fmt: skip
 
-    @wp.func(module=module)
+    @wp.func
     def inverse_of(block: mat33, mask: wp.uint8):
         """Inverse of |block| on the free components, with eigenvalues kept away from zero."""
         reduced = block
@@ -110,7 +110,7 @@ def bond_associated_tangent(
         response: Factory of the function that gives stress and moduli.
         held: Whether any component is held.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33, parameters = types.mat32, types.mat33, types.parameters
     f = family_functions(layout)
@@ -121,9 +121,9 @@ def bond_associated_tangent(
     gradient_of, level, curved = law.gradient, kinematics(bits).level, layout.curved
     response_of = response(bits)
     word_size = WORD
-    block_of, inverse_of = block_functions(bits, module)
+    block_of, inverse_of = block_functions(bits)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -158,7 +158,7 @@ def bond_associated_tangent(
             stress[j, i] = scale * stress[j, i]
             moduli[j, i] = scale * moduli[j, i]
 
-    @kernel(module, gathers=("direction",))
+    @kernel(gathers=("direction",))
     def product(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -202,7 +202,7 @@ def bond_associated_tangent(
                 c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
                 bond_force[k, i] = unit_force * c * bond_force[k, i]
 
-    @wp.func(module=module)
+    @wp.func
     def shape_of(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -226,7 +226,7 @@ def bond_associated_tangent(
                 tilt = tilt_left
         return result, tilt
 
-    @wp.func(module=module)
+    @wp.func
     def levelled(g: vec2, tilt: vec2):
         """R^-1 g."""
         if wp.static(curved):
@@ -234,7 +234,7 @@ def bond_associated_tangent(
         else:
             return g
 
-    @kernel(module, gathers=("displacement", "intact", "gradient", "stress", "moduli"))
+    @kernel(gathers=("displacement", "intact", "gradient", "stress", "moduli"))
     def inverse_blocks(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -89,13 +89,13 @@ class BondFunctions:
 @functools.cache
 def bond_functions(layout: Layout) -> BondFunctions:
     """Functions of one bond; on a curved sheet xi is the chord, in space."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     curved = layout.curved
     Chord = vec3 if curved else types.vec2
     is_intact = bond_state(layout).is_intact
 
-    @wp.func(module=module)
+    @wp.func
     def image(xi: Chord, U: vec3):
         """Y divided by the horizon."""
         if wp.static(curved):
@@ -103,7 +103,7 @@ def bond_functions(layout: Layout) -> BondFunctions:
         else:
             return vec3(xi[0] + U[0], xi[1] + U[1], U[2])
 
-    @wp.func(module=module)
+    @wp.func
     def growth(xi: Chord, U: vec3):
         """|Y|^2 - |X|^2, divided by the square of the horizon."""
         if wp.static(curved):
@@ -111,7 +111,7 @@ def bond_functions(layout: Layout) -> BondFunctions:
         else:
             return real(2.0) * (xi[0] * U[0] + xi[1] * U[1]) + wp.dot(U, U)
 
-    @wp.func(module=module)
+    @wp.func
     def strain(xi: Chord, U: vec3):
         """|Y|/|X| - 1 from the displacement, without adding and subtracting one."""
         length = wp.length(xi)
@@ -123,14 +123,14 @@ def bond_functions(layout: Layout) -> BondFunctions:
 @functools.cache
 def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
     """Function (constants, W_ik + W_ki, xi, U) -> force of a bond over h a_ref / horizon [Pa]."""
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     bond = bond_functions(layout)
     image, growth, Chord = bond.image, bond.growth, bond.chord
     tension_of, _, _ = pairwise(bits)
     tiny = TINY
 
-    @wp.func(module=module)
+    @wp.func
     def pull(constants: parameters, weight: real, xi: Chord, U: vec3):
         Y = image(xi, U)
         length = wp.length(xi)
@@ -151,7 +151,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         layout: Layout of the families.
         pairwise: Factory of the pairwise law, called with `bits`.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
@@ -161,11 +161,11 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
 
     pull = pull_of_bond(layout, pairwise)
 
-    @wp.func(module=module)
+    @wp.func
     def force_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
         return pull(constants, f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k)), xi, U)
 
-    @wp.func(module=module)
+    @wp.func
     def stiffness_of(family: Family, constants: parameters, i: int, k: int, m: int, xi: Chord, U: vec3):
         """Stiffness for the stiffer of the two signs of strain: a slack bond may become taut in the next step."""
         s = wp.abs(strain(xi, U))
@@ -173,7 +173,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         weight = f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k))
         return weight / wp.length_sq(xi) * stiffest
 
-    @wp.func(module=module)
+    @wp.func
     def earlier_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -194,7 +194,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
                 stored += f.weight(family, i, k) * energy_of(s, constants)
         return stored
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def principal_stress(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -228,7 +228,7 @@ def bond_based(layout: Layout, pairwise: PairwiseFactory) -> BondBasedKernels:
         radius = wp.sqrt(half * half + shear * shear)
         out[i] = vec3(mean + radius, mean - radius, real(0.5) * wp.atan2(shear, half))
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def wrinkle_level(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -265,7 +265,7 @@ def bond_based_tangent(
         held: Whether any component is held.
         geometric: Whether the stiffness includes the tension of the bonds (IM eq. 21) or not (IM eq. 16).
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, mat33, vec6, parameters = types.real, types.vec3, types.mat33, types.vec6, types.parameters
     f = family_functions(layout)
     Family = f.struct
@@ -273,7 +273,7 @@ def bond_based_tangent(
     is_intact, strain, image = bond.is_intact, bond.strain, bond.image
     tension_of, slope_of, _energy_of = pairwise(bits)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def linearise(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -312,13 +312,13 @@ def bond_based_tangent(
                 )
             blocks[k, i] = block
 
-    @wp.func(module=module)
+    @wp.func
     def full(block: vec6):
         return mat33(
             block[0], block[1], block[2], block[1], block[3], block[4], block[2], block[4], block[5]
         )  # fmt: skip
 
-    @kernel(module, gathers=("direction",))
+    @kernel(gathers=("direction",))
     def product(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -334,7 +334,7 @@ def bond_based_tangent(
                 total += full(blocks[k, i]) * (direction[f.neighbour(family, i, k)] - direction[i])
         change[i] = total
 
-    @kernel(module)
+    @kernel()
     def inverse_blocks(
         family: Family, blocks: wp.array2d(dtype=vec6), held_mask: wp.array(dtype=wp.uint8), first: int,
         out: wp.array(dtype=mat33),

@@ -24,7 +24,6 @@ def bond_fields(
     viscous: bool,
     stiffened: bool,
     wanted: Wanted,
-    shown_module: str,
 ) -> Kernel:
     """Kernel of the fields of a law with a gradient for every bond; see `bond_associated` for the first arguments.
 
@@ -37,7 +36,6 @@ def bond_fields(
         viscous: Whether the stress has Prony terms, see kernels/visco.py.
         stiffened: Whether the moduli have a factor at each point.
         wanted: What to fill.
-        shown_module: Name of the Warp module of the kernel.
     """
     types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
@@ -45,13 +43,13 @@ def bond_fields(
     from_frame = family_functions(layout).from_frame
     law = bond_associated(layout, material, form).mechanics
     stress, _ = material(bits)
-    with_overstress = overstressed(bits, shown_module) if viscous else None
+    with_overstress = overstressed(bits) if viscous else None
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
     with_stress = wanted.piola or wanted.cauchy or (wanted.state and width is None)
     volume_change = volume(bits) if wanted.cauchy and volume is not None else None
 
-    @kernel(shown_module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def bond_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -118,13 +116,13 @@ def bond_fields(
 
 
 @functools.cache
-def bond_counts(layout: Layout, shown_module: str) -> Kernel:
+def bond_counts(layout: Layout) -> Kernel:
     """Kernel that counts the intact and the broken bonds of each point."""
     f = family_functions(layout)
     Family = f.struct
     bonds = bond_state(layout)
 
-    @wp.func(module=shown_module)
+    @wp.func
     def count(bits_set: wp.uint32):
         members = bits_set
         found = wp.int32(0)
@@ -133,7 +131,7 @@ def bond_counts(layout: Layout, shown_module: str) -> Kernel:
             found += 1
         return found
 
-    @kernel(shown_module)
+    @kernel()
     def bond_counts(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

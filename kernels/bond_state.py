@@ -36,19 +36,18 @@ class BondState:
 @functools.cache
 def bond_state(layout: Layout) -> BondState:
     """Functions of the state of the bonds."""
-    module = layout.module
     f = family_functions(layout)
     Family = f.struct
     word_size = WORD
 
-    @wp.func(module=module)
+    @wp.func
     def intact_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
         if wp.static(layout.breakable):
             return intact[word, i]
         else:
             return f.initial(family, i, word)
 
-    @wp.func(module=module)
+    @wp.func
     def is_undamaged(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
         answer = bool(True)
         if wp.static(layout.breakable):
@@ -57,7 +56,7 @@ def bond_state(layout: Layout) -> BondState:
                     answer = False
         return answer
 
-    @wp.func(module=module)
+    @wp.func
     def is_intact(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, k: int):
         word = k // word_size
         return bit_of(intact_members(family, intact, i, word), k - word * word_size)
@@ -71,14 +70,13 @@ def gather_pairs(layout: Layout) -> Pointwise:
 
     In a softened layout each family has lost stiffness by the damage of its point, see kernels/damage_field.py.
     """
-    module = layout.module
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)
     Family = f.struct
     is_intact = bond_state(layout).is_intact
     left = stiffness_left(layout.bits)
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Gather:
         family: Family
         intact: wp.array2d(dtype=wp.uint32)
@@ -86,7 +84,7 @@ def gather_pairs(layout: Layout) -> Pointwise:
         damage: wp.array(dtype=real)
         force: wp.array(dtype=vec3)
 
-    @pointwise(module, Gather, writes=("force",), gathers=("bond_force", "damage"))
+    @pointwise(Gather, writes=("force",), gathers=("bond_force", "damage"))
     def gather(begin: int, end: int, a: Gather):
         for i in range(begin, end):
             pull = vec3(real(0.0), real(0.0), real(0.0))
@@ -113,11 +111,11 @@ def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
         family_energy: Warp function (family, intact, displacement, velocity, back, constants, inverse_horizon, i) ->
             energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3, parameters = types.real, types.vec3, types.parameters
     Family = family_functions(layout).struct
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def strain_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -153,14 +151,14 @@ def sums_of_bonds(
         stiffness_of: Warp function of the same arguments -> largest stiffness of the bond, divided by
             `unit_stiffness`.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     bonds = bond_state(layout)
     word_size = WORD
 
-    @kernel(module, gathers=("displacement", "constants.factors"))
+    @kernel(gathers=("displacement", "constants.factors"))
     def pair_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -184,7 +182,7 @@ def sums_of_bonds(
                 pull += force_of(family, constants, i, k, m, f.chord(family, i, k), U)
         force[i] = unit_force * pull
 
-    @kernel(module, gathers=("displacement", "constants.factors"))
+    @kernel(gathers=("displacement", "constants.factors"))
     def row_sums(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

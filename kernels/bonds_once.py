@@ -41,7 +41,7 @@ class BondsOnce:
 
 
 @functools.cache
-def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, module: str) -> BondsOnce:
+def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> BondsOnce:
     """The kernels.
 
     Args:
@@ -49,20 +49,19 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
         members: Of the stencil.
         breakable: Whether bonds can break.
         pull: Warp function (constants, weight, xi, U) -> force of a bond over the unit of force, vec3.
-        module: Name of the Warp module, which no other number of members has.
     """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     half, word_size, block = members // 2, WORD, SCREENED
 
-    @wp.func(module=module)
+    @wp.func
     def bits_of(intact: wp.array2d(dtype=wp.uint32), initial: wp.array2d(dtype=wp.uint32), row: int, i: int, word: int):
         if wp.static(breakable):
             return intact[word, i]
         else:
             return initial[row, word]
 
-    @wp.func(module=module)
+    @wp.func
     def fill_ahead(
         shift: wp.array(dtype=wp.int32),
         bond: wp.array(dtype=vec2),
@@ -98,7 +97,7 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
                         beyond = bool(True)
         return beyond
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def forces_ahead(
         shift: wp.array(dtype=wp.int32),
         bond: wp.array(dtype=vec2),
@@ -117,7 +116,7 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
             real(1.0), wp.tid() + first, ahead,
         )  # fmt: skip
 
-    @kernel(module, gathers=("ahead",))
+    @kernel(gathers=("ahead",))
     def sum_both_halves(
         shift: wp.array(dtype=wp.int32),
         family_class: wp.array(dtype=wp.int32),
@@ -148,7 +147,7 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function, modu
     forces_and_screen = None
     if breakable:
 
-        @kernel(module, per="block")
+        @kernel(per="block")
         def forces_and_screen(
             shift: wp.array(dtype=wp.int32),
             bond: wp.array(dtype=vec2),

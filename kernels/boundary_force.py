@@ -29,7 +29,7 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
         layout: Layout of the families.
         form: "normal" or "printed".
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
@@ -38,7 +38,7 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
     printed = form == "printed"
     word_size = WORD
 
-    @kernel(module, gathers=("displacement",), per="point" if layout.breakable else "list")
+    @kernel(gathers=("displacement",), per="point" if layout.breakable else "list")
     def edge_normals(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -60,7 +60,7 @@ def boundary_force(layout: Layout, form: str) -> tuple[Kernel, Kernel]:
             normal = wp.normalize(surface(family, intact, displacement, inverse_horizon, i))
         normals[i] = normal
 
-    @kernel(module, gathers=("displacement", "normals"), per="point" if layout.breakable else "list")
+    @kernel(gathers=("displacement", "normals"), per="point" if layout.breakable else "list")
     def add_boundary_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

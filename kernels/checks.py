@@ -31,12 +31,12 @@ class FrameChecks:
 
 
 @functools.cache
-def frame_checks(bits: int, module: str) -> FrameChecks:
+def frame_checks(bits: int) -> FrameChecks:
     """Kernels for a precision."""
     vec3 = numeric(bits).vec3
     block = BLOCK
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def watch_motion(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
@@ -57,7 +57,7 @@ def frame_checks(bits: int, module: str) -> FrameChecks:
         not_finite[b] = lowest
         fastest[b] = largest
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def sum_blocks(values: wp.array(dtype=wp.float64), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
         b = wp.tid() + first
         total = wp.float64(0.0)
@@ -65,7 +65,7 @@ def frame_checks(bits: int, module: str) -> FrameChecks:
             total += values[i]
         sums[row, b] = total
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def sum_vectors(values: wp.array(dtype=vec3), row: int, first: int, sums: wp.array2d(dtype=wp.float64)):
         b = wp.tid() + first
         total = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))

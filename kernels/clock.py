@@ -16,12 +16,12 @@ from .pointwise import Pointwise, pointwise
 
 
 @functools.cache
-def clock(bits: int, module: str) -> Kernel:
+def clock(bits: int) -> Kernel:
     """Kernel `tick` of a precision, which advances the time and evaluates the schedules."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
+    @wp.func
     def evaluate(
         time: wp.float64,
         begins: wp.array(dtype=wp.int32),
@@ -41,7 +41,7 @@ def clock(bits: int, module: str) -> Kernel:
                     result = values[k] + share * (values[k + 1] - values[k])
         return result
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def tick(
         advance: wp.array(dtype=wp.float64),
         begins: wp.array(dtype=wp.int32),
@@ -66,18 +66,17 @@ def clock(bits: int, module: str) -> Kernel:
 
 
 @functools.cache
-def prescribed_motion(bits: int, placed: bool, module: str) -> Pointwise:
+def prescribed_motion(bits: int, placed: bool) -> Pointwise:
     """Pointwise stage `prescribe`: gives points on a prescribed motion the velocity that takes them to their place.
 
     Args:
         bits: 32 or 64.
         placed: Whether the sheet was stretched before it was clamped: motions then begin at `origins` [m].
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Prescribed:
         rows: wp.array(dtype=wp.int32)
         schedules: wp.array(dtype=wp.vec3i)
@@ -87,7 +86,7 @@ def prescribed_motion(bits: int, placed: bool, module: str) -> Pointwise:
         displacement: wp.array(dtype=vec3)
         velocity: wp.array(dtype=vec3)
 
-    @pointwise(module, Prescribed, writes=("velocity",))
+    @pointwise(Prescribed, writes=("velocity",))
     def prescribe(begin: int, end: int, a: Prescribed):
         for i in range(begin, end):
             row = a.rows[i]

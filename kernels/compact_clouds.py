@@ -7,8 +7,6 @@ The functions are those of kernels/families.py, so that all other kernels work o
 tensor of an intersection takes them a loop over its members.
 """
 
-import functools
-
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
@@ -22,7 +20,7 @@ EVALUATED = ("linear", "inverse", "inverse_square")
 
 def compact_functions(layout: Layout) -> FamilyFunctions:
     """Functions of a flat cloud whose bonds keep their weight; `compact` is one of EVALUATED or "table"."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     inverse_shape = kinematics(layout.bits).inverse_shape
     evaluated = layout.compact in EVALUATED
@@ -33,7 +31,7 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
 
     # What a sheet does not need stays without an array. With `far`, indices have a second half, and so have members of
     # reverse bonds with `large`.
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class CompactFamily:
         members: wp.int32
         words: wp.int32
@@ -53,26 +51,26 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
         areas: wp.array(dtype=real)
         family_areas: wp.array(dtype=real)
 
-    @wp.func(module=module)
+    @wp.func
     def neighbour(family: CompactFamily, i: int, k: int):
         difference = wp.int32(short(family.neighbours, k * family.points + i))
         if family.far != 0:
             difference = (difference & 0xFFFF) + (wp.int32(short(family.neighbours_high, k * family.points + i)) << 16)
         return i + difference
 
-    @wp.func(module=module)
+    @wp.func
     def reverse(family: CompactFamily, i: int, k: int):
         member = wp.int32(byte(family.reverses, k * family.points + i))
         if family.large != 0:
             member = member + (wp.int32(byte(family.reverses_high, k * family.points + i)) << 8)
         return member
 
-    @wp.func(module=module)
+    @wp.func
     def bond(family: CompactFamily, i: int, k: int):
         X = family.inverse_horizon * (place(family.positions, neighbour(family, i, k)) - place(family.positions, i))
         return vec2(real(X[0]), real(X[1]))
 
-    @wp.func(module=module)
+    @wp.func
     def influence(family: CompactFamily, i: int, k: int):
         if wp.static(evaluated):
             X = bond(family, i, k)
@@ -86,19 +84,19 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
         else:
             return number(family.influences, k * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def common(family: CompactFamily, i: int, k: int, word: int):
         return mask_of(family.commons, (k * family.words + word) * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def initial(family: CompactFamily, i: int, word: int):
         return word_of(family.initials, word * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def area(family: CompactFamily, i: int):
         return family.areas[i]
 
-    @wp.func(module=module)
+    @wp.func
     def shape(family: CompactFamily, i: int, k: int):
         K = vec3(real(0.0), real(0.0), real(0.0))
         for word in range(family.words):
@@ -111,11 +109,11 @@ def compact_functions(layout: Layout) -> FamilyFunctions:
                 K += c * vec3(X[0] * X[0], X[0] * X[1], X[1] * X[1])
         return inverse_shape(K)
 
-    @wp.func(module=module)
+    @wp.func
     def weight(family: CompactFamily, i: int, k: int):
         return number(family.weights, k * family.points + i)
 
-    @wp.func(module=module)
+    @wp.func
     def family_area(family: CompactFamily, i: int):
         return family.family_areas[i]
 

@@ -85,7 +85,6 @@ def rigid_contact(
     damped: bool,
     tracked: bool,
     half_steps: bool,
-    module: str,
 ) -> ContactKernels:
     """Stages of contact with a body.
 
@@ -98,14 +97,13 @@ def rigid_contact(
         damped: Whether there is mass damping.
         tracked: Whether the work of the body is summed up, per point.
         half_steps: Whether energies take the velocities at half steps.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    half_kick, half_loss = half_step(bits, loaded, damped, module)
+    half_kick, half_loss = half_step(bits, loaded, damped)
     project_out, touch = shape(bits).project, shape(bits).touch
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Contact:
         reference: wp.array(dtype=vec3 if curved else types.vec2)
         mass: wp.array(dtype=real)
@@ -124,18 +122,18 @@ def rigid_contact(
         work: wp.array(dtype=wp.float64)
         dissipated: wp.array(dtype=wp.float64)
 
-    @wp.func(module=module)
+    @wp.func
     def strike(i: int, change: vec3, a: Contact):
         momentum = a.mass[i] * change
         a.velocity[i] = a.velocity[i] + change
         a.impulse[i] = a.impulse[i] + momentum
 
-    @wp.func(module=module)
+    @wp.func
     def works(i: int, change: vec3, start: vec3, a: Contact):
         # The half kick happens at the same instant, so the work takes the velocities before and after both.
         a.work[i] = a.work[i] + wp.float64(real(0.5) * a.mass[i] * wp.dot(change, start + a.velocity[i] + change))
 
-    @wp.func(module=module)
+    @wp.func
     def works_at_half_steps(i: int, change: vec3, start: vec3, slowed: vec3, weight: real, a: Contact):
         # As in kernels/body_contact.py.
         a.work[i] = a.work[i] + wp.float64(weight * a.mass[i] * wp.dot(change, start + real(0.5) * change))
@@ -143,7 +141,7 @@ def rigid_contact(
             lost = half_loss(a.step, a.damping) * a.mass[i] * wp.dot(change, slowed)
             a.dissipated[i] = a.dissipated[i] + wp.float64(lost)
 
-    @wp.func(module=module)
+    @wp.func
     def arm(i: int, a: Contact):
         """From the centre of the body to the point; reference minus centre first, as both are small near contact."""
         X = a.reference[i]
@@ -153,14 +151,14 @@ def rigid_contact(
         else:
             return vec3(X[0] - c[0], X[1] - c[1], -c[2]) + a.displacement[i]
 
-    @wp.func(module=module)
+    @wp.func
     def free(i: int, a: Contact):
         if wp.static(held):
             return a.held_mask[i] == wp.uint8(0)
         else:
             return bool(True)
 
-    @pointwise(module, Contact, writes=("displacement", "velocity", "impulse", "work", "dissipated"))
+    @pointwise(Contact, writes=("displacement", "velocity", "impulse", "work", "dissipated"))
     def project(begin: int, end: int, a: Contact):
         for i in range(begin, end):
             inside, shift = project_out(arm(i, a), a.constants)
@@ -179,7 +177,7 @@ def rigid_contact(
                         works(i, change, start, a)
                 strike(i, change, a)
 
-    @pointwise(module, Contact, writes=("velocity", "impulse", "work", "dissipated"))
+    @pointwise(Contact, writes=("velocity", "impulse", "work", "dissipated"))
     def separate(begin: int, end: int, a: Contact):
         tolerance = real(wp.static(1e-5 if bits == 32 else 1e-10))
         for i in range(begin, end):

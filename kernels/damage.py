@@ -13,13 +13,12 @@ from .families import WORD, Layout, family_functions
 @functools.cache
 def point_damage(layout: Layout) -> Kernel:
     """Kernel `damage`."""
-    module = layout.module
     real = layout.types.real
     f = family_functions(layout)
     Family = f.struct
     word_size = WORD
 
-    @kernel(module)
+    @kernel()
     def damage(family: Family, intact: wp.array2d(dtype=wp.uint32), first: int, out: wp.array(dtype=wp.float32)):
         """Area of the members that were lost divided by that of the initial family."""
         i = wp.tid() + first
@@ -38,13 +37,12 @@ def point_damage(layout: Layout) -> Kernel:
 @functools.cache
 def face_damage(layout: Layout) -> Kernel:
     """Kernel `find_intact_faces`."""
-    module = layout.module
     f = family_functions(layout)
     Family = f.struct
     word_size = WORD
     intact_members = bond_state(layout).intact_members
 
-    @wp.func(module=module)
+    @wp.func
     def lost(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, j: int):
         """Whether the family of i has lost its bond to j."""
         found = bool(False)
@@ -57,7 +55,7 @@ def face_damage(layout: Layout) -> Kernel:
                     found = True
         return found
 
-    @kernel(module, per="face")
+    @kernel(per="face")
     def find_intact_faces(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

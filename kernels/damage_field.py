@@ -75,14 +75,14 @@ def damage_field(
         tracked: Whether to sum the energy that is released.
         earlier_energy: Warp function of the force law's energy of a family a moment ago.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
     left = stiffness_left(layout.bits)
 
-    @wp.func(module=module)
+    @wp.func
     def stretched(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -105,7 +105,7 @@ def damage_field(
             found = found or (m != i and (now > longest * there or now < shortest * there))
         return found
 
-    @wp.func(module=module)
+    @wp.func
     def touches_damage(damage: wp.array(dtype=real), neighbours: wp.array2d(dtype=wp.int32), i: int):
         """Whether the point or a neighbour is damaged."""
         most = damage[i]
@@ -113,11 +113,11 @@ def damage_field(
             most = wp.max(most, damage[neighbours[k, i]])
         return most > real(0.0)
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def empty(first: int, count: wp.array(dtype=wp.int32)):
         count[0] = 0
 
-    @kernel(module, per="list", gathers=("displacement", "damage"))
+    @kernel(per="list", gathers=("displacement", "damage"))
     def wake(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -143,7 +143,7 @@ def damage_field(
                     return
         listed[wp.atomic_add(count, 0, 1)] = i
 
-    @kernel(module, per="list", gathers=("displacement", "damage"))
+    @kernel(per="list", gathers=("displacement", "damage"))
     def drive(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -168,7 +168,7 @@ def damage_field(
             driving[i] = wp.where(y > real(0.5) or touches_damage(damage, neighbours, i), y, real(-1.0))
             before[i] = damage[i]
 
-    @kernel(module, per="list", gathers=("source",))
+    @kernel(per="list", gathers=("source",))
     def sweep(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
@@ -194,7 +194,7 @@ def damage_field(
                 d = wp.max(d, wp.min(above / below, real(1.0)))
             target[i] = d
 
-    @wp.func(module=module)
+    @wp.func
     def off_line(family: Family, i: int, k: int, other: int):
         """Squared distance of a member from bond k, over the horizon squared; large if an end is nearer than the line.
 
@@ -208,7 +208,7 @@ def damage_field(
         between = squared < there and squared < real(2.0) * along
         return wp.where(between, squared - along * along / there, real(1.0e9))
 
-    @wp.func(module=module)
+    @wp.func
     def bonds_left(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -237,7 +237,7 @@ def damage_field(
                     kept = kept & ~(wp.uint32(1) << wp.uint32(k - begin))
         return kept
 
-    @wp.func(module=module)
+    @wp.func
     def near_severed(family: Family, damage: wp.array(dtype=real), severed_at: wp.array(dtype=real), i: int):
         """Whether any member of the undamaged family, or the point, is severed. At most points the search ends here."""
         found = damage[i] >= severed_at[i]
@@ -249,7 +249,7 @@ def damage_field(
                 found = found or damage[m] >= severed_at[m]
         return found
 
-    @wp.func(module=module)
+    @wp.func
     def energy_of_step(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -268,7 +268,7 @@ def damage_field(
             energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
         return energy
 
-    @kernel(module, per="list", gathers=("displacement", "velocity", "damage"))
+    @kernel(per="list", gathers=("displacement", "velocity", "damage"))
     def finish(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -320,7 +320,7 @@ def damage_field(
             if wp.static(tracked):
                 released[i] = released[i] + wp.float64(unit_volume * lost)
 
-    @kernel(module, gathers=("damage",))
+    @kernel(gathers=("damage",))
     def fracture_energy(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
@@ -337,7 +337,7 @@ def damage_field(
             total += real(0.25) * couplings[k, i] * apart * apart
         out[i] = wp.float64(limit[i] * total)
 
-    @kernel(module)
+    @kernel()
     def shown(damage: wp.array(dtype=real), first: int, out: wp.array(dtype=wp.float32)):
         i = wp.tid() + first
         out[i] = wp.float32(damage[i])
@@ -346,11 +346,11 @@ def damage_field(
 
 
 @functools.cache
-def soften_energy(bits: int, module: str) -> Kernel:
+def soften_energy(bits: int) -> Kernel:
     """Kernel that takes the part that damage took from the energy of each family."""
     real, left = numeric(bits).real, stiffness_left(bits)
 
-    @kernel(module)
+    @kernel()
     def soften_energy(damage: wp.array(dtype=real), first: int, energies: wp.array(dtype=wp.float64)):
         i = wp.tid() + first
         energies[i] = wp.float64(left(damage[i])) * energies[i]

@@ -178,9 +178,8 @@ DistanceFunction = Callable[..., Any]
 @functools.cache
 def distances(distance: wp.Function) -> Kernel:
     """Kernel of signed distances of many points, `found` (N,) vec4d, from a body at a place with a rotation."""
-    module = f"warp_pd_{distance.key}"
 
-    @kernel(module)
+    @kernel()
     def find_distances(
         points: wp.array(dtype=wp.vec3d),
         reach: wp.float64,
@@ -195,18 +194,18 @@ def distances(distance: wp.Function) -> Kernel:
 
 
 @functools.cache
-def ways_out(distance: wp.Function, module: str) -> wp.Function:
+def ways_out(distance: wp.Function) -> wp.Function:
     """Function `way_out` of a shape, for a point that moves from `a0` to `a1` [m] in the frame of the body.
 
     `end` is its distance at `a1`, asked for as far as `reach`. It gives whether the point touches, the normal there,
     the shift that brings it out, and its distance at the start.
     """
 
-    @wp.func(module=module)
+    @wp.func
     def normal_of(found: wp.vec4d):
         return wp.vec3d(found[0], found[1], found[2])
 
-    @wp.func(module=module)
+    @wp.func
     def entry(a0: wp.vec3d, way: wp.vec3d, travel: wp.float64, start: wp.vec4d, body: BodyShape, skin: wp.float64):
         """How far along its way a point enters the body, or -1, and the normal there; the distance bounds each step."""
         found = start
@@ -223,7 +222,7 @@ def ways_out(distance: wp.Function, module: str) -> wp.Function:
             found = distance(a0 + at * way, travel, body)
         return hit, normal_of(found)
 
-    @wp.func(module=module)
+    @wp.func
     def way_out(a0: wp.vec3d, a1: wp.vec3d, end: wp.vec4d, reach: wp.float64, body: BodyShape, skin: wp.float64):
         zero = wp.float64(0.0)
         travel = wp.length(a1 - a0)

@@ -58,21 +58,24 @@ class Kernel:
 
 
 def kernel(
-    module: str,
     *,
     gathers: tuple[str, ...] = (),
     per: str = "point",
     launch_bounds: tuple[int, int] | None = None,
     name: str | None = None,
+    fast_math: bool = False,
 ) -> Callable[[Callable[..., None]], Kernel]:
-    """Decorator that makes a kernel of the Warp module `module`.
+    """Decorator that makes a kernel, which is a Warp module of its own, named by its content.
+
+    Whatever asks for the same kernel finds it compiled, in any scene, and a change compiles only what it changes.
 
     Args:
-        module: Name of the Warp module.
         gathers: Arguments that are read at points other than the thread's own.
         per: What a thread works on, see Effects.
         launch_bounds: Maximum threads per block and minimum blocks per multiprocessor, on CUDA.
         name: Name of the kernel, if it is not that of the function.
+        fast_math: Whether a GPU may use its approximate divisions, roots and exponentials. Divisions in float32 are
+            then accurate to two units in the last place; errors against float64 stay.
     """
 
     def declare(function: Callable[..., None]) -> Kernel:
@@ -84,7 +87,13 @@ def kernel(
                 f"kernel {function.__name__}: expected an argument `first` between what it reads and writes"
             )
         writes = frozenset(names[names.index("first") + 1 :])
-        made: Any = wp.kernel(function, module=module, enable_backward=False, launch_bounds=launch_bounds)
+        made: Any = wp.kernel(
+            function,
+            module="unique",
+            module_options={"fast_math": fast_math},
+            enable_backward=False,
+            launch_bounds=launch_bounds,
+        )
         return Kernel(made, Effects(per, writes, frozenset(gathers)))
 
     return declare

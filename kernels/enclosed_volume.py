@@ -26,13 +26,13 @@ PressureLaw = Callable[[str], wp.Function]
 
 
 @functools.cache
-def polytropic_gas(module: str) -> wp.Function:
+def polytropic_gas() -> wp.Function:
     """Gas with (p + ambient) / density^n constant; constants: absolute pressure, volume, ambient pressure, n.
 
     What is left of a torn surface may be inside out: it holds no gas, and there is no pressure.
     """
 
-    @wp.func(module=module)
+    @wp.func
     def gas(volume: wp.float64, amount: wp.float64, constants: wp.vec4d):
         result = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
         if volume > wp.float64(0.0):
@@ -44,10 +44,10 @@ def polytropic_gas(module: str) -> wp.Function:
 
 
 @functools.cache
-def prescribed_volume(module: str) -> wp.Function:
+def prescribed_volume() -> wp.Function:
     """Pressure in proportion to the volume that is missing; constants: stiffness [Pa/m^3]."""
 
-    @wp.func(module=module)
+    @wp.func
     def spring(volume: wp.float64, target: wp.float64, constants: wp.vec4d):
         return wp.vec2d(constants[0] * (target - volume), -constants[0])
 
@@ -55,7 +55,7 @@ def prescribed_volume(module: str) -> wp.Function:
 
 
 @functools.cache
-def enclosed_volume(bits: int, rate: bool, module: str) -> tuple[Kernel, Kernel]:
+def enclosed_volume(bits: int, rate: bool) -> tuple[Kernel, Kernel]:
     """Kernels `sum_triangles` and `sum_sums`.
 
     sum_triangles fills row 0 of `sums` [2, blocks] with six times the volume of blocks of triangles and, with `rate`,
@@ -64,11 +64,11 @@ def enclosed_volume(bits: int, rate: bool, module: str) -> tuple[Kernel, Kernel]
     vec3 = numeric(bits).vec3
     block = BLOCK
 
-    @wp.func(module=module)
+    @wp.func
     def double(v: vec3):
         return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def sum_triangles(
         triangles: wp.array(dtype=wp.vec3i),
         positions: wp.array(dtype=wp.vec3d),
@@ -92,7 +92,7 @@ def enclosed_volume(bits: int, rate: bool, module: str) -> tuple[Kernel, Kernel]
         sums[0, block_index] = volume
         sums[1, block_index] = change
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def sum_sums(blocks: wp.array2d(dtype=wp.float64), first: int, sums: wp.array2d(dtype=wp.float64)):
         block_index = wp.tid() + first
         volume = wp.float64(0.0)
@@ -107,7 +107,7 @@ def enclosed_volume(bits: int, rate: bool, module: str) -> tuple[Kernel, Kernel]
 
 
 @functools.cache
-def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
+def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
     """Kernels `sum_open` and `lose_gas`, for a gas that flows out between the edges of cracks.
 
     sum_open fills row 0 of `sums` [2, blocks] with the deformed area of the triangles that cracks have cut [m^2]: they
@@ -118,11 +118,11 @@ def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
     real, vec3 = types.real, types.vec3
     block = BLOCK
 
-    @wp.func(module=module)
+    @wp.func
     def double(v: vec3):
         return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def sum_open(
         triangles: wp.array(dtype=wp.vec3i),
         intact_faces: wp.array(dtype=wp.uint8),
@@ -143,7 +143,7 @@ def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
         sums[0, block_index] = area
         sums[1, block_index] = wp.float64(0.0)
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def lose_gas(
         sums: wp.array2d(dtype=wp.float64),
         enclosed: wp.array(dtype=wp.float64),
@@ -185,15 +185,15 @@ def gas_leak(bits: int, scheduled: bool, module: str) -> tuple[Kernel, Kernel]:
 
 
 @functools.cache
-def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool, module: str) -> Kernel:
+def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool) -> Kernel:
     """Kernel `set_pressure`: fills `enclosed` [3] with pressure [Pa], volume [m^3] and the change of the pressure.
 
     With `leaks` the factor of the law is multiplied by the fraction of the gas that is left, `left` [1].
     """
     vec3 = numeric(bits).vec3
-    pressure_at = law(module)
+    pressure_at = law()
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def set_pressure(
         sums: wp.array2d(dtype=wp.float64),
         coefficient: wp.float64,
@@ -225,7 +225,7 @@ def enclosed_pressure(bits: int, law: PressureLaw, scheduled: bool, leaks: bool,
 
 
 @functools.cache
-def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, Kernel]:
+def enclosed_force(bits: int, breakable: bool) -> tuple[Pointwise, Kernel]:
     """Pointwise stage that adds the force of the pressure, and the kernel that adds its change along a direction.
 
     A triangle that a crack has cut carries no pressure. Entries begins[i] to begins[i + 1] - 1 of `corners` are the
@@ -234,11 +234,11 @@ def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, 
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
+    @wp.func
     def single(v: wp.vec3d):
         return vec3(real(v[0]), real(v[1]), real(v[2]))
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class EnclosedForce:
         begins: wp.array(dtype=wp.int32)
         corners: wp.array(dtype=wp.vec2i)
@@ -250,7 +250,7 @@ def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, 
         enclosed: wp.array(dtype=wp.float64)
         external: wp.array(dtype=vec3)
 
-    @pointwise(module, EnclosedForce, writes=("external",), gathers=("displacement", "positions"))
+    @pointwise(EnclosedForce, writes=("external",), gathers=("displacement", "positions"))
     def add_enclosed_force(begin: int, end: int, a: EnclosedForce):
         for i in range(begin, end):
             total = vec3(real(0.0), real(0.0), real(0.0))
@@ -267,7 +267,7 @@ def enclosed_force(bits: int, breakable: bool, module: str) -> tuple[Pointwise, 
                     total += wp.cross(side, other)
             a.external[i] = a.external[i] + real(a.coefficient * a.enclosed[0]) * total
 
-    @kernel(module, gathers=("displacement", "positions", "direction"))
+    @kernel(gathers=("displacement", "positions", "direction"))
     def add_enclosed_tangent(
         begins: wp.array(dtype=wp.int32),
         corners: wp.array(dtype=wp.vec2i),

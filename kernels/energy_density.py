@@ -9,12 +9,11 @@ from .numeric import numeric
 
 
 @functools.cache
-def energy_density(functions: PairFactory, module: str) -> wp.Kernel:
+def energy_density(functions: PairFactory) -> wp.Kernel:
     """Kernel that fills `out` [n] with the energy density [J/m^3] of principal stretches [n], in float64.
 
     Args:
         functions: Factory of (stress, energy).
-        module: Name of the Warp module.
     """
     types = numeric(64)
     mat22, parameters = types.mat22, types.parameters
@@ -32,4 +31,4 @@ def energy_density(functions: PairFactory, module: str) -> wp.Kernel:
         G = mat22((first[i] - one) * (first[i] + one), zero, zero, (second[i] - one) * (second[i] + one))
         out[i] = energy(G, constants)
 
-    return wp.kernel(energy_at, module=module, enable_backward=False)
+    return wp.kernel(energy_at, module="unique", enable_backward=False)

@@ -20,13 +20,13 @@ from .families import Layout, family_functions
 @functools.cache
 def energy_release(layout: Layout) -> Kernel:
     """Kernel `add_release`."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     is_intact = bond_state(layout).is_intact
 
-    @kernel(module, gathers=("velocity", "bond_force"))
+    @kernel(gathers=("velocity", "bond_force"))
     def add_release(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -32,12 +32,12 @@ class EquilibriumKernels:
 
 
 @functools.cache
-def free_components(bits: int, held: bool, module: str) -> wp.Function:
+def free_components(bits: int, held: bool) -> wp.Function:
     """Warp function (held_mask, i, value) -> the vector with its held components zero."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
+    @wp.func
     def free_part(held_mask: wp.array(dtype=wp.uint8), i: int, value: vec3):
         result = value
         if wp.static(held):
@@ -50,20 +50,19 @@ def free_components(bits: int, held: bool, module: str) -> wp.Function:
 
 
 @functools.cache
-def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
+def equilibrium(bits: int, held: bool) -> EquilibriumKernels:
     """Kernels of equilibrium.
 
     Args:
         bits: 32 or 64.
         held: Whether any component is held.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
 
-    free_part = free_components(bits, held, module)
+    free_part = free_components(bits, held)
 
-    @kernel(module)
+    @kernel()
     def advance(
         base: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
@@ -74,12 +73,12 @@ def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
         i = wp.tid() + first
         displacement[i] = base[i] + step_length[0] * direction[i]
 
-    @kernel(module)
+    @kernel()
     def hold(held_mask: wp.array(dtype=wp.uint8), first: int, change: wp.array(dtype=vec3)):
         i = wp.tid() + first
         change[i] = -free_part(held_mask, i, change[i])
 
-    @kernel(module)
+    @kernel()
     def smooth(
         inverse_blocks: wp.array(dtype=mat33),
         right_side: wp.array(dtype=vec3),
@@ -97,7 +96,7 @@ def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
         else:
             solution[i] = solution[i] + omegas[sweep] * (inverse_blocks[i] * (right_side[i] - image[i]))
 
-    @kernel(module)
+    @kernel()
     def combine(
         x: wp.array(dtype=vec3), alpha: real, y: wp.array(dtype=vec3), beta: real, first: int, z: wp.array(dtype=vec3)
     ):
@@ -107,7 +106,7 @@ def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
             result += beta * y[i]
         z[i] = result
 
-    @kernel(module)
+    @kernel()
     def scale_blocks(
         inverse_blocks: wp.array(dtype=mat33), x: wp.array(dtype=vec3), first: int, z: wp.array(dtype=vec3)
     ):
@@ -118,7 +117,7 @@ def equilibrium(bits: int, held: bool, module: str) -> EquilibriumKernels:
 
 
 @functools.cache
-def lattice_transfer(bits: int, held: bool, module: str) -> tuple[Kernel, Kernel, Kernel]:
+def lattice_transfer(bits: int, held: bool) -> tuple[Kernel, Kernel, Kernel]:
     """Kernels between two lattices over the same rectangle.
 
     interpolate: target += values of the source lattice at the points of the target, bilinear.
@@ -129,9 +128,9 @@ def lattice_transfer(bits: int, held: bool, module: str) -> tuple[Kernel, Kernel
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    free_part = free_components(bits, held, module)
+    free_part = free_components(bits, held)
 
-    @kernel(module, gathers=("source",))
+    @kernel(gathers=("source",))
     def interpolate(
         source: wp.array(dtype=vec3),
         source_columns: int,
@@ -155,7 +154,7 @@ def lattice_transfer(bits: int, held: bool, module: str) -> tuple[Kernel, Kernel
         value += sy * ((one - sx) * source[p + source_columns] + sx * source[p + source_columns + 1])
         target[i] = target[i] + free_part(held_mask, i, value)
 
-    @wp.func(module=module)
+    @wp.func
     def cubic_weight(place: real, begin: int, k: int):
         """Lagrange polynomial of node begin + k among the four from `begin` on."""
         weight = real(1.0)
@@ -164,7 +163,7 @@ def lattice_transfer(bits: int, held: bool, module: str) -> tuple[Kernel, Kernel
                 weight *= (place - real(begin + n)) / real(k - n)
         return weight
 
-    @kernel(module, gathers=("source",))
+    @kernel(gathers=("source",))
     def interpolate_smoothly(
         source: wp.array(dtype=vec3),
         source_columns: int,
@@ -186,7 +185,7 @@ def lattice_transfer(bits: int, held: bool, module: str) -> tuple[Kernel, Kernel
                 value += (wy * cubic_weight(x, cx, a)) * source[cx + a + (cy + b) * source_columns]
         target[i] = value
 
-    @kernel(module, gathers=("right_side", "image"))
+    @kernel(gathers=("right_side", "image"))
     def restrict_residual(
         right_side: wp.array(dtype=vec3),
         image: wp.array(dtype=vec3),

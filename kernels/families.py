@@ -31,7 +31,6 @@ class Layout:
     Attributes:
         kind: "lattice", "grid" or "cloud".
         bits: Precision, 32 or 64.
-        module: Name of the Warp module of the functions and kernels that read the families.
         curved: Whether the points of a cloud lie on a surface in space.
         compact: Name of the influence function of a flat cloud in few bytes, see kernels/compact_clouds.py, or empty.
         breakable: Whether bonds can break.
@@ -40,7 +39,6 @@ class Layout:
 
     kind: str
     bits: int
-    module: str
     curved: bool = False
     compact: str = ""
     breakable: bool = False
@@ -96,18 +94,18 @@ class FamilyFunctions:
 
 def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
     """Functions of a sheet in a plane that is its own tangent plane: `rise`, `tilt`, `to_frame` and `from_frame`."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
-    @wp.func(module=module)
+    @wp.func
     def rise(family: Family, i: int, k: int):
         return real(0.0)
 
-    @wp.func(module=module)
+    @wp.func
     def tilt(family: Family, i: int, k: int):
         return vec2(real(0.0), real(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def same(family: Family, i: int, v: vec3):
         return v
 
@@ -116,10 +114,10 @@ def flat_functions(layout: Layout, Family: Any) -> dict[str, Any]:
 
 def lattice_functions(layout: Layout) -> FamilyFunctions:
     """Functions of a lattice: tables [row of the family class, member]."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class LatticeFamily:
         members: wp.int32
         words: wp.int32
@@ -135,43 +133,43 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
         class_area: wp.array(dtype=real)
         class_family_area: wp.array(dtype=real)
 
-    @wp.func(module=module)
+    @wp.func
     def neighbour(family: LatticeFamily, i: int, k: int):
         return i + family.stencil_shift[k]
 
-    @wp.func(module=module)
+    @wp.func
     def reverse(family: LatticeFamily, i: int, k: int):
         return family.stencil_reverse[k]
 
-    @wp.func(module=module)
+    @wp.func
     def bond(family: LatticeFamily, i: int, k: int):
         return family.stencil_bond[k]
 
-    @wp.func(module=module)
+    @wp.func
     def influence(family: LatticeFamily, i: int, k: int):
         return family.stencil_influence[k]
 
-    @wp.func(module=module)
+    @wp.func
     def common(family: LatticeFamily, i: int, k: int, word: int):
         return family.stencil_common[k, word]
 
-    @wp.func(module=module)
+    @wp.func
     def initial(family: LatticeFamily, i: int, word: int):
         return family.class_initial[family.family_class[i], word]
 
-    @wp.func(module=module)
+    @wp.func
     def shape(family: LatticeFamily, i: int, k: int):
         return family.class_shape[family.family_class[i], k]
 
-    @wp.func(module=module)
+    @wp.func
     def weight(family: LatticeFamily, i: int, k: int):
         return family.class_weight[family.family_class[i], k]
 
-    @wp.func(module=module)
+    @wp.func
     def area(family: LatticeFamily, i: int):
         return family.class_area[family.family_class[i]]
 
-    @wp.func(module=module)
+    @wp.func
     def family_area(family: LatticeFamily, i: int):
         return family.class_family_area[family.family_class[i]]
 
@@ -183,12 +181,12 @@ def lattice_functions(layout: Layout) -> FamilyFunctions:
 
 def table_functions(layout: Layout) -> FamilyFunctions:
     """Functions of a cloud or a grid: tables [member, row]."""
-    types, module = layout.types, layout.module
+    types = layout.types
     gridded, curved = layout.kind == "grid", layout.curved
     real, vec2, vec3 = types.real, types.vec2, types.vec3
 
     # What a layout does not need stays without an array.
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Family:
         members: wp.int32
         words: wp.int32
@@ -210,14 +208,14 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         chords: wp.array2d(dtype=vec3)
         tilts: wp.array2d(dtype=vec2)
 
-    @wp.func(module=module)
+    @wp.func
     def row_of(family: Family, i: int):
         if wp.static(gridded):
             return family.family_class[i]
         else:
             return i
 
-    @wp.func(module=module)
+    @wp.func
     def neighbour(family: Family, i: int, k: int):
         row = row_of(family, i)
         if wp.static(gridded):
@@ -225,47 +223,47 @@ def table_functions(layout: Layout) -> FamilyFunctions:
                 return family.centres[family.stencil_line[k], i] + family.stencil_right[k]
         return family.neighbours[k, row]
 
-    @wp.func(module=module)
+    @wp.func
     def reverse(family: Family, i: int, k: int):
         return family.reverses[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def bond(family: Family, i: int, k: int):
         return family.bonds[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def influence(family: Family, i: int, k: int):
         return family.influences[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def common(family: Family, i: int, k: int, word: int):
         return family.commons[k, word, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def initial(family: Family, i: int, word: int):
         return family.initials[word, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def shape(family: Family, i: int, k: int):
         return family.shapes[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def weight(family: Family, i: int, k: int):
         return family.weights[k, row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def area(family: Family, i: int):
         return family.areas[row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def family_area(family: Family, i: int):
         return family.family_areas[row_of(family, i)]
 
-    @wp.func(module=module)
+    @wp.func
     def chord(family: Family, i: int, k: int):
         return family.chords[k, i]
 
-    @wp.func(module=module)
+    @wp.func
     def rise(family: Family, i: int, k: int):
         if wp.static(curved):
             Q = family.frames[i]
@@ -274,21 +272,21 @@ def table_functions(layout: Layout) -> FamilyFunctions:
         else:
             return real(0.0)
 
-    @wp.func(module=module)
+    @wp.func
     def tilt(family: Family, i: int, k: int):
         if wp.static(curved):
             return family.tilts[k, i]
         else:
             return vec2(real(0.0), real(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def to_frame(family: Family, i: int, v: vec3):
         if wp.static(curved):
             return wp.transpose(family.frames[i]) * v
         else:
             return v
 
-    @wp.func(module=module)
+    @wp.func
     def from_frame(family: Family, i: int, v: vec3):
         if wp.static(curved):
             return family.frames[i] * v

@@ -48,7 +48,6 @@ def block_force(
     near: FunctionFactory,
     members: int,
     listed: bool,
-    fast_module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and force [points] by the families' own half; variational form.
 
@@ -63,7 +62,6 @@ def block_force(
         members: Maximum number of members of a family.
         listed: Whether the points are entries `start` to `stop` - 1 of the list `others`, of which `other_count` exist,
             instead of these points themselves.
-        fast_module: Name of the Warp module of this kernel alone, which is compiled for its own block size.
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
@@ -75,14 +73,14 @@ def block_force(
     threads = half * together
     resident = RESIDENT_THREADS[bits] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
-    functions = block_functions(layout, material, near, members, fast_module)
+    functions = block_functions(layout, material, near, members)
     by_missing, missing_shapes = functions.by_missing, functions.missing_shapes
     arrive, answer = functions.arrive, functions.answer
     vec6, Sums, add_products, add_parts = functions.vec6, functions.Sums, functions.add_products, functions.add_parts
     compact, Arm = functions.compact, functions.Arm
     put_vec2, put_vec3, put_vec4, put_arm = (putting(kind) for kind in (vec2, vec3, vec4, Arm))
 
-    @kernel(fast_module, per="list", gathers=("displacement",), launch_bounds=(threads, resident))
+    @kernel(per="list", gathers=("displacement",), launch_bounds=(threads, resident), fast_math=bits == 32)
     def family_block_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -20,7 +20,6 @@ def point_fields(
     volume: FunctionFactory | None,
     width: FunctionFactory | None,
     wanted: Wanted,
-    shown_module: str,
 ) -> Kernel:
     """Kernel of the fields of the gradient of a family; arguments as for `bond_fields`.
 
@@ -38,7 +37,7 @@ def point_fields(
     with_cauchy = wanted.cauchy and material is not None
     volume_change = volume(bits) if with_cauchy and volume is not None else None
 
-    @kernel(shown_module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def point_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -46,7 +46,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
             "viscous_force", with Prony terms; or "viscous_step", which also brings them to the end of a step and adds
             what that dissipates or stores to viscous_work [points], J.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
     f = family_functions(layout)
     Family = f.struct
@@ -59,7 +59,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
     stress_near = near(bits) if near is not None else stress
     damaged, curved, word_size = layout.breakable, layout.curved, WORD
     energetic, viscous, advances = what == "energy", what.startswith("viscous"), what == "viscous_step"
-    relaxing = relaxing_stress(bits, advances, module) if viscous else None
+    relaxing = relaxing_stress(bits, advances) if viscous else None
     # K (11, 12, 22) and area of a member; on a curved sheet, what it adds to the slope besides.
     shape_row = ROW if curved else 4
     Row = wp.types.vector(length=ROW, dtype=real)
@@ -68,7 +68,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
     Shapes = wp.types.matrix(shape=(WORD * words, shape_row), dtype=real)
     Words = wp.types.vector(length=words, dtype=wp.uint32)
 
-    @wp.func(module=module)
+    @wp.func
     def summed(family: Family, here: Words, members: int, i: int, j: int):
         """The members of D_ij, or, if they are more than half of the family, the others; whether it is the others."""
         chosen = Words()
@@ -82,13 +82,13 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
                 chosen[word] = here[word] & ~chosen[word]
         return chosen, most
 
-    @wp.func(module=module)
+    @wp.func
     def moment(family: Family, i: int, k: int):
         """C_k X_k, without c_k, and the area of the member."""
         area = f.area(family, f.neighbour(family, i, k))
         return f.influence(family, i, k) * area * f.bond(family, i, k), area
 
-    @kernel(module, gathers=("displacement",), name=f"family_rows_{what}")
+    @kernel(gathers=("displacement",), name=f"family_rows_{what}")
     def family_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -20,7 +20,7 @@ def surface_vector(layout: Layout) -> wp.Function:
     It is zero where the intact bonds determine no F. The loop over members has no branches: a GPU thread issues the
     loads of several members at once.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
@@ -29,7 +29,7 @@ def surface_vector(layout: Layout) -> wp.Function:
     determines_gradient, level = kinematics(bits).determines_gradient, kinematics(bits).level
     curved_gradient, tilt_of = kinematics(bits).curved_gradient, kinematics(bits).tilt_of
 
-    @wp.func(module=module)
+    @wp.func
     def surface(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -85,13 +85,13 @@ def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
 
     A point whose intact bonds determine no F takes no pressure.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     surface = surface_vector(layout)
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class FollowerPressure:
         family: Family
         intact: wp.array2d(dtype=wp.uint32)
@@ -102,7 +102,7 @@ def follower_pressure(layout: Layout, scheduled: bool) -> Pointwise:
         schedule: int
         external: wp.array(dtype=vec3)
 
-    @pointwise(module, FollowerPressure, writes=("external",), gathers=("displacement",))
+    @pointwise(FollowerPressure, writes=("external",), gathers=("displacement",))
     def add_follower_pressure(begin: int, end: int, a: FollowerPressure):
         for i in range(begin, end):
             p = a.unit_pressure * f.area(a.family, i)
@@ -120,7 +120,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
     The tangent is not symmetric: a pressure has a potential only if the edge of the sheet is held, and the normals
     here are averages over families.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
@@ -129,7 +129,7 @@ def follower_pressure_tangent(layout: Layout, scheduled: bool) -> Kernel:
     determines_gradient, level, tilt_of = motion.determines_gradient, motion.level, motion.tilt_of
     curved_gradient = motion.curved_gradient
 
-    @kernel(module, gathers=("displacement", "direction"))
+    @kernel(gathers=("displacement", "direction"))
     def add_follower_tangent(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -52,27 +52,27 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
         compressed: Whether bonds shorter than in the reference configuration have separate constants.
         corrected: Whether there is a surface correction.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
     bond = bond_functions(layout)
     strain, image = bond.strain, bond.image
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Constants:
         stretched: parameters
         shortened: parameters
         factors: wp.array(dtype=vec2)
 
-    @wp.func(module=module)
+    @wp.func
     def chosen(e: real, constants: Constants):
         if wp.static(compressed):
             return wp.where(e < real(0.0), constants.shortened, constants.stretched)
         else:
             return constants.stretched
 
-    @wp.func(module=module)
+    @wp.func
     def tension(e: real, p: parameters):
         """t(1 + e) [Pa]; p holds t(1), b, c, d, and a = t(1) + b + c + d."""
         r = real(1.0) / (real(1.0) + e)
@@ -84,7 +84,7 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
             p[1] * (real(1.0) + second) + p[2] * (real(1.0) + third) + p[3] * (real(1.0) + fifth)
         )
 
-    @wp.func(module=module)
+    @wp.func
     def slope(e: real, p: parameters):
         """dt/ds [Pa]."""
         r = real(1.0) / (real(1.0) + e)
@@ -93,7 +93,7 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
             (p[0] + p[1] + p[2] + p[3]) + real(2.0) * p[1] * r3 + real(3.0) * p[2] * r3 * r + real(5.0) * p[3] * r3 * r3
         )
 
-    @wp.func(module=module)
+    @wp.func
     def share(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, Y: vec3):
         """(W_ik + W_ki)/2 G_ik L^2 / |xi|^2."""
         squared = wp.length_sq(xi)
@@ -107,13 +107,13 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
             weight *= wp.sqrt(squared / (x * x + y * y))
         return weight * cosine / squared
 
-    @wp.func(module=module)
+    @wp.func
     def force_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
         e = strain(xi, U)
         Y = image(xi, U)
         return share(family, constants, i, k, m, xi, Y) * tension(e, chosen(e, constants)) * wp.normalize(Y)
 
-    @wp.func(module=module)
+    @wp.func
     def stiffness_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
         """The larger of the stiffnesses along and across the bond."""
         e = strain(xi, U)

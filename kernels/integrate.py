@@ -40,12 +40,12 @@ class IntegrationKernels:
 
 
 @functools.cache
-def free_components(bits: int, module: str) -> wp.Function:
+def free_components(bits: int) -> wp.Function:
     """Function (held bits, mask, v) -> v without components that are held, or whose point has a bit of `mask`."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
+    @wp.func
     def without_held(held_bits: wp.uint8, mask: int, v: vec3):
         for c in range(3):
             if (wp.int32(held_bits) & ((1 << c) | mask)) != 0:
@@ -56,9 +56,7 @@ def free_components(bits: int, module: str) -> wp.Function:
 
 
 @functools.cache
-def integration(
-    bits: int, held: bool, loaded: bool, damped: bool, tracked: bool, contact: bool, module: str
-) -> IntegrationKernels:
+def integration(bits: int, held: bool, loaded: bool, damped: bool, tracked: bool, contact: bool) -> IntegrationKernels:
     """Kernels of the explicit integrator.
 
     Args:
@@ -68,14 +66,13 @@ def integration(
         damped: Whether there is mass damping.
         tracked: Whether external work and dissipation are summed up, per point.
         contact: Whether a contact changes velocities and knows only those at full steps; losses then take these.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
-    without_held = free_components(bits, module)
+    without_held = free_components(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def power(held_bits: wp.uint8, internal: vec3, external: vec3, velocity: vec3):
         """Power of external forces and of the supports, whose reactions balance the internal force."""
         rate = wp.float64(0.0)
@@ -88,7 +85,7 @@ def integration(
                 rate += wp.float64(external[c] * velocity[c])
         return rate
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Motion:
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
@@ -101,7 +98,7 @@ def integration(
         work: wp.array(dtype=wp.float64)
         dissipated: wp.array(dtype=wp.float64)
 
-    @pointwise(module, Motion, writes=("displacement", "velocity", "work", "dissipated"))
+    @pointwise(Motion, writes=("displacement", "velocity", "work", "dissipated"))
     def drift(begin: int, end: int, a: Motion):
         for i in range(begin, end):
             dt = a.step[0]
@@ -134,7 +131,7 @@ def integration(
             a.displacement[i] = a.displacement[i] + dt * half
             a.velocity[i] = half
 
-    @pointwise(module, Motion, writes=("velocity", "work", "dissipated"))
+    @pointwise(Motion, writes=("velocity", "work", "dissipated"))
     def kick(begin: int, end: int, a: Motion):
         for i in range(begin, end):
             dt = a.step[0]
@@ -171,7 +168,7 @@ def integration(
 
 
 @functools.cache
-def half_step(bits: int, loaded: bool, damped: bool, module: str) -> tuple[wp.Function, wp.Function]:
+def half_step(bits: int, loaded: bool, damped: bool) -> tuple[wp.Function, wp.Function]:
     """What a half step does to velocities, for contacts that act beside it.
 
     With a = c dt/2, half kicks k and k', and changes of the velocity p after the first half kick and s at the end,
@@ -184,7 +181,6 @@ def half_step(bits: int, loaded: bool, damped: bool, module: str) -> tuple[wp.Fu
         bits: 32 or 64.
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
-        module: Name of the Warp module.
 
     Returns:
         (i, step, mass, force, external) -> change of velocity due to the forces; (step, damping) -> c dt / 2.
@@ -192,7 +188,7 @@ def half_step(bits: int, loaded: bool, damped: bool, module: str) -> tuple[wp.Fu
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
+    @wp.func
     def half_kick(
         i: int,
         step: wp.array(dtype=real),
@@ -205,7 +201,7 @@ def half_step(bits: int, loaded: bool, damped: bool, module: str) -> tuple[wp.Fu
             total += external[i]
         return (real(0.5) * step[0] / mass[i]) * total
 
-    @wp.func(module=module)
+    @wp.func
     def half_loss(step: wp.array(dtype=real), damping: wp.array(dtype=real)):
         loss = real(0.0)
         if wp.static(damped):
@@ -216,7 +212,7 @@ def half_step(bits: int, loaded: bool, damped: bool, module: str) -> tuple[wp.Fu
 
 
 @functools.cache
-def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps: bool, module: str) -> Kernel:
+def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps: bool) -> Kernel:
     """Kernel of the kinetic energy of each point [J]; held components do not count.
 
     Args:
@@ -225,14 +221,13 @@ def kinetic_energy(bits: int, held: bool, loaded: bool, damped: bool, half_steps
         loaded: Whether external forces act.
         damped: Whether there is mass damping.
         half_steps: Whether it also fills `half_step` with m v(n-1/2) v(n+1/2) / 2.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
-    without_held = free_components(bits, module)
+    without_held = free_components(bits)
 
-    @kernel(module)
+    @kernel()
     def kinetic_energy(
         mass: wp.array(dtype=real),
         held_mask: wp.array(dtype=wp.uint8),

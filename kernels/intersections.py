@@ -27,7 +27,7 @@ def common_members(dimension: int, graded: bool) -> Kernel:
     vector = wp.types.vector(length=dimension, dtype=wp.float64)
     word_size = WORD
 
-    @kernel(MODULE)
+    @kernel()
     def mark_common_members(
         bonds: wp.array2d(dtype=vector),
         horizons: wp.array2d(dtype=wp.float64),
@@ -63,7 +63,7 @@ def intersection_shapes() -> Kernel:
     determines_gradient, inverse_shape = tensors.determines_gradient, tensors.inverse_shape
     word_size = WORD
 
-    @kernel(MODULE)
+    @kernel()
     def sum_intersection_shapes(
         bonds: wp.array2d(dtype=wp.vec2d),
         influences: wp.array2d(dtype=wp.float64),

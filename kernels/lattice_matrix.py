@@ -39,15 +39,15 @@ def lattice_matrix(layout: Layout, held: bool) -> LatticeMatrixKernels:
         layout: Layout of the families.
         held: Whether any component is held.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33 = types.mat32, types.mat33
     f = family_functions(layout)
     Family = f.struct
-    _, inverse_of = block_functions(layout.bits, module)
+    _, inverse_of = block_functions(layout.bits)
     word_size = WORD
 
-    @kernel(module, gathers=("gradient", "stress", "moduli"))
+    @kernel(gathers=("gradient", "stress", "moduli"))
     def assemble(
         family: Family,
         gradient: wp.array2d(dtype=mat32),
@@ -133,7 +133,7 @@ def lattice_matrix(layout: Layout, held: bool) -> LatticeMatrixKernels:
                                 o = pair_offset[mine, k]
                                 matrix[o, i] = matrix[o, i] + cxi[0] * Q1 + cxi[1] * Q2
 
-    @kernel(module, gathers=("direction",))
+    @kernel(gathers=("direction",))
     def product(
         matrix: wp.array2d(dtype=mat33),
         shift: wp.array(dtype=wp.int32),
@@ -150,7 +150,7 @@ def lattice_matrix(layout: Layout, held: bool) -> LatticeMatrixKernels:
             total -= matrix[o, i] * direction[m]
         change[i] = total
 
-    @kernel(module)
+    @kernel()
     def inverse_diagonal(
         matrix: wp.array2d(dtype=mat33), held_mask: wp.array(dtype=wp.uint8), first: int, out: wp.array(dtype=mat33)
     ):

@@ -10,17 +10,17 @@ from .pointwise import Pointwise, pointwise
 
 
 @functools.cache
-def begin_loads(bits: int, present: bool, module: str) -> Pointwise:
+def begin_loads(bits: int, present: bool) -> Pointwise:
     """Pointwise stage that sets the external force to the constant loads, or to zero."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class BeginLoads:
         constant: wp.array(dtype=vec3)
         external: wp.array(dtype=vec3)
 
-    @pointwise(module, BeginLoads, writes=("external",))
+    @pointwise(BeginLoads, writes=("external",))
     def begin_loads(begin: int, end: int, a: BeginLoads):
         for i in range(begin, end):
             if wp.static(present):
@@ -32,11 +32,11 @@ def begin_loads(bits: int, present: bool, module: str) -> Pointwise:
 
 
 @functools.cache
-def dead_load(bits: int, module: str) -> Kernel:
+def dead_load(bits: int) -> Kernel:
     """Kernel that adds a force on some points, times a schedule."""
     vec3 = numeric(bits).vec3
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def add_dead_load(
         points: wp.array(dtype=wp.int32),
         force: wp.array(dtype=vec3),
@@ -53,11 +53,11 @@ def dead_load(bits: int, module: str) -> Kernel:
 
 
 @functools.cache
-def support_forces(bits: int, module: str) -> Kernel:
+def support_forces(bits: int) -> Kernel:
     """Kernel that fills `out` with minus the internal force on some points [N]."""
     vec3 = numeric(bits).vec3
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def support_forces(
         points: wp.array(dtype=wp.int32), force: wp.array(dtype=vec3), first: int, out: wp.array(dtype=vec3)
     ):

@@ -35,18 +35,17 @@ class PairFunctions:
 
 
 @functools.cache
-def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
+def pair_functions(bits: int, pieces: bool) -> PairFunctions:
     """Functions of pairs of points.
 
     Args:
         bits: 32 or 64.
         pieces: Whether the sheet has several pieces.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Points:
         reference: wp.array(dtype=wp.vec3d)
         piece: wp.array(dtype=wp.int32)
@@ -55,11 +54,11 @@ def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
         fraction: real
         stiffness: real
 
-    @wp.func(module=module)
+    @wp.func
     def double(v: vec3):
         return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
 
-    @wp.func(module=module)
+    @wp.func
     def distance_kept(points: Points, i: int, j: int):
         kept = points.distance
         apart = bool(True)
@@ -69,7 +68,7 @@ def pair_functions(bits: int, pieces: bool, module: str) -> PairFunctions:
             kept = wp.min(kept, points.fraction * real(wp.length(points.reference[j] - points.reference[i])))
         return kept
 
-    @wp.func(module=module)
+    @wp.func
     def between(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
         # Far parts of a sheet touch, so both differences are large and nearly cancel.
         d = (points.reference[j] - points.reference[i]) + (double(displacement[j]) - double(displacement[i]))
@@ -100,22 +99,22 @@ class ListKernels:
 @functools.cache
 def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
     """Kernels that make the lists of pairs; arguments as for `pair_functions`, and the layout of the families."""
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
-    pairs = pair_functions(bits, pieces, module)
+    pairs = pair_functions(bits, pieces)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, stale, crowded, listed, touched = WORD, STALE, CROWDED, LISTED, TOUCHED
 
-    @wp.func(module=module)
+    @wp.func
     def bucket_of(cell: wp.vec3i, buckets: int):
         mixed = wp.uint32(cell[0]) * wp.uint32(73856093)
         mixed = mixed ^ (wp.uint32(cell[1]) * wp.uint32(19349663))
         mixed = mixed ^ (wp.uint32(cell[2]) * wp.uint32(83492791))
         return wp.int32(mixed & wp.uint32(buckets - 1))
 
-    @wp.func(module=module)
+    @wp.func
     def is_member(family: Family, i: int, j: int):
         found = bool(False)
         for k in range(family.members):
@@ -125,7 +124,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
                     found = True
         return found
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def look(
         displacement: wp.array(dtype=vec3),
         listed_at: wp.array(dtype=vec3),
@@ -138,7 +137,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
         if not wp.length_sq(displacement[i] - listed_at[i]) < limit:
             status[stale] = 1
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def clear(first: int, heads: wp.array(dtype=wp.int32), status: wp.array(dtype=wp.int32)):
         b = wp.tid() + first
         if status[stale] != 0:
@@ -147,7 +146,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
                 status[listed] = 0
                 status[touched] = 0
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def insert(
         points: Points,
         displacement: wp.array(dtype=vec3),
@@ -172,7 +171,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
                 listed_at[i] = u
                 following[i] = wp.atomic_exch(heads, bucket_of(cell, heads.shape[0]), i)
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def collect(
         family: Family,
         points: Points,
@@ -217,7 +216,7 @@ def pair_lists(layout: Layout, pieces: bool) -> ListKernels:
             status[listed] = 1
         counts[i] = wp.min(found, near.shape[0])
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def finish(first: int, status: wp.array(dtype=wp.int32)):
         status[stale] = 0
 

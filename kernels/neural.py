@@ -68,7 +68,6 @@ def neural(
     evaluation: str,
     layers: Layers | None,
     counted: bool,
-    fused_module: str,
 ) -> NeuralKernels:
     """Kernels of the law.
 
@@ -79,9 +78,8 @@ def neural(
         evaluation: "torch", "fused" or "closed_form".
         layers: Numbers of the network, see `network_function`, for "fused", else None.
         counted: Whether to count the bonds outside a range of stretches.
-        fused_module: Name of the Warp module of the kernel that evaluates a network.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, vec4, mat32, parameters = (
         types.real, types.vec2, types.vec3, types.parameters, types.mat32, types.parameters,
     )  # fmt: skip
@@ -90,7 +88,7 @@ def neural(
     Family = law.struct
     exact = closed_form(bits, membrane)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def closed_form_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -113,7 +111,7 @@ def neural(
                 force = scale * share * law.pull(x, u, direction, R, T)
             bond_force[k, i] = force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def features(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -136,7 +134,7 @@ def neural(
                 )
             features[k * points + i] = row
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def spread(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -165,7 +163,7 @@ def neural(
                 force = scale * share * law.pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
             bond_force[k, i] = force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def outside(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -207,7 +205,7 @@ def neural(
     if torch:
         direct = None
     elif evaluation == "fused":
-        direct = fused_force(bits, layers, law, module, fused_module)
+        direct = fused_force(bits, layers, law)
     return NeuralKernels(
         direct=direct,
         features=features if torch else None,

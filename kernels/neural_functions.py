@@ -55,7 +55,7 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
         layout: Layout of the families.
         membrane: Factory of (volume_change, shear), see kernels/materials.py.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22, mat32, parameters = (
         types.real, types.vec2, types.vec3, types.mat22, types.mat32, types.parameters,
     )  # fmt: skip
@@ -64,7 +64,7 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
     point = point_family(layout)
     volume_change, _ = membrane(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def family_frame(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -104,7 +104,7 @@ def bond_kinematics(layout: Layout, membrane: PairFactory) -> tuple[wp.Function,
             z = volume_change(G, constants)
         return H, R, D, V, area, z
 
-    @wp.func(module=module)
+    @wp.func
     def bond_motion(x: vec2, u: vec3, H: mat32, D: mat22, V: mat22):
         """Excess stretch lambda - 1, sine and 1 - cosine of the rotation, direction in the tangent plane.
 
@@ -170,7 +170,7 @@ def closed_form(bits: int, membrane: PairFactory) -> wp.Function:
 @functools.cache
 def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> NeuralFunctions:
     """Functions of a configuration; arguments as for `neural`."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec2, vec3, vec4, mat32, mat22 = (
         types.real, types.vec2, types.vec3, types.parameters, types.mat32, types.mat22,
     )  # fmt: skip
@@ -179,7 +179,7 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
     family_frame, bond_motion = bond_kinematics(layout, membrane)
     no_length = NO_LENGTH
 
-    @wp.func(module=module)
+    @wp.func
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, i: int, k: int):
         """Unit vector of the bond, relative displacement divided by its length, c_k |X| / horizon or 2 W / |X|."""
         xi = f.bond(family, i, k)
@@ -191,13 +191,13 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
         else:
             return xi / length, u, length * f.influence(family, i, k) * f.area(family, m)
 
-    @wp.func(module=module)
+    @wp.func
     def pull(x: vec2, u: vec3, direction: vec2, R: mat32, T: vec2):
         """The pair T in space: along the bond, and across it in the tangent plane."""
         Y = vec3(x[0] + u[0], x[1] + u[1], u[2])
         return T[0] * wp.normalize(Y) + T[1] * (R * vec2(-direction[1], direction[0]))
 
-    @wp.func(module=module)
+    @wp.func
     def bond_seen(
         family: Family, displacement: wp.array(dtype=vec3), inverse_horizon: real, H: mat32, D: mat22, V: mat22,
         area: real, z: real, i: int, k: int,
@@ -210,13 +210,13 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
         angle = wp.atan2(sine, real(1.0) - versine)
         return x, u, share, direction, vec4(stretch, angle, (real(1.0) + z) / (det * det), det)
 
-    @wp.func(module=module)
+    @wp.func
     def logarithms(row: vec4):
         """Inputs of the layers, see `warp_pd.laws.neural.networks.Network`."""
         area = wp.log(row[3])
         return vec4(wp.log(row[0]), row[1] * row[1], area, wp.log(row[2]) + real(2.0) * area)
 
-    @wp.func(module=module)
+    @wp.func
     def family_scale(family: Family, V: mat22, unit_force: real, i: int):
         """Force per T and weight of `bond_vectors`; zero for a family that determines no frame."""
         if V[0, 0] == real(0.0):

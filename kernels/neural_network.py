@@ -15,7 +15,7 @@ Layers: TypeAlias = tuple[tuple[tuple[float, ...], ...], ...]
 
 
 @functools.cache
-def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
+def network_function(bits: int, layers: Layers) -> wp.Function:
     """Warp function from the inputs to the outputs of a network, with its weights compiled in as constants.
 
     Args:
@@ -23,17 +23,16 @@ def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
         layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
             every other one takes 1 / (1 + exp y) of the output y of the layer before, in place of tanh
             (`warp_pd.laws.neural.networks.Network.sigmoids`).
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec4 = types.real, types.parameters
 
-    @wp.func(module=module)
+    @wp.func
     def entered(inputs: vec4):
         return inputs
 
     def bent(below: wp.Function, width: int) -> wp.Function:
-        @wp.func(module=module)
+        @wp.func
         def sigmoids(inputs: vec4):
             y = below(inputs)
             for a in range(wp.static(width)):
@@ -46,7 +45,7 @@ def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
         vector = wp.types.vector(length=len(bias), dtype=real)
         start, weights = vector(*bias), [vector(*column) for column in columns]
 
-        @wp.func(module=module)
+        @wp.func
         def layer(inputs: vec4):
             x = below(inputs)
             y = wp.static(start)
@@ -62,22 +61,20 @@ def network_function(bits: int, layers: Layers, module: str) -> wp.Function:
     return found
 
 
-def fused_force(bits: int, layers: Layers, law: NeuralFunctions, module: str, fused_module: str) -> Kernel:
+def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
     """Kernel of the neural law with the network evaluated one bond after the other.
 
     Args:
         bits: 32 or 64.
         layers: See `network_function`.
         law: Functions of the law.
-        module: Name of the Warp module of the network.
-        fused_module: Name of the Warp module of the kernel.
     """
     types = numeric(bits)
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
-    evaluate = network_function(bits, layers, module)
+    evaluate = network_function(bits, layers)
     Family = law.struct
 
-    @kernel(fused_module, gathers=("displacement",))
+    @kernel(gathers=("displacement",), fast_math=bits == 32)
     def fused_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -105,20 +102,19 @@ def fused_force(bits: int, layers: Layers, law: NeuralFunctions, module: str, fu
 
 
 @functools.cache
-def training_samples(material: PairFactory, membrane: PairFactory, module: str) -> Kernel:
+def training_samples(material: PairFactory, membrane: PairFactory) -> Kernel:
     """Kernel that turns uniform states and bond directions into rows of training data (NN algorithm 1), float64.
 
     Args:
         material: Factory of (stress, energy).
         membrane: Factory of (volume_change, shear).
-        module: Name of the Warp module.
     """
     types = numeric(64)
     real, vec2, vec3, vec4, mat22 = types.real, types.vec2, types.vec3, types.parameters, types.mat22
     stress, _ = material(64)
     volume_change, _ = membrane(64)
 
-    @kernel(module)
+    @kernel()
     def samples(
         states: wp.array(dtype=vec3),
         constants: vec4,

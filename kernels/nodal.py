@@ -63,7 +63,7 @@ class NodalKernels:
 @functools.cache
 def point_family(layout: Layout) -> PointFamily:
     """Functions of the family of a point."""
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
@@ -71,7 +71,7 @@ def point_family(layout: Layout) -> PointFamily:
     bonds = bond_state(layout)
     green, inverse_shape = kinematics(bits).green, kinematics(bits).inverse_shape
 
-    @wp.func(module=module)
+    @wp.func
     def gradient(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -119,7 +119,7 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
         layout: Layout of the families.
         material: Factory of (stress, energy), called with `bits`.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
@@ -127,7 +127,7 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
     stress_on_members = kinematics(bits).stress_on_members
     stress, energy = material(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def family_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -148,7 +148,7 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
             )
         return stored
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def family_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

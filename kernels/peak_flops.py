@@ -12,9 +12,8 @@ from .numeric import numeric
 def multiply_add(bits: int) -> Kernel:
     """Kernel of eight sums per thread, `rounds` multiply-adds each."""
     real = numeric(bits).real
-    module = f"warp_pd_rates_{bits}"
 
-    @kernel(module)
+    @kernel()
     def multiply_adds(rounds: int, first: int, out: wp.array(dtype=real)):
         i = wp.tid() + first
         x = real(1.0) + real(1.0e-7) * real(i)

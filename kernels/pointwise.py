@@ -33,12 +33,11 @@ class Pointwise:
 
 
 def pointwise(
-    module: str, arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = ()
+    arguments: Any, *, writes: tuple[str, ...], gathers: tuple[str, ...] = ()
 ) -> Callable[[Callable[..., None]], Pointwise]:
     """Decorator that makes a pointwise stage of a function (begin, end, arguments).
 
     Args:
-        module: Name of the Warp module.
         arguments: Warp struct of the arguments.
         writes: Members of the struct that are written, only at the stage's own point.
         gathers: Members of the struct that are read at other points.
@@ -46,13 +45,13 @@ def pointwise(
 
     def declare(function: Callable[..., None]) -> Pointwise:
         effects = Effects("point", frozenset(writes), frozenset(gathers))
-        return Pointwise(wp.func(function, module=module), arguments, function.__name__, effects)
+        return Pointwise(wp.func(function), arguments, function.__name__, effects)
 
     return declare
 
 
 @functools.cache
-def in_turn(first: Pointwise, second: Pointwise, module: str) -> Pointwise:
+def in_turn(first: Pointwise, second: Pointwise) -> Pointwise:
     """Pointwise stage that runs two stages in sequence; its struct holds theirs as `a` and `b`.
 
     Its effects list no names: the caller, which joins the two stages, knows the arrays of both.
@@ -60,12 +59,12 @@ def in_turn(first: Pointwise, second: Pointwise, module: str) -> Pointwise:
     First, Second = first.arguments, second.arguments
     do_first, do_second = first.function, second.function
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Both:
         a: First
         b: Second
 
-    @wp.func(module=module)
+    @wp.func
     def both(begin: int, end: int, arguments: Both):
         do_first(begin, end, arguments.a)
         do_second(begin, end, arguments.b)
@@ -74,11 +73,11 @@ def in_turn(first: Pointwise, second: Pointwise, module: str) -> Pointwise:
 
 
 @functools.cache
-def spread_points(stage: Pointwise, run: int, module: str) -> wp.Kernel:
+def spread_points(stage: Pointwise, run: int) -> wp.Kernel:
     """The same as `every_point`, with the points of a thread far from each other."""
     Arguments, function = stage.arguments, stage.function
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False)
     def spread_points(arguments: Arguments, first: int, stop: int):
         threads = (stop - first + wp.static(run - 1)) / wp.static(run)
         # Warp spells out a loop whose length it knows: a heavy stage would be compiled eight times, for a minute.
@@ -92,7 +91,7 @@ def spread_points(stage: Pointwise, run: int, module: str) -> wp.Kernel:
 
 
 @functools.cache
-def every_point(stage: Pointwise, run: int, module: str, launch_bounds: tuple[int, int] | None = None) -> wp.Kernel:
+def every_point(stage: Pointwise, run: int, launch_bounds: tuple[int, int] | None = None) -> wp.Kernel:
     """Warp kernel of a pointwise stage for the points first to stop - 1; a thread takes `run` of them.
 
     Without launch bounds the compiler takes few registers, so that many threads fit a multiprocessor, and a thread then
@@ -100,7 +99,7 @@ def every_point(stage: Pointwise, run: int, module: str, launch_bounds: tuple[in
     """
     Arguments, function = stage.arguments, stage.function
 
-    @wp.kernel(module=module, enable_backward=False, launch_bounds=launch_bounds)
+    @wp.kernel(module="unique", enable_backward=False, launch_bounds=launch_bounds)
     def every_point(arguments: Arguments, first: int, stop: int):
         begin = first + wp.tid() * wp.static(run)
         if wp.static(run == 1):

@@ -18,12 +18,12 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
     Arguments as for `bond_associated`; with `viscous` the stress has Prony terms, see kernels/visco.py, which are
     otherwise None.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
     stress, _ = material(bits)
-    with_overstress = overstressed(bits, module) if viscous else None
+    with_overstress = overstressed(bits) if viscous else None
     law = bond_associated(layout, material, form).mechanics
     is_undamaged, is_intact, visit = law.is_undamaged, law.is_intact, law.visit
     green, family_scale = law.green, law.family_scale
@@ -31,7 +31,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
 
     if form == "published":
 
-        @wp.func(module=module)
+        @wp.func
         def present_area(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
             """|H_i| of the intact bonds, divided by the reference area."""
             if is_undamaged(family, intact, i):
@@ -42,7 +42,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
                     size += f.area(family, f.neighbour(family, i, k))
             return size
 
-        @kernel(module, gathers=("displacement", "intact"))
+        @kernel(gathers=("displacement", "intact"))
         def published_force(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
@@ -77,7 +77,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
 
         return published_force
 
-    @kernel(module, gathers=("displacement",), name="viscous_force" if viscous else "variational_force")
+    @kernel(gathers=("displacement",), name="viscous_force" if viscous else "variational_force")
     def variational_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

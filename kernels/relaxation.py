@@ -24,7 +24,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
     family_rows fills row [members, points] with the contributions of the family of a point to the rows of its members,
     and own [points] with that to its own row; sum_rows adds both ends of the bonds to the density [N/m].
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
     parameters = types.parameters
     f = family_functions(layout)
@@ -35,14 +35,14 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
     response_of = response(bits)
     word_size = WORD
 
-    @wp.func(module=module)
+    @wp.func
     def arm(family: Family, i: int, k: int, inverse: vec3):
         """g_k."""
         c = f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))
         xi = f.bond(family, i, k)
         return vec2(c * (inverse[0] * xi[0] + inverse[1] * xi[1]), c * (inverse[1] * xi[0] + inverse[2] * xi[1]))
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def family_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -98,7 +98,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
         for k in range(family.members):
             row[k, i] = scale * row[k, i]
 
-    @kernel(module, gathers=("row",))
+    @kernel(gathers=("row",))
     def sum_rows(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

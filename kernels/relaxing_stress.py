@@ -14,7 +14,7 @@ from .visco import relaxation_factors
 
 
 @functools.cache
-def relaxing_stress(bits: int, advances: bool, module: str) -> wp.Function:
+def relaxing_stress(bits: int, advances: bool) -> wp.Function:
     """Function (G, i, j, members, step, prony, strain, overstress) -> sum of all H_p [Pa], power of their means.
 
     The power is sum_p (H_p before + H_p after) : (G - G before) [Pa], four times the viscous work of the step. At a
@@ -25,14 +25,14 @@ def relaxing_stress(bits: int, advances: bool, module: str) -> wp.Function:
     area_change, _, plane_stress = invariants(bits)
     retained = relaxation_factors(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def unit_stress(G: mat22, slope: real, d: real):
         """I1 - 3, and 2 (I - C33 C^-1) as 11, 22, 12; slope = 1 / det C, d = det C - 1."""
         t = G[0, 0] + G[1, 1]
         M = plane_stress(G, slope, -slope * d, real(2.0))
         return slope * (t * d - wp.determinant(G)), vec3(M[0, 0], M[1, 1], M[0, 1])
 
-    @wp.func(module=module)
+    @wp.func
     def relaxing(
         G: mat22,
         i: int,

@@ -14,7 +14,7 @@ from .numeric import numeric
 
 
 @functools.cache
-def residual(bits: int, held: bool, loaded: bool, apart: bool, module: str) -> Kernel:
+def residual(bits: int, held: bool, loaded: bool, apart: bool) -> Kernel:
     """Kernel that fills the unbalanced force [points], N, its square and the squared loads and reactions, N^2.
 
     Args:
@@ -22,13 +22,12 @@ def residual(bits: int, held: bool, loaded: bool, apart: bool, module: str) -> K
         held: Whether any component is held.
         loaded: Whether external forces act.
         apart: Whether dead loads also count separately: loads that depend on the displacement may balance them.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
 
-    @kernel(module)
+    @kernel()
     def residual(
         held_mask: wp.array(dtype=wp.uint8),
         force: wp.array(dtype=vec3),

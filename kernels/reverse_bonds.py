@@ -27,7 +27,7 @@ def gather_reverse_bonds(
         turns_over: Whether `bond_force` is a ring, with fewer columns than there are points.
         listed: Whether a list of other points was used; the first point empties it.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
@@ -39,7 +39,7 @@ def gather_reverse_bonds(
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(len(up))]
     reach = max(up, default=0)
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class GatherFromReverseBonds:
         family: Family
         columns: int
@@ -49,7 +49,7 @@ def gather_reverse_bonds(
         first_point: int
         force: wp.array(dtype=vec3)
 
-    @pointwise(module, GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force", "damage"))
+    @pointwise(GatherFromReverseBonds, writes=("force", "other_count"), gathers=("bond_force", "damage"))
     def gather_from_reverse_bonds(begin: int, end: int, a: GatherFromReverseBonds):
         for i in range(begin, end):
             if wp.static(listed):

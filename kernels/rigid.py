@@ -14,12 +14,12 @@ from .numeric import numeric
 
 
 @functools.cache
-def rigid_inclusions(bits: int, loaded: bool, damped: bool, module: str) -> tuple[Kernel, Kernel]:
+def rigid_inclusions(bits: int, loaded: bool, damped: bool) -> tuple[Kernel, Kernel]:
     """Kernels `move_bodies` (before the drift) and `kick_bodies` (after the force)."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
 
-    @wp.func(module=module)
+    @wp.func
     def total_force(
         begin: int,
         end: int,
@@ -41,12 +41,12 @@ def rigid_inclusions(bits: int, loaded: bool, damped: bool, module: str) -> tupl
             turn += wp.cross(rotation * arms[p], wide)
         return push, turn
 
-    @wp.func(module=module)
+    @wp.func
     def spin(rotation: wp.mat33d, inverse_inertia: wp.mat33d, angular: wp.vec3d):
         """Angular velocity [1/s]."""
         return rotation * (inverse_inertia * (wp.transpose(rotation) * angular))
 
-    @wp.func(module=module)
+    @wp.func
     def turned(rotation: wp.mat33d, omega: wp.vec3d, dt: wp.float64):
         """exp(dt omega x) applied to the rotation, by Rodrigues' formula."""
         angle = dt * wp.length(omega)
@@ -58,7 +58,7 @@ def rigid_inclusions(bits: int, loaded: bool, damped: bool, module: str) -> tupl
         w = wp.skew(dt * omega)
         return rotation + a * (w * rotation) + b * (w * (w * rotation))
 
-    @kernel(module, per="body")
+    @kernel(per="body")
     def move_bodies(
         begins: wp.array(dtype=wp.int32),
         members: wp.array(dtype=wp.int32),
@@ -99,7 +99,7 @@ def rigid_inclusions(bits: int, loaded: bool, damped: bool, module: str) -> tupl
             v = shift / dt
             velocity[i] = vec3(real(v[0]), real(v[1]), real(v[2]))
 
-    @kernel(module, per="body")
+    @kernel(per="body")
     def kick_bodies(
         begins: wp.array(dtype=wp.int32),
         members: wp.array(dtype=wp.int32),

@@ -49,12 +49,12 @@ def reference_and_deformed(layout: Layout) -> wp.Function:
 
     X is a vec2, on a curved sheet the chord, a vec3: minus that of the reverse bond, to the last bit.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family, curved = f.struct, layout.curved
 
-    @wp.func(module=module)
+    @wp.func
     def bond_vectors(family: Family, displacement: wp.array(dtype=vec3), horizon: real, i: int, k: int, m: int):
         X = horizon * f.chord(family, i, k)
         U = displacement[m] - displacement[i]
@@ -69,16 +69,16 @@ def reference_and_deformed(layout: Layout) -> wp.Function:
 @functools.cache
 def critical_stretch(layout: Layout) -> Criterion:
     """Critical stretch |Y|/|X|."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     Family = family_functions(layout).struct
     bond_vectors = reference_and_deformed(layout)
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class CriticalStretch:
         squared: real
 
-    @wp.func(module=module)
+    @wp.func
     def exceeds_stretch(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -97,16 +97,16 @@ def critical_stretch(layout: Layout) -> Criterion:
 @functools.cache
 def critical_energy(layout: Layout) -> Criterion:
     """Critical energy release rate of an interaction, see kernels/energy_release.py."""
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     Family = family_functions(layout).struct
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class CriticalEnergy:
         energy_release: wp.array2d(dtype=real)
         critical: real
 
-    @wp.func(module=module)
+    @wp.func
     def exceeds_energy(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -130,14 +130,14 @@ def remaining_bonds(layout: Layout, criterion: Criterion, spared: bool) -> wp.Fu
         criterion: The criterion that they do not exceed.
         spared: Whether the bonds of some points stay whatever they do.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
     word_size = WORD
 
-    @wp.func(module=module)
+    @wp.func
     def remaining(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -175,14 +175,14 @@ def screening(layout: Layout, criterion: Criterion) -> Kernel:
     The second half of a stencil lies ahead, so each bond is seen once. Hardly a bond breaks in most steps: where
     `break_bonds` need not look, that is half of the work.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     exceeds, Constants = criterion.exceeds, criterion.struct
     word_size, block = WORD, SCREENED
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def screen(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -222,7 +222,7 @@ def breaking(
         earlier_energy: Warp function of the force law's energy of a family a moment ago, to sum the energy released by
             breaking, per point; None if it is not tracked.
     """
-    types, module = layout.types, layout.module
+    types = layout.types
     real, vec3, parameters = types.real, types.vec3, types.parameters
     Family = family_functions(layout).struct
     Constants = criterion.struct
@@ -231,7 +231,7 @@ def breaking(
 
     if tracked:
 
-        @wp.func(module=module)
+        @wp.func
         def energy_of_step(
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
@@ -250,9 +250,7 @@ def breaking(
                 energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
             return energy
 
-    @kernel(
-        module, gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers))
-    )
+    @kernel(gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers)))
     def break_bonds(
         family: Family,
         displacement: wp.array(dtype=vec3),

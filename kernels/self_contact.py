@@ -59,17 +59,17 @@ def repulsion(
         damped: Whether there is mass damping, and energies take the velocities at half steps.
         tracked: Whether work and losses are summed up.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     intact_members = bond_state(layout).intact_members
-    pairs = pair_functions(bits, pieces, module)
+    pairs = pair_functions(bits, pieces)
     Points, distance_kept, between = pairs.Points, pairs.distance_kept, pairs.between
     word_size, rigid, touched = WORD, RIGID, TOUCHED
-    half_kick, half_loss = half_step(bits, loaded, damped, module)
+    half_kick, half_loss = half_step(bits, loaded, damped)
 
-    @wp.func(module=module)
+    @wp.func
     def push(points: Points, displacement: wp.array(dtype=vec3), i: int, j: int):
         """Depth d_ij - r, 0 without contact, direction from i to j, and k_ij."""
         line = between(points, displacement, i, j)
@@ -82,11 +82,11 @@ def repulsion(
             depth = real(0.0)
         return depth, direction, (points.area[i] * points.area[j]) * points.stiffness
 
-    @wp.func(module=module)
+    @wp.func
     def broken_members(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int, word: int):
         return f.initial(family, i, word) & (~intact_members(family, intact, i, word))
 
-    @kernel(module, gathers=("displacement", "points.reference", "points.area"))
+    @kernel(gathers=("displacement", "points.reference", "points.area"))
     def add_contact_force(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -126,7 +126,7 @@ def repulsion(
             if wp.static(rubbing):
                 status[touched] = 1
 
-    @kernel(module, gathers=("displacement", "points.reference", "points.area"))
+    @kernel(gathers=("displacement", "points.reference", "points.area"))
     def contact_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -152,7 +152,7 @@ def repulsion(
                     total += stiffness * depth * depth
         energy[i] = wp.float64(real(0.25) * total)
 
-    @wp.func(module=module)
+    @wp.func
     def drag(
         points: Points,
         displacement: wp.array(dtype=vec3),
@@ -186,7 +186,6 @@ def repulsion(
         return impulse
 
     @kernel(
-        module,
         gathers=("displacement", "velocity", "mass", "contacts", "contact_force", "points.reference", "points.area"),
     )
     def friction_impulse(
@@ -220,7 +219,7 @@ def repulsion(
                         total += drag(points, displacement, velocity, mass, contacts, contact_force, most, i, j)
         impulse[i] = total
 
-    @functools.partial(wp.struct, module=module)
+    @wp.struct
     class Rub:
         mass: wp.array(dtype=real)
         held_mask: wp.array(dtype=wp.uint8)
@@ -234,7 +233,7 @@ def repulsion(
         dissipated: wp.array(dtype=wp.float64)
         rubbed: wp.array(dtype=wp.float64)
 
-    @pointwise(module, Rub, writes=("velocity", "work", "dissipated", "rubbed"))
+    @pointwise(Rub, writes=("velocity", "work", "dissipated", "rubbed"))
     def rub(begin: int, end: int, a: Rub):
         for i in range(begin, end):
             before = a.velocity[i]

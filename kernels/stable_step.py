@@ -41,14 +41,14 @@ class PowerIteration:
 
 
 @functools.cache
-def power_iteration(bits: int, module: str) -> PowerIteration:
+def power_iteration(bits: int) -> PowerIteration:
     """Kernels of a precision."""
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
     rigid = RIGID
     quarter = wp.constant(wp.float64(0.25 * DAMPED**2))
 
-    @kernel(module)
+    @kernel()
     def trial(
         displacement: wp.array(dtype=vec3),
         direction: wp.array(dtype=vec3),
@@ -60,7 +60,7 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
         i = wp.tid() + first
         out[i] = displacement[i] + (sign * reach[0]) * direction[i]
 
-    @kernel(module, per="block")
+    @kernel(per="block")
     def respond(
         mass: wp.array(dtype=real),
         held_mask: wp.array(dtype=wp.uint8),
@@ -95,7 +95,7 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
         sums[2, b] = image
         sums[3, b] = wp.float64(largest)
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def summarise(
         sums: wp.array2d(dtype=wp.float64),
         first: int,
@@ -123,7 +123,7 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
             squared_frequency[1] = wp.sqrt(image / norm)
             momentum[0] = real(quarter * image / norm)
 
-    @kernel(module)
+    @kernel()
     def renew(
         response: wp.array(dtype=vec3),
         scale: wp.array(dtype=real),
@@ -141,10 +141,10 @@ def power_iteration(bits: int, module: str) -> PowerIteration:
 
 
 @functools.cache
-def sums_of_groups(module: str) -> Kernel:
+def sums_of_groups() -> Kernel:
     """Kernel that sums what `respond` left of a group of blocks, in order; for sheets of many blocks."""
 
-    @kernel(module, per="once")
+    @kernel(per="once")
     def shorten(sums: wp.array2d(dtype=wp.float64), group: int, first: int, shorter: wp.array2d(dtype=wp.float64)):
         g = wp.tid() + first
         norm = wp.float64(0.0)

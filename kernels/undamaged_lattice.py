@@ -36,7 +36,6 @@ def undamaged_lattice_force(
     stencil: Stencil,
     gridded: bool,
     breakable: bool,
-    module: str,
 ) -> Kernel:
     """Kernel that fills bond_force [members, ring] and the own half of force [points] of undamaged inner families.
 
@@ -49,7 +48,6 @@ def undamaged_lattice_force(
         gridded: Whether the grid has gaps. `places` is then the table `centres` (see kernels/families.py); on a lattice
             it is the number of columns.
         breakable: Whether families may be damaged; others leave those alone.
-        module: Name of the Warp module.
     """
     types = numeric(bits)
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -81,7 +79,7 @@ def undamaged_lattice_force(
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(n)]
     Places: Any = wp.array2d(dtype=wp.int32) if gridded else int
 
-    @wp.func(module=module)
+    @wp.func
     def turn(v: vec3):
         """A vector in axes rotated by 90 or 180 degrees."""
         if wp.static(half):
@@ -89,7 +87,7 @@ def undamaged_lattice_force(
         else:
             return vec3(v[1], -v[0], v[2])
 
-    @wp.func(module=module)
+    @wp.func
     def turn_moments(first: vec3, second: vec3):
         """Sums of c_k X_k1 v_k and c_k X_k2 v_k with X_k in those axes."""
         if wp.static(half):
@@ -97,14 +95,14 @@ def undamaged_lattice_force(
         else:
             return second, -first
 
-    @wp.func(module=module)
+    @wp.func
     def seen(v: vec3, cosine: int, sine: int):
         """A vector in axes rotated by a multiple of 90 degrees."""
         c = real(cosine)
         s = real(sine)
         return vec3(c * v[0] + s * v[1], c * v[1] - s * v[0], v[2])
 
-    @wp.func(module=module)
+    @wp.func
     def rotated(displacement: wp.array(dtype=vec3), places: Places, i: int, x: int, y: int, cosine: int, sine: int):
         """Displacement of the member (x, y) steps away in axes rotated by a multiple of 90 degrees."""
         across = cosine * x - sine * y
@@ -113,7 +111,7 @@ def undamaged_lattice_force(
         else:
             return displacement[i + (cosine * y + sine * x) * places + across]
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",), fast_math=bits == 32)
     def undamaged_family_force(
         family_class: wp.array(dtype=wp.int32),
         inner: int,
@@ -247,10 +245,10 @@ def undamaged_lattice_force(
 
 
 @functools.cache
-def list_of_others(module: str) -> Kernel:
+def list_of_others() -> Kernel:
     """Kernel that lists the points whose families the kernel of undamaged ones leaves alone, in any order."""
 
-    @kernel(module, per="list")
+    @kernel(per="list")
     def list_other_families(
         family_class: wp.array(dtype=wp.int32),
         inner: int,

@@ -54,16 +54,16 @@ def relaxation_factors(bits: int) -> wp.Function:
 
 
 @functools.cache
-def conversions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
+def conversions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Functions Prony term -> constants of its Yeoh stress, and (11, 22, 12) -> tensor."""
     types = numeric(bits)
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
 
-    @wp.func(module=module)
+    @wp.func
     def term_constants(term: parameters):
         return parameters(term[0], term[1], real(0.0), real(0.0))
 
-    @wp.func(module=module)
+    @wp.func
     def tensor(v: vec3):
         return mat22(v[0], v[2], v[2], v[1])
 
@@ -71,14 +71,14 @@ def conversions(bits: int, module: str) -> tuple[wp.Function, wp.Function]:
 
 
 @functools.cache
-def overstressed(bits: int, module: str) -> wp.Function:
+def overstressed(bits: int) -> wp.Function:
     """Function (S, G, i, j, members, prony, strain, overstress) -> S with the stresses of all Prony terms [Pa]."""
     types = numeric(bits)
     vec3, mat22, parameters = types.vec3, types.mat22, types.parameters
     prony_stress = incompressible(yeoh).functions(bits)[0]
-    term_constants, tensor = conversions(bits, module)
+    term_constants, tensor = conversions(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def with_overstress(
         S: mat22,
         G: mat22,
@@ -106,7 +106,7 @@ def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
 
     kernels/family_rows.py has it and the force in one. Arguments as for `bond_associated`.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, mat22, parameters = types.real, types.vec3, types.mat22, types.parameters
     f = family_functions(layout)
     Family = f.struct
@@ -114,9 +114,9 @@ def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
     law = bond_associated(layout, material, "variational").mechanics
     is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
     retained = relaxation_factors(bits)
-    term_constants, tensor = conversions(bits, module)
+    term_constants, tensor = conversions(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def rate_of(G: mat22, old: mat22, step: real):
         """|dC/dt| in space, C33 = 1 / det C (VE eqs. 31 and 32)."""
         change = G - old
@@ -125,7 +125,7 @@ def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
         thinning = (change[0, 0] + change[1, 1] + wp.determinant(G) - wp.determinant(old)) / (area * old_area)
         return wp.sqrt(wp.ddot(change, change) + thinning * thinning) / step
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def update(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -178,17 +178,17 @@ def viscous_update(layout: Layout, material: PairFactory) -> Kernel:
 @functools.cache
 def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     """Kernel `stored_energy`: stored energy of each family and the energy that it has dissipated [points], J."""
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
     prony_stress = incompressible(yeoh).functions(bits)[0]
     law = bond_associated(layout, material, "variational").mechanics
     is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
-    term_constants, tensor = conversions(bits, module)
-    conjugate, energies = prony_energy(module), material(64)[1]
+    term_constants, tensor = conversions(bits)
+    conjugate, energies = prony_energy(), material(64)[1]
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def stored_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -244,14 +244,14 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
 
 
 @functools.cache
-def prony_energy(module: str) -> wp.Function:
+def prony_energy() -> wp.Function:
     """Function (G, H, constants) -> stored energy of a Prony term [J/m^3], in float64."""
     made = incompressible(yeoh)
     _, energy = made.functions(64)
     response = made.response(64)
     search, enough = SEARCH, ENOUGH
 
-    @wp.func(module=module)
+    @wp.func
     def potential(G: wp.mat22d, q: wp.vec3d, c: wp.vec4d):
         """F(C) - q : (C - I) / 2, infinite where det C <= 0."""
         value = wp.float64(wp.inf)
@@ -262,7 +262,7 @@ def prony_energy(module: str) -> wp.Function:
             )
         return value
 
-    @wp.func(module=module)
+    @wp.func
     def stored(G: wp.mat22d, H: wp.vec3d, c: wp.vec4d):
         """Psi = F(C) - q : C / 2 minus the minimum of the potential, which is at C_q."""
         S, T = response(G, c)

@@ -54,7 +54,7 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
         terms: Whether there are Prony terms.
         series: Whether the viscous stretch is updated by the series of VE eq. 60, or exactly.
     """
-    types, bits, module = layout.types, layout.bits, layout.module
+    types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
     f = family_functions(layout)
     Family = f.struct
@@ -62,7 +62,7 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
     is_intact, strain_of, image = bond.is_intact, bond.strain, bond.image
     retained = relaxation_factors(bits)
 
-    @wp.func(module=module)
+    @wp.func
     def excess(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -83,7 +83,7 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
                 total += f.weight(family, i, k) * wp.length_sq(xi) * s * (real(2.0) + s)
         return real(0.5) * total / f.area(family, i)
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def half_forces(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -116,7 +116,7 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
                 force = (unit_force * f.weight(family, i, k) * factor) * Y
             bond_force[k, i] = force
 
-    @kernel(module, gathers=("displacement",))
+    @kernel(gathers=("displacement",))
     def update(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
@@ -153,7 +153,7 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
                         viscous_stretch[row, i] = gamma - x * share * gamma + share * change
                 strain[k, i] = s
 
-    @wp.func(module=module)
+    @wp.func
     def earlier_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),

@@ -42,11 +42,11 @@ def enclosed(points, triangles, load, displacement, bits=64, held=None):
     shape = Shape(points=points, areas=np.ones(n), triangles=triangles.astype(np.int32), spacing=0.1)
     context = Context(
         sheet=Sheet.of(shape, thickness=1e-3, density=1e3), device=find_device("cpu"), types=numeric(bits),
-        module=f"test_enclosed_{bits}", features=Features(), held=np.zeros(n, np.uint8) if held is None else held,
+        features=Features(), held=np.zeros(n, np.uint8) if held is None else held,
         initial_displacement=np.zeros((n, 3)), fields=FieldRegister(find_device("cpu")), clock=Clock(1.0),
     )  # fmt: skip
     built = load.build(context, SimpleNamespace(intact=None))
-    context.clock.allocate(context.fields, context.types, context.module)
+    context.clock.allocate(context.fields, context.types)
     u = context.array("u", "test", context.types.vec3, displacement)
     force = context.array("f", "test", context.types.vec3, shape=n)
     built.add_force(context.stage("force", "once"), u, force)

@@ -275,13 +275,3 @@ def test_a_part_given_as_another_argument_is_refused(parts):
         Simulation(square(9), LAW, Explicit(1.0), loads=[plane]).build("cpu")
     with pytest.raises(InputError, match="contact"):
         Simulation(square(9), LAW, Explicit(1.0), contact=Fixed([0])).build("cpu")
-
-
-def test_a_module_is_named_by_the_part(parts):
-    """Two parts of other types never share kernels."""
-    sheet = square(9)
-    names = {
-        Simulation(sheet, LAW, Explicit(1.0), loads=loads).build("cpu").context.module
-        for loads in ([Pressure(MU)], [parts["elastic_foundation"].ElasticFoundation(MU)], [])
-    }
-    assert len(names) == 3

@@ -48,7 +48,7 @@ class Clock:
         """Entry of `scheduled` that holds a schedule a step later."""
         return len(self.schedules) + index
 
-    def allocate(self, fields: FieldRegister, types: Numeric, module: str) -> None:
+    def allocate(self, fields: FieldRegister, types: Numeric) -> None:
         """Put all schedules on the device; does nothing without schedules."""
         if not self.schedules:
             return
@@ -62,7 +62,7 @@ class Clock:
         self.scheduled = fields.allocate(Field("scheduled", OWNER, "once"), types.vec3, shape=shape)
         self.time = fields.allocate(Field("time", OWNER, "once", restart=True), wp.float64, shape=1)
         self.advance = fields.allocate(Field("advance", OWNER, "once"), wp.float64, np.array([0.0, self.duration]))
-        self._tick = clock(types.bits, module)
+        self._tick = clock(types.bits)
 
     def add_tick(self, stage: Stage, steps: int) -> None:
         """Add the launch that advances time by some steps and evaluates the schedules; none without schedules."""

@@ -87,13 +87,23 @@ def _run_calls(calls: Iterable[Call]) -> None:
 
 
 class CpuLaunch:
-    """A launch on a CPU: on one core, or in slices on all of them if it takes long. Results are the same."""
+    """A launch on a CPU: on one core, or in slices on all of them if it takes long. Results are the same.
 
-    def __init__(self, item: Launch, device: wp.Device) -> None:
+    Args:
+        item: The launch.
+        device: The CPU.
+        split_from: Time on one core from which it is split [s].
+        parts: Number of slices; None: one per core.
+    """
+
+    def __init__(
+        self, item: Launch, device: wp.Device, split_from: float = SPLIT_FROM, parts: int | None = None
+    ) -> None:
         self.item, self.device = item, device
+        self._split_from, self._parts = split_from, parts or available_cores()
         self.slices = [self._record(item.begin, item.begin + item.threads)]
         self._needed = None if item.only_if is None else item.only_if.numpy()
-        self._undecided = TIMED_RUNS if min(item.threads, available_cores()) > 1 else 0
+        self._undecided = TIMED_RUNS if min(item.threads, self._parts) > 1 else 0
         self._shortest = math.inf
 
     def run(self) -> None:
@@ -114,9 +124,9 @@ class CpuLaunch:
         self.slices[0]()
         self._shortest = min(self._shortest, time.perf_counter() - begin)
         self._undecided -= 1
-        if not self._undecided and self._shortest > SPLIT_FROM:
+        if not self._undecided and self._shortest > self._split_from:
             item = self.item
-            bounds = item.begin + np.linspace(0, item.threads, available_cores() + 1).astype(int)
+            bounds = item.begin + np.linspace(0, item.threads, self._parts + 1).astype(int)
             self.slices = [self._record(int(begin), int(end)) for begin, end in itertools.pairwise(bounds)]
 
     def _record(self, begin: int, end: int) -> Callable[[], None]:

@@ -114,7 +114,6 @@ class Launch:
         touched: Arrays that it touches.
         block_dim: Threads per block on CUDA.
         begin: Value of `first` for the first thread.
-        module: Name of the Warp module of a pointwise stage's kernel.
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
@@ -132,7 +131,6 @@ class Launch:
     touched: Touched
     block_dim: int
     begin: int = 0
-    module: str = ""
     run: int = 0
     side_stream: bool = False
     alone: bool = False
@@ -166,9 +164,9 @@ class Launch:
         """The Warp kernel; that of a pointwise stage is declared on first use, after it has been joined with others."""
         if isinstance(self.source, Pointwise):
             if self.run == SPREAD_RUN:
-                return spread_points(self.source, self.run, self.module)
+                return spread_points(self.source, self.run)
             few = self.run == 1 and self.threads <= FEW_POINTS
-            return every_point(self.source, self.run, self.module, (self.block_dim, FEW_BLOCKS) if few else None)
+            return every_point(self.source, self.run, (self.block_dim, FEW_BLOCKS) if few else None)
         return self.source.kernel
 
     def slice(self, begin: int, end: int) -> tuple[int, list[Any]]:
@@ -219,7 +217,6 @@ class Stage:
         name: Name, unique in a simulation.
         when: How often it runs, for `plan`.
         device: The Warp device.
-        module: Name of the Warp module of pointwise stages.
         block_dim: Threads per block on CUDA.
         items: The launches.
         wraparound: In a stage that is repeated, one launch that replaces its last and the next first one; or None.
@@ -228,7 +225,6 @@ class Stage:
     name: str
     when: str
     device: wp.Device
-    module: str
     block_dim: int
     items: list[Item]
     wraparound: Launch | None = None
@@ -292,7 +288,7 @@ class Stage:
         alone = alone or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, self.module, run, alone=alone, only_if=only_if,
+            begin, run, alone=alone, only_if=only_if,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
@@ -314,15 +310,11 @@ class Stage:
 
 
 def compile_launches(launches: Iterable[Launch], device: wp.Device) -> None:
-    """Build or load every kernel now; for a GPU several modules at once."""
-    modules = {(launch.kernel.module, launch.block_dim) for launch in launches}
-    if device.is_cuda:
-        for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
-            loaded.result()
-        return
-    for module, _ in modules:
-        # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
-        module.load(device, 1)
+    """Build or load every kernel now, several modules at once."""
+    # A launch on a CPU has blocks of one thread; a module built for another block size would be built again.
+    modules = {(launch.kernel.module, launch.block_dim if device.is_cuda else 1) for launch in launches}
+    for loaded in [cores().submit(module.load, device, block_dim) for module, block_dim in modules]:
+        loaded.result()
 
 
 def _check_names(what: str, expected: set[str], given: set[str]) -> None:
@@ -345,7 +337,7 @@ def _joined(first: Item, second: Item) -> Launch | None:
         return None
     if not first.touched.may_share_launch(second.touched):
         return None
-    part = in_turn(first.source, second.source, first.module)
+    part = in_turn(first.source, second.source)
     both = part.arguments()
     both.a, both.b = first.arguments["arguments"], second.arguments["arguments"]
     owner = ", ".join(dict.fromkeys([*first.owner.split(", "), *second.owner.split(", ")]))

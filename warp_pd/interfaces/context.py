@@ -111,7 +111,6 @@ class Context:
         sheet: The sheet, without stress; what is here of it, if several processes share it.
         device: The Warp device.
         types: Types of the precision.
-        module: Name of the Warp module that holds every kernel of this configuration.
         features: Requirements of the parts on common kernels.
         held: Bits of held components, uint8, shape (N,), on the host; see State.held_mask.
         initial_displacement: From the state without stress [m], shape (N, 3).
@@ -133,7 +132,6 @@ class Context:
     sheet: Sheet
     device: wp.Device
     types: Numeric
-    module: str
     features: Features
     held: np.ndarray
     initial_displacement: np.ndarray
@@ -164,10 +162,7 @@ class Context:
     def layout(self) -> Layout:
         """Layout of the families."""
         sheet, f = self.sheet, self.features
-        return Layout(
-            sheet.layout, self.bits, self.module, sheet.frames is not None, self.compact, f.breakable,
-            softened=f.softened,
-        )  # fmt: skip
+        return Layout(sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened)
 
     def use_compact_families(self, influence: str) -> None:
         """Let the families of a cloud take few bytes; for the force law, which is built before any kernel is made.
@@ -176,7 +171,7 @@ class Context:
             influence: As `compact`.
         """
         if influence:
-            self.compact, self.module = influence, f"{self.module}_compact_{influence}"
+            self.compact = influence
 
     def array(
         self,
@@ -309,7 +304,7 @@ class Context:
         name = self.prefix + name
         if name in self.stages:
             raise ValueError(f"stage {name!r} exists already: expected a new name")
-        self.stages[name] = Stage(name, when, self.device, self.module, self.block_dim, [])
+        self.stages[name] = Stage(name, when, self.device, self.block_dim, [])
         return self.stages[name]
 
     def on(self, sheet: Sheet, prefix: str, features: Features, held: np.ndarray) -> Context:
@@ -332,10 +327,6 @@ class Context:
             run_once(self.device, self.stages[self.prefix + name])
         else:
             self.sequence(name).run()
-
-    def use_fast_math(self, module: str) -> None:
-        """Let a module use the approximate divisions, roots and exponentials of the hardware, in float32 on a GPU."""
-        wp.get_module(module).options["fast_math"] = self.bits == 32 and self.device.is_cuda
 
     def compile(self) -> float:
         """Build or load every kernel now; returns the seconds it took."""

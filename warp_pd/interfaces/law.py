@@ -223,10 +223,6 @@ class Law(Protocol):
         """Horizon in spacings of the sheet [-]."""
         ...
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        ...
-
     def build(self, context: Context) -> BuiltLaw:
         """Families, tables and kernels on a device."""
         ...

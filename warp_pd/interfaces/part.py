@@ -51,10 +51,6 @@ class Part(Protocol):
     adds_force: ClassVar[bool] = False
     does_work: ClassVar[bool] = False
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Everything besides the type that decides which kernels are compiled."""
-        return ()
-
     def check(self, others: Sequence[Part]) -> None:
         """Raise InputError for parts that cannot be combined with this one."""
         return None

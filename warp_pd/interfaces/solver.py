@@ -89,7 +89,7 @@ class System:
         context = self.context
         for phase in phases:
             for part in self.parts:
-                trial = Stage("trial", "", context.device, context.module, context.block_dim, [])
+                trial = Stage("trial", "", context.device, context.block_dim, [])
                 part.add(phase, trial)
                 if len(trial):
                     raise InputError(

@@ -82,10 +82,6 @@ class BondAssociated:
         """Form of the kernels: "published" or "variational"."""
         return "published" if self.weights == "published" else "variational"
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (self.material.functions, self.form, self.fast)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

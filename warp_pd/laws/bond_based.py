@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -70,10 +70,6 @@ class BondBased:
         one_of("micromoduli", self.micromoduli, MICROMODULI)
         check_material(self.material, "pairwise")
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (self.material.pairwise,)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 
@@ -116,9 +112,8 @@ class BondBasedForce(FamilyLaw):
         # On a GPU the bytes of the forces would cost more than bonds that are computed twice.
         if law.fast and context.layout.kind == "lattice" and not context.device.is_cuda:
             members = families.members
-            module = f"{context.module}_once_{members}"
-            pull = pull_of_bond(replace(context.layout, module=module), law.material.pairwise)
-            self.once = bonds_once(context.bits, members, breakable, pull, module)
+            pull = pull_of_bond(context.layout, law.material.pairwise)
+            self.once = bonds_once(context.bits, members, breakable, pull)
         self._shown: dict[str, Array] = {}
 
     def add(self, phase: Phase, stage: Stage) -> None:

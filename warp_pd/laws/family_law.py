@@ -157,7 +157,7 @@ class FamilyLaw(BuiltLaw):
         elif phase is Phase.FRAME and self.strain_energy is not None:
             self.add_energy(stage, state.displacement, self.strain_energy)
             if self.damage is not None:
-                soften = soften_energy(self.context.bits, self.context.module)
+                soften = soften_energy(self.context.bits)
                 stage.launch(self.owner, soften, self.points, damage=self.damage, energies=self.strain_energy)
         if phase is Phase.FRAME and self.shown is not None:
             self.add_shown(stage, self.shown)

@@ -30,7 +30,7 @@ from ..kernels.stencil import Stencil
 from ..kernels.undamaged_lattice import list_of_others, undamaged_lattice_force
 from ..materials import Material, capabilities
 from .family_struct import moments_of
-from .undamaged_lattice import shared_name, undamaged_stencil
+from .undamaged_lattice import undamaged_stencil
 from .variational import BondAssociatedLaw
 
 
@@ -291,11 +291,7 @@ class FamilyBlocks:
 
     def __init__(self, law: BondAssociatedLaw, near: FunctionFactory, forces: BondForces) -> None:
         self.law, self.near, self.forces = law, near, forces
-        context, members = law.context, law.families.members
-        # Compiled for its own block size.
-        self.module = f"{context.module}_shared_{members}"
-        # Divisions are then accurate to two units in the last place in float32 on a GPU; errors against float64 stay.
-        context.use_fast_math(self.module)
+        context = law.context
         self.moments: Array | None = None
         if not law.layout.compact:
             self.moments = context.array(
@@ -352,7 +348,7 @@ class FamilyBlocks:
             return
         together, sharing = families_together(members), threads_of_family(members)
         blocks = min(-(-count // together), TUNING.listed_blocks if listed else TUNING.blocks)
-        kernel = block_force(layout, material, self.near, members, listed, self.module)
+        kernel = block_force(layout, material, self.near, members, listed)
         stage.launch(
             law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
             intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
@@ -383,9 +379,7 @@ class UndamagedLattice:
         self.blocks = FamilyBlocks(law, near, self.forces)
         gridded = law.families.layout == "grid"
         self.places = law.struct.centres if gridded else law.lattice_columns
-        self.module = shared_name(stencil, near, (context.bits, gridded, breakable, context.device.is_cuda))
-        context.use_fast_math(self.module)
-        self.kernel = undamaged_lattice_force(context.bits, near, stencil, gridded, breakable, self.module)
+        self.kernel = undamaged_lattice_force(context.bits, near, stencil, gridded, breakable)
         here = whole_families(law)
         assert law.families.family_class is not None
         self.edges = np.flatnonzero(law.families.family_class[here] != inner).astype(np.int32) + np.int32(here.start)
@@ -432,7 +426,7 @@ class UndamagedLattice:
             self.forces.add_gather(stage, strip, force)
             return
         stage.launch(
-            law.owner, list_of_others(self.module), strip.end - strip.begin, begin=strip.begin,
+            law.owner, list_of_others(), strip.end - strip.begin, begin=strip.begin,
             family_class=law.struct.family_class, inner=self.inner, all_members=self.stencil.all_members,
             intact=law.intact, others=self.others, other_count=self.count,
         )  # fmt: skip

@@ -62,10 +62,6 @@ class HyperelasticBonds:
         if not isinstance(self.material, BondNeoHookean):
             raise InputError(f"material = {self.material!r}: expected BondNeoHookean with the law HyperelasticBonds")
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (self.material.compressed_constants is not None, self.surface_correction)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

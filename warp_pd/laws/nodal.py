@@ -47,10 +47,6 @@ class Nodal:
         influence_function(self.influence)
         check_material(self.material, "functions")
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        return (self.material.functions,)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

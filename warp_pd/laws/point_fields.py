@@ -90,7 +90,6 @@ class ShownFields:
 
     def __init__(self, law: ShowingLaw, names: Sequence[str]) -> None:
         self.law, context = law, law.context
-        self.module = f"{context.module}_fields"
         self.wanted = Wanted(
             stretch="stretch" in names, direction="direction" in names, piola="first_piola" in names,
             cauchy="cauchy" in names, state="wrinkle_state" in names,
@@ -120,7 +119,7 @@ class ShownFields:
         if not self.counts:
             return
         context = self.law.context
-        kernel = bond_counts(context.layout, self.module)
+        kernel = bond_counts(context.layout)
         stage.launch(
             OWNER, kernel, self.law.points, family=self.law.struct, intact=self.law.intact,
             intact_count=self.arrays["intact_bonds"], broken_count=self.arrays["broken_bonds"],
@@ -130,13 +129,13 @@ class ShownFields:
         """Kernel of the gradient of the family, with the stress of a material, or None."""
         context, known = self.law.context, capabilities(material)
         functions = None if material is None else material.functions
-        return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted, self.module)
+        return point_fields(context.layout, functions, known.volume, known.wrinkle_width, self.wanted)
 
     def of_bonds(self, key: Key, material: Material, viscous: bool) -> Kernel:
         """Kernel of the means over the bonds of a law with a gradient for each."""
         known: Capabilities = capabilities(material)
         stiffened = self.law.context.sheet.stiffness is not None
-        return bond_fields(*key, known.volume, known.wrinkle_width, viscous, stiffened, self.wanted, self.module)
+        return bond_fields(*key, known.volume, known.wrinkle_width, viscous, stiffened, self.wanted)
 
 
 def factors(context: Context) -> Array | None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..families import Families, unpack
-from ..kernels.factories import FunctionFactory
 from ..kernels.families import WORD
 from ..kernels.stencil import LARGE, Stencil
 
@@ -127,9 +125,3 @@ def short_path(part: list[int], inside: np.ndarray, turned: list[int]) -> list[i
 def _even(value: float) -> float:
     """The number without its last digits, which depend on the size of the sheet, so that sheets share kernels."""
     return float(f"{value:.14g}")
-
-
-def shared_name(stencil: Stencil, near: FunctionFactory, others: tuple[object, ...]) -> str:
-    """Name of a module for all sheets with a stencil, a factory of stress_near, and other data that decide kernels."""
-    key = (stencil, near.__module__, near.__qualname__, *others)
-    return "warp_pd_undamaged_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]

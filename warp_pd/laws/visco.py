@@ -59,10 +59,6 @@ class Visco(BondAssociated):
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")
 
-    def compile_key(self) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
-        return (*super().compile_key(), bool(self.prony))
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device; without Prony terms those of BondAssociated.
 

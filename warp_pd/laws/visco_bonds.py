@@ -59,10 +59,6 @@ class ViscoBondBased:
         """Whether its forces have an energy."""
         return not self.prony
 
-    def compile_key(self) -> tuple[object, ...]:
-        """What decides which kernels are compiled."""
-        return (bool(self.prony), self.update)
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 

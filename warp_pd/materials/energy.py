@@ -31,13 +31,10 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     start_warp()
     first, second = np.broadcast_arrays(np.asarray(first, float), np.asarray(second, float))
     functions = material.functions
-    module = "warp_pd_energy_" + "".join(
-        c if c.isalnum() else "_" for c in f"{functions.__module__}_{functions.__name__}"
-    )
     given: list[Any] = [wp.array(values.ravel(), dtype=wp.float64, device=device) for values in (first, second)]
     out = wp.empty(first.size, dtype=wp.float64, device=device)
     constants = wp.types.vector(length=4, dtype=wp.float64)(*padded_constants(material))
-    wp.launch(kernel_of(functions, module), first.size, inputs=[*given, constants, out], device=device)
+    wp.launch(kernel_of(functions), first.size, inputs=[*given, constants, out], device=device)
     return np.asarray(out.numpy().reshape(first.shape))
 
 

@@ -66,10 +66,6 @@ class RigidBody(Contact):
             raise InputError(f"RigidBody.name = {said(self.name)}: expected a name, such as 'needle'")
         self.motion.check(self.shape)
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Shape, kind of motion, and whether there is friction."""
-        return self.shape.kind, self.motion.free, self.friction > 0.0
-
     def check(self, others: Sequence[Part]) -> None:
         """Refuse another body of the same name.
 
@@ -163,7 +159,7 @@ class BuiltBody(BuiltContact):
         context, part, f = self.context, self.part, self.context.features
         kernels = body_contact(
             context.bits, part.shape.distance, part.motion.free, part.friction > 0.0, self._curved, f.held, f.loaded,
-            f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None, context.module,
+            f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None,
         )  # fmt: skip
         project = phase is Phase.PROJECT
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)

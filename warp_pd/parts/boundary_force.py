@@ -53,10 +53,6 @@ class BoundaryForce(Load):
         not_negative("BoundaryForce.value", self.value)
         one_of("BoundaryForce.form", self.form, FORMS)
 
-    def compile_key(self) -> tuple[object, ...]:
-        """The form."""
-        return (self.form,)
-
     def check(self, others: Sequence[Part]) -> None:
         """Refuse a second one.
 

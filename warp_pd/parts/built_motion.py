@@ -110,7 +110,7 @@ class OnPath(BuiltMotion):
         if phase is Phase.RIGID_DRIFT:
             clock = self.context.clock
             stage.launch(
-                self.name, path_motion(self.context.module), 1, times=self.knots, places=self.places,
+                self.name, path_motion(), 1, times=self.knots, places=self.places,
                 rotations=self.rotations, time=clock.time, advance=clock.advance, place=self.place,
                 rotation=self.rotation, motion=self.motion,
             )  # fmt: skip
@@ -159,9 +159,7 @@ class InFlight(BuiltMotion):
         self._inertia = wp.mat33d(*inertia.ravel().tolist())
         self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
         self._gravity = wp.vec3d(*map(float, body.gravity))
-        self._kernels = free_motion(
-            context.bits, context.features.damped, tracked, self.marks is not None, context.module
-        )
+        self._kernels = free_motion(context.bits, context.features.damped, tracked, self.marks is not None)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that kick and drift the body."""

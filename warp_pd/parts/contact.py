@@ -117,7 +117,7 @@ class RigidContact(BuiltContact):
         context, state, clock = self.context, self.context.state, self.context.clock
         f = context.features
         kernels = rigid_contact(
-            context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, f.half_steps, context.module
+            context.bits, self.shape, self._curved, f.held, f.loaded, f.damped, f.tracked, f.half_steps
         )
         assert self._path is not None
         project = phase is Phase.PROJECT

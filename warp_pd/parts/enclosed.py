@@ -73,10 +73,6 @@ class Enclosed(Load):
         """Discharge coefficient [-] of what cracks open, 0 if nothing flows, and density outside [kg/m^3]."""
         return 0.0, 1.0
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether its factor changes in time, and whether cracks let it out."""
-        return (self.schedule() is not None, self.outflow[0] > 0.0)
-
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The volume on a device."""
         return BuiltEnclosed(self, context, law)
@@ -227,9 +223,9 @@ class BuiltEnclosed(BuiltLoad):
         leaks = self._outflow[0] > 0.0
         if leaks and not breakable:
             raise InputError(f"{self.owner}.leak = {self._outflow[0]!r}: expected 0 where nothing can break")
-        key = (context.bits, pressure_law, self._schedule is not None, leaks, context.module)
+        key = (context.bits, pressure_law, self._schedule is not None, leaks)
         self._set_pressure = enclosed_pressure(*key)
-        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable, context.module)
+        self._add_force, self._add_tangent = enclosed_force(types.bits, breakable)
         self._allocate_surface(positions, faces, triangles, breakable)
         self._allocate_sums(len(triangles))
         self._allocate_leak(len(faces), leaks)
@@ -301,8 +297,8 @@ class BuiltEnclosed(BuiltLoad):
         return caps
 
     def _add_pressure(self, stage: Stage, displacement: Array, direction: Array | None) -> None:
-        context, module = self.context, self.context.module
-        sum_triangles, sum_sums = enclosed_volume(context.bits, direction is not None, module)
+        context = self.context
+        sum_triangles, sum_sums = enclosed_volume(context.bits, direction is not None)
         stage.launch(
             self.owner, sum_triangles, self._blocks.shape[1],
             triangles=self._triangles, positions=self._table["positions"], displacement=displacement,
@@ -338,8 +334,8 @@ class BuiltEnclosed(BuiltLoad):
         """Add the launches of the gas that flows out in a step."""
         context, displacement = self.context, self.context.state.displacement
         assert self._open_blocks is not None and self._open is not None
-        sum_open, lose_gas = gas_leak(context.bits, self._schedule is not None, context.module)
-        _, sum_sums = enclosed_volume(context.bits, False, context.module)
+        sum_open, lose_gas = gas_leak(context.bits, self._schedule is not None)
+        _, sum_sums = enclosed_volume(context.bits, False)
         self._add_pressure(stage, displacement, None)
         self._add_torn(stage)
         stage.launch(

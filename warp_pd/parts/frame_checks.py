@@ -46,7 +46,7 @@ class FrameChecks(BuiltPart):
             return
         context, state, f = self.context, self.context.state, self.context.features
         half_steps = self.half_step_kinetic is not None
-        kinetic = kinetic_energy(context.bits, f.held, f.loaded, f.damped, half_steps, context.module)
+        kinetic = kinetic_energy(context.bits, f.held, f.loaded, f.damped, half_steps)
         stage.launch(
             OWNER, kinetic, context.sheet.size,
             mass=state.mass, held_mask=state.held_mask, velocity=state.velocity, step=state.step,
@@ -54,7 +54,7 @@ class FrameChecks(BuiltPart):
             half_step=self.half_step_kinetic,
         )  # fmt: skip
         context.launch_on_blocks(
-            stage, OWNER, frame_checks(context.bits, context.module).watch_motion,
+            stage, OWNER, frame_checks(context.bits).watch_motion,
             {"displacement": state.displacement, "velocity": state.velocity},
             {"not_finite": self.not_finite, "fastest": self.fastest},
         )  # fmt: skip
@@ -161,7 +161,7 @@ class Sums:
 
     def add(self, stage: Stage) -> None:
         """Add the launches, after those that fill the arrays."""
-        checks, row = frame_checks(self.context.bits, self.context.module), 0
+        checks, row = frame_checks(self.context.bits), 0
         for values in self.arrays.values():
             scalar = values.dtype is wp.float64
             kernel = checks.sum_blocks if scalar else checks.sum_vectors
@@ -178,7 +178,7 @@ class Sums:
         stage = self._gathering
         if stage is None:
             context = self.context
-            stage = self._gathering = Stage("sums", "", context.device, context.module, context.block_dim, [])
+            stage = self._gathering = Stage("sums", "", context.device, context.block_dim, [])
             self._all = context.all_blocks(stage, self._sums, "sums_of_all_blocks", OWNER)
         run_once(self.context.device, stage)
         kept: Array = wp.clone(self._all)

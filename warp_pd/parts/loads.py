@@ -45,10 +45,6 @@ class Pressure(Load):
         finite("Pressure.value", self.value)
         one_of("Pressure.follower", self.follower, (True, False))
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether it follows the surface, and whether it changes in time."""
-        return (self.follower, self.ramp is not None)
-
     def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
         """Itself: it knows no points."""
         return self
@@ -77,10 +73,6 @@ class BodyForce(Load):
     def __post_init__(self) -> None:
         vector("BodyForce.value", self.value, 3)
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether it changes in time."""
-        return (self.ramp is not None,)
-
     def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
         """Itself: it knows no points."""
         return self
@@ -108,10 +100,6 @@ class PointForce(Load):
 
     def __post_init__(self) -> None:
         vector("PointForce.value", self.value, 3)
-
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether it changes in time."""
-        return (self.ramp is not None,)
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """The force on a device."""
@@ -183,7 +171,7 @@ class DeadLoad(BuiltLoad):
         """Add the launch that adds the force times its factor."""
         context = self.context
         stage.launch(
-            self.owner, dead_load(context.bits, context.module), len(self._points),
+            self.owner, dead_load(context.bits), len(self._points),
             points=self._loaded, force=self._loaded_force, factors=context.clock.scheduled, schedule=self._schedule,
             external=out,
         )  # fmt: skip
@@ -295,7 +283,7 @@ class ExternalForce(External):
         return self._constant if self._dead is None else self._dead
 
     def _add_begin(self, stage: Stage, constant: Array | None, out: Array) -> None:
-        begin = begin_loads(self.context.bits, constant is not None, self.context.module)
+        begin = begin_loads(self.context.bits, constant is not None)
         stage.pointwise("loads", begin, self.context.sheet.size, constant=constant, external=out)
 
     def add_dead(self, stage: Stage, out: Array) -> None:

@@ -84,7 +84,7 @@ class BuiltReaction(BuiltPart):
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch of a frame."""
         if phase is Phase.FRAME:
-            kernel = support_forces(self.context.bits, self.context.module)
+            kernel = support_forces(self.context.bits)
             force = self.context.state.force
             stage.launch(OWNER, kernel, len(self.points), points=self.points, force=force, out=self.pull)
 

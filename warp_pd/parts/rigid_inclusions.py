@@ -82,7 +82,7 @@ class BuiltInclusions(BuiltPart):
             return
         context, state = self.context, self.context.state
         features = context.features
-        move, kick = rigid_inclusions(context.bits, features.loaded, features.damped, context.module)
+        move, kick = rigid_inclusions(context.bits, features.loaded, features.damped)
         shared = {
             **self._bodies, "step": state.step, "damping": state.damping, "force": state.force,
             "external": state.external, "linear": self.linear, "angular": self.angular, "rotation": self.rotation,

@@ -36,10 +36,6 @@ class BondCriterion(Rupture):
         """Squared stretch |Y|^2/|X|^2 [-] up to which no bond exceeds the criterion, or None if there is none."""
         return None
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether some points are spared."""
-        return (self.spared is not None,)
-
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
         """The same criterion for the points that are here."""
         if self.spared is None:

@@ -74,10 +74,6 @@ class SelfContact(Contact):
         """Whether there is friction."""
         return self.friction > 0.0
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Whether there is friction."""
-        return (self.changes_velocities,)
-
     def check(self, others: Sequence[Part]) -> None:
         """Refuse a second one.
 
@@ -130,7 +126,7 @@ class BuiltSelfContact(BuiltContact):
     def _allocate_points(self, pieces: bool) -> None:
         """Allocate what pairs ask of points: where they lay, their areas, and their pieces."""
         context, sheet = self.context, self.context.sheet
-        points = pair_functions(context.bits, pieces, context.module).Points()
+        points = pair_functions(context.bits, pieces).Points()
         points.reference = context.array("reference", OWNER, wp.vec3d, sheet.positions)
         if pieces:
             points.piece = context.array("pieces", OWNER, wp.int32, sheet.pieces)

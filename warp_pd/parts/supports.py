@@ -233,4 +233,4 @@ class MovedPoints(BuiltPart):
         arguments["origins"] = None
         if placed:
             arguments["origins"] = context.array("moved_origins", "Motion", context.types.vec3, context.placement)
-        stage.pointwise("Motion", prescribed_motion(context.bits, placed, context.module), len(rows), **arguments)
+        stage.pointwise("Motion", prescribed_motion(context.bits, placed), len(rows), **arguments)

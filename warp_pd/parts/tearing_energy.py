@@ -91,10 +91,6 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.cut_profile", self.cut_profile, (True, False))
         one_of("TearingEnergy.screened", self.screened, (True, False))
 
-    def compile_key(self) -> tuple[object, ...]:
-        """What decides its kernels."""
-        return (self.spared is not None, self.screened)
-
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
         """The same criterion for the points that are here.
 

@@ -99,7 +99,7 @@ def compose(
     energy = EnergyBalance(context, law, does_work)
     context.state = shared_state(scene, context, external.constant, energy)
     solver = scene.solver.build(context, law)
-    context.clock.allocate(context.fields, context.types, context.module)
+    context.clock.allocate(context.fields, context.types)
     contacts = tuple(cast(BuiltContact, _built(part, parts, built)) for part in scene.contacts)
     bodies = body_checks(context, law, contacts)
     acting = (law, solver, moved, Ticking(context), *built, external, *bodies, checks := FrameChecks(context))

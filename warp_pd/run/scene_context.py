@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -50,7 +48,7 @@ def scene_context(
     initial = start if placement is None else start + placement
     made = Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), features=features, held=held,
-        module=module_name(scene, parts, features, bits), initial_displacement=initial, fields=FieldRegister(device),
+        initial_displacement=initial, fields=FieldRegister(device),
         clock=Clock(solver.duration, solver.default_ramp), placement=placement, communicator=communicator,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip
@@ -130,22 +128,3 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
         work=energy.work,
         dissipated=energy.dissipated,
     )  # fmt: skip
-
-
-def module_name(scene: Scene, parts: Sequence[Part], features: Features, bits: int) -> str:
-    """One Warp module per configuration, named by everything that decides its kernels."""
-    law = (*_name(type(scene.force)), *scene.force.compile_key())
-    named = sorted({repr(_named((*_name(type(part)), *part.compile_key()))) for part in parts})
-    stretched = [] if scene.sheet.stretch is None else ["prestretched"]
-    layout = (scene.sheet.layout, scene.sheet.frames is not None)
-    key = (bits, layout, features, *_name(type(scene.solver)), _named(law), named, *stretched)
-    return "warp_pd_" + hashlib.sha1(repr(key).encode()).hexdigest()[:12]
-
-
-def _name(kind: type | Callable[..., Any]) -> tuple[str, str]:
-    return kind.__module__, kind.__qualname__
-
-
-def _named(key: tuple[object, ...]) -> list[object]:
-    """The key with functions replaced by their names, so that its text is the same in every process."""
-    return [".".join(_name(entry)) if callable(entry) else entry for entry in key]

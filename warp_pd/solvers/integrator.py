@@ -24,7 +24,7 @@ def add_motion(phase: Phase, stage: Stage, context: Context, inertia: Array) -> 
         return
     state, f = context.state, context.features
     full_steps = f.contact and not f.half_steps
-    kernels = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, full_steps, context.module)
+    kernels = integration(context.bits, f.held, f.loaded, f.damped, f.tracked, full_steps)
     stage.pointwise(
         OWNER, kernels.drift if phase is Phase.DRIFT else kernels.kick, context.sheet.size,
         mass=inertia, held_mask=state.held_mask, step=state.step, damping=state.damping, force=state.force,

@@ -42,7 +42,7 @@ class Level:
         self.context, self.law, self.tangent, self.following = context, law, tangent, list(following)
         t, n = context.types, context.sheet.size
         self.displacement = context.state.displacement
-        self.kernels = equilibrium(t.bits, context.features.held, context.module)
+        self.kernels = equilibrium(t.bits, context.features.held)
         self.base = context.array("base", OWNER, t.vec3, shape=n)
         self.direction = context.array("newton_step", OWNER, t.vec3, shape=n)
         self.residual = context.array("unbalanced", OWNER, t.vec3, shape=n)
@@ -78,7 +78,7 @@ class Level:
         """
         state, f = self.context.state, self.context.features
         stage.launch(
-            OWNER, residual(self.context.bits, f.held, f.loaded, dead is not None, self.context.module), self.points,
+            OWNER, residual(self.context.bits, f.held, f.loaded, dead is not None), self.points,
             held_mask=state.held_mask, force=state.force, external=state.external, dead=dead,
             unbalanced=self.residual, squared=self._squared, reaction=self._reaction,
         )  # fmt: skip

@@ -45,7 +45,7 @@ class CoarseLoads:
 
     def add_force(self, stage: Stage, following: list[BuiltLoad], displacement: Array, out: Array) -> None:
         """Add the launches that fill `out` with the external force [N]."""
-        begin = begin_loads(self.context.bits, True, self.context.module)
+        begin = begin_loads(self.context.bits, True)
         stage.pointwise(OWNER, begin, self.context.sheet.size, constant=self.dead, external=out)
         for load in following:
             load.add_force(stage, displacement, out)
@@ -134,7 +134,7 @@ class Hierarchy:
         fine, coarse = self.levels[index], self.levels[index + 1]
         a, b = self.lattices[index], self.lattices[index + 1]
         context = fine.context
-        interpolate, smoothly, restrict = lattice_transfer(context.bits, context.features.held, context.module)
+        interpolate, smoothly, restrict = lattice_transfer(context.bits, context.features.held)
         (right_side, solution), (coarse_side, coarse_solution) = self._sides[index], self._sides[index + 1]
         down = context.stage("down", "every V-cycle, downwards")
         for sweep in range(SWEEPS):

@@ -132,7 +132,7 @@ class BuiltRelaxation(BuiltSolver):
         add_motion(phase, stage, context, self.inertia())
         if phase is Phase.DAMPING:
             following = bool(self.system.external.following)
-            measure_motion, set_damping = adaptive_damping(context.bits, following, context.module)
+            measure_motion, set_damping = adaptive_damping(context.bits, following)
             arrays = {
                 "mass": self.inertia(), "held_mask": state.held_mask, "velocity": state.velocity, "force": state.force,
                 "external": state.external, "previous": self._previous,
@@ -159,7 +159,7 @@ class BuiltRelaxation(BuiltSolver):
         self.stable_step = StableStep(system, self.inertia())
         self._mass_launches = context.sequence("fictitious mass")
         f = context.features
-        kernel = residual(context.bits, f.held, f.loaded, dead is not None, context.module)
+        kernel = residual(context.bits, f.held, f.loaded, dead is not None)
         context.stage("residual", f"every {CHECK_EVERY} steps of relaxation").launch(
             OWNER, kernel, context.sheet.size,
             held_mask=state.held_mask, force=state.force, external=state.external, dead=dead,

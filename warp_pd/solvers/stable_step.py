@@ -93,7 +93,7 @@ class StableStep:
     def _add_iteration(self, stage: Stage, system: System, inertia: Array, buffers: _Buffers) -> None:
         """Add the launches of one iteration: forces on both sides of the state, the response, the next direction."""
         context, direction, n = self.context, self.direction, self.context.sheet.size
-        state, kernels = context.state, power_iteration(context.types.bits, context.module)
+        state, kernels = context.state, power_iteration(context.types.bits)
         for sign, force in ((1.0, buffers.plus), (-1.0, buffers.response)):
             stage.launch(
                 OWNER, kernels.trial, n,
@@ -125,7 +125,7 @@ class StableStep:
             return sums
         groups = -(-sums.shape[1] // GROUP)
         shorter = self.context.array("sums_of_groups", OWNER, wp.float64, shape=(4, groups), per="table")
-        stage.launch(OWNER, sums_of_groups(self.context.module), groups, sums=sums, group=GROUP, shorter=shorter)
+        stage.launch(OWNER, sums_of_groups(), groups, sums=sums, group=GROUP, shorter=shorter)
         return shorter
 
     def _with_noise(self, fraction: float, old: np.ndarray | None) -> np.ndarray:

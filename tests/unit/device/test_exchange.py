@@ -97,8 +97,8 @@ def test_other_laws_are_refused_before_their_families_are_built():
 
 
 @functools.cache
-def far(module):
-    @kernel(module, gathers=("values",))
+def far():
+    @kernel(gathers=("values",))
     def look_far(values: wp.array(dtype=wp.vec3), first: int, out: wp.array(dtype=wp.vec3)):
         out[wp.tid() + first] = values[0]
 
@@ -112,7 +112,7 @@ def test_a_launch_that_looks_too_far_is_refused():
     n, values = context.sheet.size, context.state.displacement
     for k in range(3):
         out = context.array(f"far_{k}", "test", wp.vec3, shape=n)
-        stage.launch("test", far("test_exchange"), n, values=values, out=out)
+        stage.launch("test", far(), n, values=values, out=out)
         values = out
     with pytest.raises(InputError, match=r"^test: look_far looks 3 horizons around a point"):
         add_exchanges(context)

@@ -13,14 +13,12 @@ from warp_pd.interfaces.context import find_device
 from warp_pd.kernels.effects import Effects, kernel
 from warp_pd.kernels.pointwise import pointwise
 
-MODULE = "test_launches"
-
 
 @functools.cache
 def add_kernel():
     """b[i] += a[i]."""
 
-    @kernel(MODULE)
+    @kernel()
     def add(a: wp.array(dtype=float), first: int, b: wp.array(dtype=float)):
         i = wp.tid() + first
         b[i] = b[i] + a[i]
@@ -32,12 +30,12 @@ def add_kernel():
 def neighbour_sum():
     """Pointwise stage: out[i] = source[i - 1] + source[i + 1]."""
 
-    @functools.partial(wp.struct, module=MODULE)
+    @wp.struct
     class Neighbours:
         source: wp.array(dtype=float)
         out: wp.array(dtype=float)
 
-    @pointwise(MODULE, Neighbours, writes=("out",), gathers=("source",))
+    @pointwise(Neighbours, writes=("out",), gathers=("source",))
     def sum_neighbours(begin: int, end: int, a: Neighbours):
         for i in range(begin, end):
             n = a.source.shape[0]
@@ -50,12 +48,12 @@ def neighbour_sum():
 def twice():
     """Pointwise stage: out[i] = 2 source[i]."""
 
-    @functools.partial(wp.struct, module=MODULE)
+    @wp.struct
     class Twice:
         source: wp.array(dtype=float)
         out: wp.array(dtype=float)
 
-    @pointwise(MODULE, Twice, writes=("out",))
+    @pointwise(Twice, writes=("out",))
     def double(begin: int, end: int, a: Twice):
         for i in range(begin, end):
             a.out[i] = 2.0 * a.source[i]
@@ -64,7 +62,7 @@ def twice():
 
 
 def stage():
-    return Stage("stage", "once", find_device("cpu"), MODULE, 64, [])
+    return Stage("stage", "once", find_device("cpu"), 64, [])
 
 
 def array(*values):
@@ -204,7 +202,7 @@ def test_effects_know_what_a_thread_works_on():
     # What works on a list of points may read any of them.
     made = stage()
 
-    @kernel(MODULE, per="list")
+    @kernel(per="list")
     def pick(points: wp.array(dtype=int), a: wp.array(dtype=float), first: int, b: wp.array(dtype=float)):
         i = points[wp.tid() + first]
         b[i] = a[i]
@@ -218,20 +216,18 @@ def test_effects_know_what_a_thread_works_on():
 def test_a_kernel_without_first_is_named():
     with pytest.raises(ValueError, match="kernel add_one: expected an argument `first`"):
 
-        @kernel(MODULE)
+        @kernel()
         def add_one(a: wp.array(dtype=float)):
             a[wp.tid()] = 1.0
 
 
 @pytest.mark.parametrize("split_from", [0.0, np.inf], ids=["slices", "whole"])
-def test_a_launch_that_takes_long_is_split_over_the_cores(monkeypatch, split_from):
-    monkeypatch.setattr(graph, "SPLIT_FROM", split_from)
-    monkeypatch.setattr(graph, "available_cores", lambda: 3)
+def test_a_launch_that_takes_long_is_split_over_the_cores(split_from):
     a, b = (wp.array(np.arange(1000.0, dtype=np.float32), device="cpu") for _ in range(2))
     made = stage()
     made.pointwise("one", twice(), 1000, source=a, out=b)
     made.launch("two", add_kernel(), 1000, a=a, b=b)
-    launches = [graph.CpuLaunch(item, made.device) for item in made]
+    launches = [graph.CpuLaunch(item, made.device, split_from, parts=3) for item in made]
     for _ in range(graph.TIMED_RUNS + 2):
         for launch in launches:
             launch.run()
@@ -239,11 +235,10 @@ def test_a_launch_that_takes_long_is_split_over_the_cores(monkeypatch, split_fro
     np.testing.assert_array_equal(b.numpy(), 3.0 * np.arange(1000.0))
 
 
-def test_a_launch_with_one_thread_is_not_split(monkeypatch):
-    monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
+def test_a_launch_with_one_thread_is_not_split():
     made = stage()
     made.launch("two", add_kernel(), 1, a=array(1.0), b=array(1.0))
-    launch = graph.CpuLaunch(next(iter(made)), made.device)
+    launch = graph.CpuLaunch(next(iter(made)), made.device, split_from=0.0, parts=3)
     for _ in range(graph.TIMED_RUNS + 1):
         launch.run()
     assert len(launch.slices) == 1

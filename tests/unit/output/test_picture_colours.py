@@ -15,6 +15,7 @@ from warp_pd.geometry import picture_files
 from warp_pd.output import plots
 from warp_pd.output.colour_scale import scale_of
 from warp_pd.output.picture_frames import Shown
+from warp_pd.output.plots import MOST_POLYGONS
 from warp_pd.output.projection import View, material_lines, raster
 from warp_pd.output.quantities import column_label, column_unit, field_label
 from warp_pd.run.runner import picture_formats
@@ -39,12 +40,18 @@ def figure_of(monkeypatch, draw, *arguments, **options):
     return kept[0]
 
 
-@pytest.mark.parametrize("most", [0, plots.MOST_POLYGONS], ids=["pixels", "polygons"])
+@pytest.fixture
+def as_pixels(monkeypatch):
+    """Draws small sheets as pixels: a sheet of more than MOST_POLYGONS triangles would take a test a minute."""
+    return lambda pixels: monkeypatch.setattr(plots, "MOST_POLYGONS", 0 if pixels else MOST_POLYGONS)
+
+
+@pytest.mark.parametrize("pixels", [True, False], ids=["pixels", "polygons"])
 @pytest.mark.parametrize("picture", [plots.surfaces, plots.from_above])
 @pytest.mark.parametrize("damage", [0.0, 0.5, 1.0])
-def test_a_sheet_has_the_colour_of_the_bar(picture, damage, most, tmp_path, monkeypatch):
+def test_a_sheet_has_the_colour_of_the_bar(picture, damage, pixels, tmp_path, as_pixels):
     """Whatever its slope: most pixels that are neither white nor a line have exactly that colour."""
-    monkeypatch.setattr(plots, "MOST_POLYGONS", most)
+    as_pixels(pixels)
     frame = sheet_shown(lift=0.3)
     frame.fields["damage"] += damage
     picture(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
@@ -117,10 +124,10 @@ def test_the_sheet_fills_the_picture(width, height, lift, monkeypatch):
     assert box.width * box.height > 0.3 * figure.bbox.width * figure.bbox.height
 
 
-@pytest.mark.parametrize("most", [0, plots.MOST_POLYGONS], ids=["pixels", "polygons"])
-def test_a_sheet_that_hides_another_is_drawn_last(most, tmp_path, monkeypatch):
+@pytest.mark.parametrize("pixels", [True, False], ids=["pixels", "polygons"])
+def test_a_sheet_that_hides_another_is_drawn_last(pixels, tmp_path, as_pixels):
     """Two sheets above each other, the upper one damaged: its colour covers the lower one's, seen from above."""
-    monkeypatch.setattr(plots, "MOST_POLYGONS", most)
+    as_pixels(pixels)
     low, high = sheet_shown(5), sheet_shown(5)
     n = len(low.points)
     both = replace(
@@ -182,7 +189,7 @@ def test_names_say_what_they_are():
     assert (column_unit("ball_force_z"), column_unit("pressure"), column_unit("mine")) == ("N", "Pa", "")
 
 
-def test_pixels_and_polygons_show_the_same(tmp_path, monkeypatch):
+def test_pixels_and_polygons_show_the_same(tmp_path, as_pixels):
     """A bump with a hole and a ball on it: few pixels differ, those of edges and lines."""
     frame = sheet_shown(41, lift=0.3)
     x, y = frame.reference[:, :2].T
@@ -190,8 +197,8 @@ def test_pixels_and_polygons_show_the_same(tmp_path, monkeypatch):
     whole = (np.hypot(x - 0.3, y - 0.3) > 0.12)[frame.triangles].all(axis=1)
     frame = replace(frame, triangles=frame.triangles[whole], ball=(np.array([0.7, 0.3, 0.35]), 0.2))
     shown = []
-    for most in (0, plots.MOST_POLYGONS):
-        monkeypatch.setattr(plots, "MOST_POLYGONS", most)
+    for pixels in (True, False):
+        as_pixels(pixels)
         plots.surfaces(tmp_path / "a.png", [frame], "damage", limits=(0.0, 1.0))
         shown.append(imread(tmp_path / "a.png")[..., :3])
     different = np.abs(shown[0] - shown[1]).max(axis=2) > 0.1

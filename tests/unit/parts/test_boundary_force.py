@@ -61,10 +61,6 @@ def test_the_plan_has_it_only_where_a_scene_asks():
     assert launches["edge_normals"] <= launches["add_boundary_force"] <= built.simulation.sheet.size
 
 
-def test_the_forms_do_not_share_a_module():
-    assert built_on("lattice", "normal").context.module != built_on("lattice", "printed").context.module
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -1,9 +1,9 @@
-"""Composing a simulation: stages, the plan, what is compiled, the module's name, owners, and loads in every solver."""
+"""Composing a simulation: stages, the plan, what is compiled, owners, and loads in every solver."""
 
 import numpy as np
 import pytest
-import warp as wp
 from helpers import NEO, square
+from warp._src.context import user_modules
 
 from warp_pd import (
     BodyForce,
@@ -22,6 +22,7 @@ from warp_pd import (
     Simulation,
 )
 from warp_pd.interfaces import Load
+from warp_pd.kernels.effects import Kernel
 
 LAW = BondAssociated(NEO, horizon=2.015, weights="plain")
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -49,15 +50,33 @@ SCENES = {
 }  # fmt: skip
 
 
+def launches_of(built):
+    return [launch for stage in built.context.stages.values() for launch in stage.launches()]
+
+
+def kernels_of(built):
+    """Modules of the kernels of a simulation; each kernel is one, named by its content."""
+    return {launch.kernel.module for launch in launches_of(built)}
+
+
+def kernels_of_law(built):
+    """The same for the law, but for pointwise stages, which are compiled with those that they are joined to."""
+    return {
+        launch.kernel.module
+        for launch in launches_of(built)
+        if launch.owner == "BondAssociated" and isinstance(launch.source, Kernel)
+    }
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_compile_leaves_nothing_to_compile_in_a_run(name):
     built = SCENES[name]().build("cpu", 64)
+    kernels = kernels_of(built)
     built.context.compile()
-    module = wp.get_module(built.context.module)
-    before = (set(module.kernels), dict(module.execs))
-    assert before[0]
+    assert kernels and all(kernel.execs for kernel in kernels)
+    loaded = {module for module in user_modules.values() if module.execs}
     assert SCENES[name]().run(device="cpu", precision=64).status == "finished"
-    assert (set(module.kernels), dict(module.execs)) == before
+    assert {module for module in user_modules.values() if module.execs} == loaded
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -78,21 +97,22 @@ def test_plan_has_coarse_lattices():
         assert f"\n  {stage} " in plan, stage
 
 
-def module_of(*loads, **parts):
-    return simulation(Explicit(1.0), loads, **parts).build("cpu", 64).context.module
+def compiled(*loads, **parts):
+    return simulation(Explicit(1.0), loads, **parts).build("cpu", 64)
 
 
-def test_a_module_is_named_by_all_that_decides_its_kernels():
-    different = [
-        module_of(), module_of(Pressure(1.0)), module_of(Pressure(1.0, follower=False)),
-        module_of(Pressure(1.0, ramp=RAMP)), module_of(BodyForce((0.0, 0.0, 1.0))),
-        module_of(damage=CriticalStretch(2.0)),
-        module_of(damage=CriticalStretch(2.0, spared=[0])), module_of(track_energy=False),
-    ]  # fmt: skip
-    assert len(set(different)) == len(different)
-    # Values do not: other sizes of a load share kernels.
-    assert module_of(Pressure(1.0)) == module_of(Pressure(2.0))
-    assert module_of(damage=CriticalStretch(2.0)) == module_of(damage=CriticalStretch(3.0))
+def test_scenes_that_differ_in_numbers_share_all_kernels():
+    assert kernels_of(compiled(Pressure(1.0))) == kernels_of(compiled(Pressure(2.0)))
+    assert kernels_of(compiled(damage=CriticalStretch(2.0))) == kernels_of(compiled(damage=CriticalStretch(3.0)))
+
+
+def test_scenes_with_other_parts_share_the_kernels_of_the_law():
+    law = kernels_of_law(compiled())
+    ball = RigidBall(0.03, (0.05, 0.05, 0.02), (0.0, 0.0, -1.0))
+    assert law
+    for other in (compiled(Pressure(1.0)), compiled(BodyForce((0.0, 0.0, 1.0))), compiled(contact=ball)):
+        assert kernels_of_law(other) == law
+    assert kernels_of_law(compiled(damage=CriticalStretch(2.0))) != law
 
 
 @pytest.mark.parametrize(

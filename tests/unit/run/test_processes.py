@@ -90,9 +90,7 @@ def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_p
         assert running.poll() is None and time.monotonic() < until, running.stderr.read()
         time.sleep(0.05)
     os.kill(workers(running.pid)[1], signal.SIGKILL)
-    begin = time.monotonic()
     _, said = running.communicate(timeout=60.0)
-    assert time.monotonic() - begin < 60.0
     assert running.returncode == 4
     assert re.fullmatch(r"warp-pd: process [01] was ended by SIGKILL; --resume goes on\n", said)
     assert not (killed / "summary.json").exists()

@@ -107,14 +107,6 @@ class Neural:
             )
         return found
 
-    def compile_key(self) -> tuple[object, ...]:
-        """Everything that decides which kernels are compiled."""
-        numbers = self.loaded.sigmoids() if self.loaded is not None and self.evaluation == "fused" else None
-        return (
-            capabilities(self.material).membrane, self.weights, self.evaluation, numbers,
-            self.loaded is not None,
-        )  # fmt: skip
-
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 
@@ -141,14 +133,13 @@ class NeuralForce(PointLaw):
         assert known.membrane is not None and known.mu is not None
         # A network gives forces divided by mu.
         self._scale = 1.0 if law.evaluation == "closed_form" else known.mu
-        layers, fused_module = None, f"{context.module}_fused"
+        layers = None
         if law.evaluation == "fused":
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
-            context.use_fast_math(fused_module)
         self.kernels = neural(
             context.layout, known.membrane, law.weights == "corrected", law.evaluation, layers,
-            law.loaded is not None, fused_module,
+            law.loaded is not None,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None
         self.outside: Array | None = None

@@ -2,7 +2,6 @@
 
 import functools
 import re
-import time
 
 import numpy as np
 import pytest
@@ -105,13 +104,11 @@ def test_clipped_index():
     np.testing.assert_array_equal(clipped_index(4, 2), np.arange(4))
 
 
-def test_a_million_points_take_seconds():
-    begin = time.perf_counter()
+def test_a_million_points_share_few_kinds_of_weights():
     found = rectangle_corrected(1000, 1000, 1e-3, **stencil(3.15))
     kinds = found.kinds()
-    assert time.perf_counter() - begin < 5.0
     assert kinds.shape == (1_000_000,)
-    assert kinds.max() < found.table.shape[0] * found.table.shape[1]
+    assert kinds.max() < found.table.shape[0] * found.table.shape[1] < 1_000
 
 
 @pytest.mark.parametrize(("name", "value"), [("floor", 1.0), ("depth", 0)])
