@@ -157,7 +157,6 @@ class DamageField(Damaged):
         self._fracture_at_start = float(
             (2.0 * self.limit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))).sum()
         )
-        self._area = float(sheet.areas.sum())
         self._profile_mean = float(profile.mean())
         self.kernels = damage_field(
             context.layout, self.spared is not None, rupture.screened, self.released is not None, law.earlier_energy,
