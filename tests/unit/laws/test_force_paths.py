@@ -81,8 +81,8 @@ def compare(sheet, horizon, bits, cut=None, material=GENT, law=None):
 )
 def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, material):
     quick, reference = compare(square(15), horizon, bits, material=material)
-    assert quick[1:3] == ["family_block_force", "undamaged_family_force"]
-    assert reference[1:2] == ["variational_force"]
+    assert {"undamaged_family_force", "family_block_force"} <= set(quick)
+    assert "variational_force" in reference
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
 def test_one_thread_per_bond(gpu_paths, sheet, cut, bits):
     """A GPU takes small sheets so."""
     quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
-    assert quick[-3:-1] == ["family_block_force", "gather_from_reverse_bonds"]
+    assert "family_block_force" in quick and "undamaged_family_force" not in quick
 
 
 def break_at_random(built, seed=0):
