@@ -28,8 +28,8 @@ class Played(OneOfMany):
     """
 
     def __init__(self, made, rank, size, more=0):
-        super().__init__(made, rank, size)
         self.more = more
+        super().__init__(made, rank, size)
 
     def set_partition(self, partition):
         inner, end = partition.inner, len(partition.points)

@@ -34,7 +34,7 @@ def test_frames_are_those_of_the_run(result):
 
 
 def test_slices_read_nothing_until_they_are_asked(result):
-    frames, file = result.frames, result.out / "frames.vtkhdf"
+    frames, file = result.frames, result.folder / "frames.vtkhdf"
     file.rename(file.with_name("away"))
     try:
         some = frames[1::2]
