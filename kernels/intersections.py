@@ -13,8 +13,6 @@ from .effects import Kernel, kernel
 from .families import WORD
 from .kinematics import kinematics
 
-MODULE = "warp_pd_intersections"
-
 
 @functools.cache
 def common_members(dimension: int, graded: bool) -> Kernel:

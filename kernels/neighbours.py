@@ -11,14 +11,12 @@ import warp as wp
 
 from .effects import Kernel, kernel
 
-MODULE = "warp_pd_neighbours"
-
 
 @functools.cache
 def near_points(counts: bool) -> Kernel:
     """Kernel that counts the points near each point [points], or lists them in ascending order [points, members]."""
 
-    @kernel(MODULE + ("_counted" if counts else "_listed"), gathers=("points",))
+    @kernel(gathers=("points",))
     def list_near_points(
         points: wp.array(dtype=wp.vec2d),
         order: wp.array(dtype=wp.int32),
@@ -61,7 +59,7 @@ def near_points(counts: bool) -> Kernel:
 def reverse_members() -> Kernel:
     """Kernel that finds each point in the ascending list of its member [points, members]; 0 where there is none."""
 
-    @kernel(MODULE + "_reverse", gathers=("near", "sizes"))
+    @kernel(gathers=("near", "sizes"))
     def find_reverse_members(
         near: wp.array2d(dtype=wp.int32),
         sizes: wp.array(dtype=wp.int32),

@@ -1,12 +1,12 @@
 """Devices that tests run on, and pictures that they do not wait for."""
 
-from dataclasses import replace
+import functools
 
 import pytest
 import warp as wp
+from helpers import tune_paths
 
 from warp_pd.interfaces.context import find_device
-from warp_pd.laws import force_paths
 
 
 @pytest.fixture(params=["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)])
@@ -32,5 +32,5 @@ def no_default_pictures(request, monkeypatch):
 
 @pytest.fixture
 def tune(monkeypatch):
-    """Change what decides force paths, so that a small sheet takes that of a large one."""
-    return lambda **changes: monkeypatch.setattr(force_paths, "TUNING", replace(force_paths.TUNING, **changes))
+    """`tune_paths`, for a test."""
+    return functools.partial(tune_paths, monkeypatch)

@@ -1,10 +1,15 @@
 """What the tests share: small simulations, and their forces and energies at any displacement."""
 
+from dataclasses import replace
+
 import numpy as np
+import warp as wp
 
 from warp_pd import BondAssociated, Explicit, Gent, NeoHookean, Sheet, Simulation
+from warp_pd.device import graph
 from warp_pd.families import pack
 from warp_pd.geometry.triangulation import crosses
+from warp_pd.laws import force_paths
 
 MU, BULK = 1e3, 100e3
 NEO = NeoHookean(mu=MU, bulk=BULK)
@@ -161,3 +166,18 @@ def force_across(built, horizontal):
         for k in np.flatnonzero(across > back):
             total += bond_force[k, i] - bond_force[families.reverses[k], i + families.shift[k]]
     return total / (lattice.dx if horizontal else lattice.dy)
+
+
+def tune_paths(patch, **changes):
+    """Change what decides force paths, so that a small sheet takes that of a large one."""
+    patch.setattr(force_paths, "TUNING", replace(force_paths.TUNING, **changes))
+
+
+def play_gpu(patch):
+    """Let a CPU take the force paths of a GPU; no public option does, as they are slow there.
+
+    It runs blocks of threads one after the other, and launches whole: their threads share memory.
+    """
+    patch.setattr(force_paths, "shares_memory", lambda device: True)
+    patch.setattr(graph, "SPLIT_FROM", float("inf"))
+    patch.setattr(wp.config, "enable_cpu_blocks", True)

@@ -64,6 +64,7 @@ def test_two_runs_agree_and_tear(device, layout, precision):
 @pytest.mark.parametrize("layout", SHEETS)
 def test_fused_launches_are_the_launches_one_by_one(device, monkeypatch, layout, precision):
     fused = struck(SHEETS[layout](), precision).run(device=device).built
+    # Launches are joined wherever that changes no bit, so nothing public keeps them apart.
     monkeypatch.setattr(launches, "_joined", lambda first, second: None)
     single = struck(SHEETS[layout](), precision).run(device=device).built
     assert len(single.context.stages["step"]) > len(fused.context.stages["step"])
@@ -102,6 +103,7 @@ def test_side_streams_give_the_same_bits(device, monkeypatch):
     beside = struck(square(21), 64).run(device=device).built
     assert any(item.side_stream for item in beside.context.stages["step"])
     launch = launches.Stage.launch
+    # Nothing public takes a launch off its side stream.
     monkeypatch.setattr(
         launches.Stage, "launch", lambda self, *a, side_stream=False, **k: launch(self, *a, side_stream=False, **k)
     )

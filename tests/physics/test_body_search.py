@@ -37,6 +37,7 @@ def require_same_bits(result, other):
 def test_points_that_remember_nothing_touch_the_same(plain, monkeypatch):
     assert plain.history[-1]["body_force_z"] < 0.0
     assert min(row["ball_force_z"] for row in plain.history) < 0.0 or plain.history[-1]["ball_force_z"] > 0.0
+    # Nothing public makes points forget: the search is to change no bit.
     monkeypatch.setattr(bodies, "UNSURE", 1e6)
     require_same_bits(plain, scene().run(device="cpu", precision=32))
 
@@ -51,6 +52,7 @@ def test_points_seldom_ask(plain):
 
 
 def test_marked_points_touch_the_same(plain, monkeypatch):
+    # Sheets that are marked are too large for a test.
     monkeypatch.setattr(built_motion, "MARKED_FROM", 0)
     marked = scene().run(device="cpu", precision=32)
     assert marked.built.context.fields["ball_marks"].numpy().any()

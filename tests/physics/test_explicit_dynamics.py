@@ -99,6 +99,7 @@ def test_the_step_follows_a_sheet_that_stiffens_within_one_long_frame(monkeypatc
     result = pulled.run(device="cpu")
     assert result.status == "finished", result.summary["message"]
     assert result.summary["steps"] > 2 * STEPS_BETWEEN
+    # A step that is given is checked; one that is estimated once only is what this rules out.
     monkeypatch.setattr("warp_pd.solvers.explicit.STEPS_BETWEEN", 10**6)
     assert pulled.run(device="cpu").status == "diverged"
 

@@ -114,6 +114,7 @@ def test_corrected_weights_are_those_of_the_cloud(make, horizon):
 def test_weights_are_corrected_around_the_gaps_alone(monkeypatch):
     sizes = []
     whole = balance._Table
+    # The correction says how well it did, not at how many points it worked.
     monkeypatch.setattr(balance, "_Table", lambda points, *rest: sizes.append(len(points)) or whole(points, *rest))
     sheet = holed(81, 0.006)
     build(sheet, horizon=1.5, weights="corrected")

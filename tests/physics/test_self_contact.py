@@ -145,6 +145,7 @@ def test_pairs_without_a_bond_touch_and_no_others():
 def test_bits_repeat_and_do_not_depend_on_when_lists_are_made(precision, monkeypatch):
     parts = collision(friction=0.3, sideways=0.2)
     one, again = (run(**parts, precision=precision) for _ in range(2))
+    # Nothing public says how often lists are made: it is to change no bit.
     monkeypatch.setattr(self_contact, "SKIN", 0.05)
     often = run(**parts, precision=precision)
     for other in (again, often):
@@ -165,6 +166,7 @@ def test_launches_with_nothing_to_do_are_left_out_with_the_same_bits(monkeypatch
 
     run_launch = graph.CpuLaunch.run
     quick = run(**case)
+    # Launches that are left out leave no trace but time.
     monkeypatch.setattr(graph.CpuLaunch, "run", always)
     every = run(**case)
     assert quick.history == every.history

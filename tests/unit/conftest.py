@@ -1,11 +1,8 @@
 """What the tests of modules share."""
 
 import pytest
-import warp as wp
+from helpers import play_gpu
 from small_runs import BALL, cli
-
-from warp_pd.device import graph
-from warp_pd.laws import force_paths
 
 
 @pytest.fixture(scope="session")
@@ -20,7 +17,5 @@ def ball(tmp_path_factory):
 @pytest.fixture
 def gpu_paths(monkeypatch, tune):
     """Force paths of a GPU on a CPU, which runs blocks of threads one after the other."""
-    monkeypatch.setattr(force_paths, "shares_memory", lambda device: True)
-    monkeypatch.setattr(graph, "SPLIT_FROM", float("inf"))
-    monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
+    play_gpu(monkeypatch)
     tune(compact_points=0)

@@ -92,15 +92,16 @@ class CpuLaunch:
     Args:
         item: The launch.
         device: The CPU.
-        split_from: Time on one core from which it is split [s].
+        split_from: Time on one core from which it is split [s]; None: SPLIT_FROM.
         parts: Number of slices; None: one per core.
     """
 
     def __init__(
-        self, item: Launch, device: wp.Device, split_from: float = SPLIT_FROM, parts: int | None = None
+        self, item: Launch, device: wp.Device, split_from: float | None = None, parts: int | None = None
     ) -> None:
         self.item, self.device = item, device
-        self._split_from, self._parts = split_from, parts or available_cores()
+        self._split_from = SPLIT_FROM if split_from is None else split_from
+        self._parts = parts or available_cores()
         self.slices = [self._record(item.begin, item.begin + item.threads)]
         self._needed = None if item.only_if is None else item.only_if.numpy()
         self._undecided = TIMED_RUNS if min(item.threads, self._parts) > 1 else 0

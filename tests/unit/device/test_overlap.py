@@ -21,7 +21,20 @@ STEPS, DT, END = 12, 2e-4, 4e-2
 
 
 class Played(OneOfMany):
-    """One of several processes that are played by one, each up to its exchange in turn."""
+    """One of several processes that are played by one, each up to its exchange in turn.
+
+    Args:
+        more: Points by which its interior is too wide at both ends.
+    """
+
+    def __init__(self, made, rank, size, more=0):
+        self.more = more
+        super().__init__(made, rank, size)
+
+    def set_partition(self, partition):
+        inner, end = partition.inner, len(partition.points)
+        inner = slice(max(inner.start - self.more, 0), min(inner.stop + self.more, end))
+        super().set_partition(replace(partition, inner=inner))
 
     def exchange(self, fields, partition):
         addresses = frozenset(int(stored.array.ptr) for stored in fields)
@@ -29,8 +42,14 @@ class Played(OneOfMany):
         return Call(names, "", 0, lambda: None, None, Touched(addresses, frozenset(), addresses))
 
 
-def process(made, rank, size, begin=True):
-    built = compose(made, "cpu", None, Played(made, rank, size))
+@pytest.fixture
+def streams(monkeypatch):
+    """Exchanges are arranged as on a GPU: this machine may have none, and the tests play its streams."""
+    monkeypatch.setattr(exchange, "has_streams", lambda device: True)
+
+
+def process(made, rank, size, begin=True, more=0):
+    built = compose(made, "cpu", None, Played(made, rank, size, more))
     if begin:
         begun(built)
     return built
@@ -101,19 +120,9 @@ def played(built, everyone):
     assert not later
 
 
-def displacements(name, size, monkeypatch, widened=0):
+def displacements(name, size, more=0):
     """Displacements of the own points of all processes after some steps, one after another."""
-    monkeypatch.setattr(exchange, "has_streams", lambda device: True)
-    set_partition = OneOfMany.set_partition
-
-    def widen(self, partition):
-        inner = slice(
-            max(partition.inner.start - widened, 0), min(partition.inner.stop + widened, len(partition.points))
-        )
-        set_partition(self, replace(partition, inner=inner))
-
-    monkeypatch.setattr(Played, "set_partition", widen)
-    everyone = [process(scene(name), rank, size) for rank in range(size)]
+    everyone = [process(scene(name), rank, size, more=more) for rank in range(size)]
     assert any(item.beside for item in everyone[0].context.stages["step"])
     for _ in range(STEPS):
         played_step(everyone)
@@ -129,20 +138,19 @@ def alone(name):
 
 
 @pytest.mark.parametrize(("name", "size"), [("loads", 2), ("torn", 3), ("hole", 2), ("visco", 2)])
-def test_the_interior_does_not_wait_for_the_halo_and_leaves_the_same_bits(name, size, monkeypatch):
+def test_the_interior_does_not_wait_for_the_halo_and_leaves_the_same_bits(name, size, streams):
     expected = alone(name)
     assert np.abs(expected).max() > 0.0
-    np.testing.assert_array_equal(displacements(name, size, monkeypatch), expected)
+    np.testing.assert_array_equal(displacements(name, size), expected)
 
 
-def test_an_interior_one_row_too_wide_is_noticed(monkeypatch):
-    assert not np.isfinite(displacements("loads", 2, monkeypatch, widened=33)).all()
+def test_an_interior_one_row_too_wide_is_noticed(streams):
+    assert not np.isfinite(displacements("loads", 2, more=33)).all()
 
 
-def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(monkeypatch, gpu_paths, tune):
+def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(streams, gpu_paths, tune):
     """Declared on a CPU, not run."""
     tune(lattice_bonds=0)
-    monkeypatch.setattr(exchange, "has_streams", lambda device: True)
     items = list(process(scene("torn"), 1, 3, begin=False).context.stages["step"])
     names = ["break_bonds", "undamaged_family_force"]
     beside = [(item.name, item.side_stream) for item in items if item.beside]
@@ -163,9 +171,8 @@ def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
 
 
 @pytest.mark.parametrize("name", ["cloud", "relaxed"])
-def test_blocks_that_share_points_are_divided_by_them(name, monkeypatch, gpu_paths):
+def test_blocks_that_share_points_are_divided_by_them(name, streams, gpu_paths):
     """Clouds, and sheets too small for a thread a point, have one kernel; declared on a CPU, not run."""
-    monkeypatch.setattr(exchange, "has_streams", lambda device: True)
     context = process(scene(name), 1, 2, begin=False).context
     parts = [i for i in context.stages["step"] if i.name == "family_block_force"]
     assert all(part.beside for part in parts) and [part.side_stream for part in parts][-1] is False

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import warp as wp
 from curved_sheets import small_tube
-from helpers import NEO, square
+from helpers import NEO, play_gpu, square, tune_paths
 
 import warp_pd
 from warp_pd import (
@@ -47,9 +47,8 @@ from warp_pd import (
     Yeoh,
     together,
 )
-from warp_pd.device import graph, launches
+from warp_pd.device import launches
 from warp_pd.device.launches import Launch, arrays_in
-from warp_pd.laws import force_paths
 from warp_pd.parts import built_motion
 from warp_pd.solvers import stable_step
 
@@ -130,12 +129,9 @@ def further():
 @pytest.fixture(scope="module")
 def gpu_paths():
     """Builds simulations with the force paths of a large sheet on a GPU, which a CPU runs one block after the other."""
-    large = replace(force_paths.TUNING, lattice_bonds=0, compact_points=0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(force_paths, "shares_memory", lambda device: True)
-        patch.setattr(force_paths, "TUNING", large)
-        patch.setattr(graph, "SPLIT_FROM", float("inf"))
-        patch.setattr(wp.config, "enable_cpu_blocks", True)
+        play_gpu(patch)
+        tune_paths(patch, lattice_bonds=0, compact_points=0)
         law = BondAssociated(NEO, horizon=1.5, weights="plain")
         torn = {"damage": CriticalStretch(2.0)}
         cases = ((square(13), {}), (square(13), torn), (square(9).as_cloud(), {}))
@@ -165,6 +161,7 @@ def _launches_of(simulations):
     """Every launch of some simulations, each pointwise stage apart, with what it belongs to."""
     found = []
     with pytest.MonkeyPatch.context() as patch:
+        # Each stage declares its own effects; joined ones declare those of both.
         patch.setattr(launches, "_joined", lambda first, second: None)
         for simulation in simulations:
             built = simulation.build("cpu", 64)

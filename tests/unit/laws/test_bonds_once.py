@@ -91,6 +91,7 @@ def test_screened_bonds_break_as_without_screening(monkeypatch, law, spared):
     start += 0.02 * sheet.spacing * np.random.default_rng(1).standard_normal(start.shape)
     runs = []
     for screens in (True, False):
+        # Screening has no option, as it changes no bit.
         monkeypatch.setattr(BreakingBonds, "screens", screens)
         simulation = Simulation(
             sheet, law, Explicit(1.0), damage=CriticalStretch(1.3, spared=spared), initial_displacement=start

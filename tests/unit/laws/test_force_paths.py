@@ -185,6 +185,7 @@ def test_indices_that_are_far_apart(gpu_paths):
 
 
 def test_forces_with_indices_that_are_far_apart(monkeypatch, gpu_paths):
+    # Indices that are far apart need a sheet of 2^15 columns.
     monkeypatch.setattr(family_struct, "NEAR", 5)
     compare(shuffled(), 2.015, 64)
 

@@ -34,6 +34,7 @@ def sheet_shown(points=21, lift=0.0, width=1.0, height=1.0, **fields):
 def figure_of(monkeypatch, draw, *arguments, **options):
     """The figure that a function of `plots` makes, drawn but in no file."""
     kept = []
+    # A file has pixels; the test asks for the texts and boxes of the figure.
     monkeypatch.setattr(plots, "save", lambda figure, path, **more: kept.append(figure))
     draw(None, *arguments, **options)
     FigureCanvasAgg(kept[0]).draw()

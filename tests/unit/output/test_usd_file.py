@@ -125,6 +125,7 @@ def test_half_a_frame_is_not_kept(tmp_path: Path, surface: Surface, monkeypatch:
     path = tmp_path / "animation.usd"
     with pytest.raises(KeyboardInterrupt), UsdAnimation(path, surface) as animation:
         animation.write(make_frame(surface, 0))
+        # A kill within a frame.
         monkeypatch.setattr("warp_pd.output.usd.point_normals", interrupt)
         animation.write(make_frame(surface, 1))
     stage = Usd.Stage.Open(str(path))

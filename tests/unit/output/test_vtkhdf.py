@@ -254,6 +254,7 @@ def test_rows_of_a_frame_that_failed_are_cut(tmp_path: Path, monkeypatch: pytest
         series.write(make_frame(surface, 0))
         series.write(make_frame(surface, 1))
         with monkeypatch.context() as patch:
+            # A kill at the worst moment, between two writes.
             patch.setattr("warp_pd.output.vtkhdf._before_last", interrupt)
             with pytest.raises(KeyboardInterrupt):
                 series.write(make_frame(surface, 2, intact_faces=np.zeros(40, bool)))

@@ -79,6 +79,7 @@ def test_a_lock_dies_with_its_run(tmp_path):
 def test_a_disk_without_room_is_one_line_before_anything_is_written(tmp_path, monkeypatch):
     with pytest.raises(OutputError, match=r"MB are free, expected 1e\+12 MB"):
         require_room(tmp_path, 10**18)
+    # A disk that is full.
     monkeypatch.setattr(run_folder.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000}))
     with pytest.raises(OutputError, match=r"0\.001 MB are free"):
         simulation().run(out=tmp_path, device="cpu")
@@ -107,6 +108,7 @@ def test_the_summary_says_what_was_run(tmp_path):
 def test_a_long_frame_ends_soon_after_it_was_asked_to(monkeypatch):
     from warp_pd.run import recorder
 
+    # Saves seconds of waiting.
     monkeypatch.setattr(recorder, "PATIENCE", 0.0)
 
     sheet = square(7)

@@ -8,7 +8,7 @@ from helpers import square
 from small_runs import simulate
 
 from warp_pd import CriticalStretch, Explicit, Fixed, InputError, Measure, RigidBall
-from warp_pd.output import notebook, progress
+from warp_pd.output import notebook
 
 
 def scene(**parts):
@@ -109,7 +109,7 @@ def test_a_notebook_shows_the_progress_unless_it_is_told_otherwise(monkeypatch, 
     kernel = type(sys)("IPython")
     kernel.get_ipython = ZMQInteractiveShell
     monkeypatch.setitem(sys.modules, "IPython", kernel)
-    monkeypatch.setattr(progress, "has_widgets", lambda: False)
+    monkeypatch.setitem(sys.modules, "ipywidgets", None)
     assert notebook.in_notebook()
     scene().run(device="cpu")
     said = capsys.readouterr().err

@@ -150,6 +150,7 @@ def test_an_interrupted_sweep_stops_and_says_how_to_continue(scene, monkeypatch)
         return run(simulation, **options)
 
     with monkeypatch.context() as patched:
+        # Ctrl-C within the second run.
         patched.setattr(Simulation, "run", stopped)
         done = sweep("--points", "7,9,11")
     assert done.exit_code == 130 and "the same command continues" in done.output

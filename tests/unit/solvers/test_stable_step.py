@@ -73,6 +73,7 @@ def test_the_estimate_of_a_sheet_of_many_blocks_is_the_same(monkeypatch):
         return built.solver.stable_step._squared.numpy()
 
     alone = squared(groups=False)
+    # Sheets of many blocks, in more than one group, have millions of points.
     monkeypatch.setattr(stable_step, "MANY_BLOCKS", 5)
     monkeypatch.setattr(stable_step, "GROUP", 3)
     # 1681 points are 7 blocks, in 3 groups; the order of the sums differs.
