@@ -25,6 +25,7 @@ start nothing breaks before d has grown: its own bonds are severed.
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -346,13 +347,13 @@ def damage_field(
 
 
 @functools.cache
-def soften_energy(bits: int) -> Kernel:
-    """Kernel that takes the part that damage took from the energy of each family."""
+def soften(bits: int, value: Any) -> Kernel:
+    """Kernel that takes what damage took from a value of each family of a Warp type, such as an energy or a stress."""
     real, left = numeric(bits).real, stiffness_left(bits)
 
     @kernel()
-    def soften_energy(damage: wp.array(dtype=real), first: int, energies: wp.array(dtype=wp.float64)):
+    def soften(damage: wp.array(dtype=real), first: int, values: wp.array(dtype=value)):
         i = wp.tid() + first
-        energies[i] = wp.float64(left(damage[i])) * energies[i]
+        values[i] = value(left(damage[i])) * values[i]
 
-    return soften_energy
+    return soften

@@ -297,6 +297,18 @@ def test_the_summary_states_length_and_strength():
         assert sum("length of" in note for note in notes) == said
 
 
+def test_the_stress_that_frames_show_is_that_which_is_left():
+    sheet = square(9)
+    shown = []
+    for field in (0.0, 0.5):
+        built = build(sheet, damage=TearingEnergy(10.0), fields=["first_piola"])
+        built.rupture.field.assign(np.full(sheet.size, field))
+        strain_energy(built, uniform(sheet, [[1.2, 0.0], [0.0, 1.0], [0.0, 0.0]]))
+        shown.append(array(built, "first_piola_1").numpy().copy())
+    assert shown[0].min() > 0.0
+    np.testing.assert_allclose(shown[1], 0.25 * shown[0], rtol=1e-12)
+
+
 @pytest.mark.parametrize(("law", "solver"), [
     (Visco(Yeoh(500.0), prony=(Prony(c10=100.0, time=0.1),)), Explicit(1.0)),
     (BondAssociated(NEO, weights="published"), Explicit(1.0)),

@@ -18,7 +18,7 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, Law, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import soften_energy
+from ..kernels.damage_field import soften
 from ..kernels.effects import Kernel
 from ..kernels.pointwise import Pointwise
 from ..materials import Material, capabilities, padded_constants
@@ -156,11 +156,17 @@ class FamilyLaw(BuiltLaw):
             self.add_force(stage, state.displacement, state.force)
         elif phase is Phase.FRAME and self.strain_energy is not None:
             self.add_energy(stage, state.displacement, self.strain_energy)
-            if self.damage is not None:
-                soften = soften_energy(self.context.bits)
-                stage.launch(self.owner, soften, self.points, damage=self.damage, energies=self.strain_energy)
+            self._add_softened(stage, self.strain_energy)
         if phase is Phase.FRAME and self.shown is not None:
             self.add_shown(stage, self.shown)
+            for stress in self.shown.stresses():
+                self._add_softened(stage, stress)
+
+    def _add_softened(self, stage: Stage, values: Array) -> None:
+        """Add the launch that takes what damage took from a value of each family, if there is a damage field."""
+        if self.damage is not None:
+            kernel = soften(self.context.bits, values.dtype)
+            stage.launch(self.owner, kernel, self.points, damage=self.damage, values=values)
 
     def add_shown(self, stage: Stage, shown: ShownFields) -> None:
         """Add the launches that fill the fields of frames; here from the gradient of the family."""

@@ -114,6 +114,11 @@ class ShownFields:
             direction=self.arrays.get("stretch_direction"),
         )  # fmt: skip
 
+    def stresses(self) -> list[Array]:
+        """Arrays of the stresses that are wanted [Pa]."""
+        names = [name for group in STRESSES for name in GROUPS[group]]
+        return [self.arrays[name] for name in names if name in self.arrays]
+
     def add_counts(self, stage: Stage) -> None:
         """Add the launch that counts bonds, if they are wanted."""
         if not self.counts:
