@@ -51,7 +51,7 @@ def whole_sheet(law: Law, context: Context) -> Sheet:
     """The sheet of a law that one process has alone.
 
     Raises:
-        InputError: if several processes share it.
+        InputError: if the sheet is divided among several processes.
     """
     if context.partition is not None:
         refuse_shares(law)
