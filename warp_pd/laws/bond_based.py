@@ -209,7 +209,7 @@ class BondBasedForce(FamilyLaw):
         Args:
             names: "principal_stress": largest and smallest principal virial stress [Pa] and the angle of the
                 largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,); and
-                those of all laws, see laws/shown_fields.py.
+                those of all laws, see laws/point_fields.py.
 
         Raises:
             InputError: for another name, or the principal stress of a curved sheet.

@@ -257,7 +257,7 @@ class FamilyLaw(BuiltLaw):
         return hashlib.sha1(np.ascontiguousarray(influence[:64]).tobytes()).hexdigest()[:12]
 
     def request_fields(self, names: Sequence[str]) -> None:
-        """Let frames show further fields of the law, see laws/shown_fields.py.
+        """Let frames show further fields of the law, see laws/point_fields.py.
 
         Raises:
             InputError: for names that it does not offer.
