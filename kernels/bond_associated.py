@@ -326,7 +326,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         inverse_horizon: real,
         i: int,
     ):
-        """Energy of the family of i a time `back` ago, divided by (thickness x reference area) [J/m^3]."""
+        """Energy of the family of i at a time `back` before now, over (thickness x reference area) [J/m^3]."""
         undamaged = is_undamaged(family, intact, i)
         stored = real(0.0)
         total = real(0.0)

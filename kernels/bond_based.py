@@ -136,9 +136,9 @@ def pull_of_bond(layout: Layout, pairwise: PairwiseFactory) -> wp.Function:
         length = wp.length(xi)
         stretched = wp.length(Y)
         # On a CPU the cost of a bond is its two divisions and two square roots.
-        share = real(1.0) / (length * wp.max(stretched, real(tiny)))
+        scale = real(1.0) / (length * wp.max(stretched, real(tiny)))
         s = growth(xi, U) / (length * (length + stretched))
-        return (weight * tension_of(s, constants) * share) * Y
+        return (weight * tension_of(s, constants) * scale) * Y
 
     return pull
 

@@ -37,8 +37,8 @@ def clock(bits: int) -> Kernel:
         else:
             for k in range(left, last):
                 if time >= knots[k] and time < knots[k + 1]:
-                    share = (time - knots[k]) / (knots[k + 1] - knots[k])
-                    result = values[k] + share * (values[k + 1] - values[k])
+                    fraction = (time - knots[k]) / (knots[k + 1] - knots[k])
+                    result = values[k] + fraction * (values[k + 1] - values[k])
         return result
 
     @kernel(per="once")

@@ -30,7 +30,7 @@ RESIDENT_THREADS = {32: 896, 64: 448}
 
 
 def threads_of_family(members: int) -> int:
-    """Number of threads that share a family."""
+    """Number of threads that work on one family."""
     return -(-members // 2)
 
 

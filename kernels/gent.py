@@ -67,16 +67,16 @@ def gent_equations(bits: int) -> Equations:
 
     @wp.func
     def stored(excess: real, z: real, constants: parameters):
-        share = excess / constants[2]
+        ratio = excess / constants[2]
         logarithm = real(0.0)
-        if share >= real(1.0):
+        if ratio >= real(1.0):
             logarithm = real(wp.nan)
-        elif wp.abs(share) < real(1.0e-3):
-            logarithm = -share * (
-                real(1.0) + share * (real(0.5) + share * (real(1.0) / real(3.0) + real(0.25) * share))
+        elif wp.abs(ratio) < real(1.0e-3):
+            logarithm = -ratio * (
+                real(1.0) + ratio * (real(0.5) + ratio * (real(1.0) / real(3.0) + real(0.25) * ratio))
             )
         else:
-            logarithm = wp.log(real(1.0) - share)
+            logarithm = wp.log(real(1.0) - ratio)
         volume = real(0.0)
         if wp.abs(z) < real(1.0e-2):
             volume = (

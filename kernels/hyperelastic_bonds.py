@@ -94,7 +94,7 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
         )
 
     @wp.func
-    def share(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, Y: vec3):
+    def coefficient(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, Y: vec3):
         """(W_ik + W_ki)/2 G_ik L^2 / |xi|^2."""
         squared = wp.length_sq(xi)
         along = xi[0] * Y[0] + xi[1] * Y[1]
@@ -111,7 +111,7 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
     def force_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
         e = strain(xi, U)
         Y = image(xi, U)
-        return share(family, constants, i, k, m, xi, Y) * tension(e, chosen(e, constants)) * wp.normalize(Y)
+        return coefficient(family, constants, i, k, m, xi, Y) * tension(e, chosen(e, constants)) * wp.normalize(Y)
 
     @wp.func
     def stiffness_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
@@ -119,6 +119,6 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
         e = strain(xi, U)
         p = chosen(e, constants)
         stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))
-        return share(family, constants, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
+        return coefficient(family, constants, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
 
     return HyperelasticBondsKernels(Constants, *sums_of_bonds(layout, Constants, force_of, stiffness_of))

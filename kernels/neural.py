@@ -105,10 +105,10 @@ def neural(
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if law.is_intact(family, intact, i, k) and scale > real(0.0):
-                x, u, share = law.bond_vectors(family, displacement, inverse_horizon, i, k)
+                x, u, weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
                 excess, sine, versine, direction = law.bond_motion(x, u, H, D, V)
                 T = exact(excess, sine, versine, area, z, constants)
-                force = scale * share * law.pull(x, u, direction, R, T)
+                force = scale * weight * law.pull(x, u, direction, R, T)
             bond_force[k, i] = force
 
     @kernel(gathers=("displacement",))
@@ -129,7 +129,7 @@ def neural(
         for k in range(family.members):
             row = vec4(real(1.0), real(0.0), real(1.0), real(1.0))
             if law.is_intact(family, intact, i, k) and V[0, 0] != real(0.0):
-                _x, _u, _share, _direction, row = law.bond_seen(
+                _x, _u, _weight, _direction, row = law.bond_seen(
                     family, displacement, inverse_horizon, H, D, V, area, z, i, k
                 )
             features[k * points + i] = row
@@ -158,9 +158,9 @@ def neural(
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if law.is_intact(family, intact, i, k) and scale > real(0.0):
-                x, u, share = law.bond_vectors(family, displacement, inverse_horizon, i, k)
+                x, u, weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
                 direction = wp.transpose(R) * vec3(x[0] + u[0], x[1] + u[1], u[2])
-                force = scale * share * law.pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
+                force = scale * weight * law.pull(x, u, wp.normalize(direction), R, pairs[k * points + i])
             bond_force[k, i] = force
 
     @kernel(gathers=("displacement",))
@@ -182,7 +182,7 @@ def neural(
         found = wp.int32(0)
         for k in range(family.members):
             if law.is_intact(family, intact, i, k) and V[0, 0] != real(0.0):
-                x, u, _share = law.bond_vectors(family, displacement, inverse_horizon, i, k)
+                x, u, _weight = law.bond_vectors(family, displacement, inverse_horizon, i, k)
                 excess, sine, versine, _direction = law.bond_motion(x, u, H, D, V)
                 a = (real(1.0) + excess) * (real(1.0) - versine)
                 b = (real(1.0) + excess) * sine

@@ -203,12 +203,12 @@ def neural_functions(layout: Layout, membrane: PairFactory, corrected: bool) -> 
         area: real, z: real, i: int, k: int,
     ):  # fmt: skip
         """`bond_vectors`, direction in the tangent plane, and the input of a network: (lambda, theta, C33, det F)."""
-        x, u, share = bond_vectors(family, displacement, inverse_horizon, i, k)
+        x, u, weight = bond_vectors(family, displacement, inverse_horizon, i, k)
         excess, sine, versine, direction = bond_motion(x, u, H, D, V)
         det = real(1.0) + area
         stretch = wp.max(real(1.0) + excess, real(no_length))
         angle = wp.atan2(sine, real(1.0) - versine)
-        return x, u, share, direction, vec4(stretch, angle, (real(1.0) + z) / (det * det), det)
+        return x, u, weight, direction, vec4(stretch, angle, (real(1.0) + z) / (det * det), det)
 
     @wp.func
     def logarithms(row: vec4):

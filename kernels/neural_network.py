@@ -91,11 +91,11 @@ def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
         for k in range(family.members):
             force = vec3(real(0.0), real(0.0), real(0.0))
             if law.is_intact(family, intact, i, k) and scale > real(0.0):
-                x, u, share, direction, row = law.bond_seen(
+                x, u, weight, direction, row = law.bond_seen(
                     family, displacement, inverse_horizon, H, D, V, area, z, i, k
                 )
                 o = evaluate(law.logarithms(row))
-                force = scale * share * law.pull(x, u, direction, R, vec2(o[0], row[1] * o[1]))
+                force = scale * weight * law.pull(x, u, direction, R, vec2(o[0], row[1] * o[1]))
             bond_force[k, i] = force
 
     return fused_force

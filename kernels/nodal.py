@@ -142,9 +142,11 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
         G1, G2, inverse, size = point.gradient(family, intact, displacement, velocity, back, i)
         stored = real(0.0)
         if inverse[0] > real(0.0):
-            share = size / f.family_area(family, i)
+            intact_fraction = size / f.family_area(family, i)
             stored = (
-                f.area(family, i) * share * energy(point.green(inverse_horizon * G1, inverse_horizon * G2), constants)
+                f.area(family, i)
+                * intact_fraction
+                * energy(point.green(inverse_horizon * G1, inverse_horizon * G2), constants)
             )
         return stored
 

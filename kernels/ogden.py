@@ -34,8 +34,8 @@ def logarithmic_strains(bits: int) -> wp.Function:
         radius = wp.sqrt(half * half + G[0, 1] * G[0, 1])
         middle = real(0.25) * log_one_plus(real(2.0) * mean + wp.determinant(G))
         # atanh of radius / (1 + mean), whose argument keeps its digits.
-        share = real(2.0) * radius / (real(1.0) + mean - radius)
-        return middle, real(0.25) * log_one_plus(share), mean, radius
+        excess = real(2.0) * radius / (real(1.0) + mean - radius)
+        return middle, real(0.25) * log_one_plus(excess), mean, radius
 
     return strains
 

@@ -24,7 +24,8 @@ from .factories import FunctionFactory
 from .numeric import numeric
 from .tension_field import SLACK, TAUT, WRINKLED, taut_strain
 
-# A stress counts as zero below this share of the larger one, or of the first constant of the material: both are noise.
+# A stress counts as zero below this fraction of the larger one, or of the first constant of the material: both are
+# noise.
 RELATIVE, ABSOLUTE = 1e-3, 1e-6
 
 

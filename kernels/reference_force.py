@@ -69,10 +69,10 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
                     A1, A2 = stress_on_members(H1, H2, S, real(1.0), inverse, tilt)
                     xi = f.bond(family, i, j)
                     m = f.neighbour(family, i, j)
-                    share = size / own_area
+                    intact_fraction = size / own_area
                     pair = (own_area + present_area(family, intact, m)) / (real(2.0) * own_area)
                     c = f.area(family, i) * f.influence(family, i, j) * f.area(family, m)
-                    force = unit_force * share * pair * c * (xi[0] * A1 + xi[1] * A2)
+                    force = unit_force * intact_fraction * pair * c * (xi[0] * A1 + xi[1] * A2)
                 bond_force[j, i] = f.from_frame(family, i, force)
 
         return published_force

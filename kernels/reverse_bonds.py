@@ -96,10 +96,10 @@ def gather_reverse_bonds(
                     if wp.static(turns_over):
                         ring = a.bond_force.shape[1]
                         column += wp.where(column < 0, ring, 0) - wp.where(column >= ring, ring, 0)
-                    share = wp.where(there, real(1.0), real(0.0))
+                    factor = wp.where(there, real(1.0), real(0.0))
                     if wp.static(layout.softened):
-                        share = share * left(a.damage[m])
-                    push += share * a.bond_force[row, column]
+                        factor = factor * left(a.damage[m])
+                    push += factor * a.bond_force[row, column]
             own = a.force[i]
             if wp.static(layout.softened):
                 own = left(a.damage[i]) * own

@@ -1,11 +1,11 @@
-"""Power iteration for the largest natural frequency, by finite differences of the force.
+"""Power iteration with momentum for the largest natural frequency, by finite differences of the force.
 
-trial(s) = u + s e v, with e such that the largest component of v moves by `reach`; the stiffness times v is the central
-difference of the force; v <- M^-1 K v - b v', with v' the direction before and b = (DAMPED lambda / 2)^2, lambda the
-estimate so far. What has an eigenvalue of at most DAMPED lambda then grows at one rate, and lambda's own direction 1.15
-times as fast as that; without momentum, b = 0, a neighbour at 0.99 lambda falls behind by a hundredth an iteration.
-Source: De Sa, He, Mitliagkas, Re, Xu, "Accelerated stochastic power iteration", AISTATS 2018 (without its sampling). A
-thread of `respond` sums one block of points, in order, so the sums repeat bit for bit.
+The trial displacement is u + s e v, where e moves the largest component of v by `reach`. K v is the central difference
+of the force. The update is v <- M^-1 K v - b v', where v' is the previous direction, b = (DAMPED lambda / 2)^2 and
+lambda is the current estimate. Modes with eigenvalues up to DAMPED lambda then grow at the same rate, and the mode of
+lambda grows 1.15 times as fast. Without momentum (b = 0), a mode at 0.99 lambda falls behind by only 1 % per iteration.
+Source: De Sa, He, Mitliagkas, Re, Xu, "Accelerated stochastic power iteration", AISTATS 2018 (without its sampling).
+Each thread of `respond` sums one block of points, in order, so the sums repeat bit for bit.
 """
 
 import functools

@@ -74,7 +74,7 @@ def undamaged_lattice_force(
     b2 = [[real(K[1] * x + K[2] * y) for x, y in stencil.moments] for K in stencil.inverse]
     weights = [real(w) for w in stencil.weights]
     Vectors = wp.types.matrix(shape=(n, 3), dtype=real)
-    held = 6 * n * (bits // 32) <= MAX_REGISTERS
+    in_registers = 6 * n * (bits // 32) <= MAX_REGISTERS
     reach = max(up)
     begins_line = [k == 0 or up[k] != up[k - 1] for k in range(n)]
     Places: Any = wp.array2d(dtype=wp.int32) if gridded else int
@@ -139,9 +139,9 @@ def undamaged_lattice_force(
         M2 = vec3(real(0.0), real(0.0), real(0.0))
         R1 = vec3(real(0.0), real(0.0), real(0.0))
         R2 = vec3(real(0.0), real(0.0), real(0.0))
-        if wp.static(held):
+        if wp.static(in_registers):
             U = Vectors()
-        if wp.static(held or large):
+        if wp.static(in_registers or large):
             if wp.static(gridded):
                 centre = int(i)
             for k in range(wp.static(n)):
@@ -151,7 +151,7 @@ def undamaged_lattice_force(
                     u = inverse_horizon * (displacement[centre + wp.static(right[k])] - origin)
                 else:
                     u = inverse_horizon * (displacement[i + wp.static(up[k]) * places + wp.static(right[k])] - origin)
-                if wp.static(held):
+                if wp.static(in_registers):
                     U[k] = u
                 if wp.static(large and inside[0][k]):
                     M1 += wp.static(c1[k]) * u
@@ -165,7 +165,7 @@ def undamaged_lattice_force(
                 G2 = vec3(real(0.0), real(0.0), real(0.0))
                 for k in range(wp.static(n)):
                     if wp.static(summed[j][k]):
-                        if wp.static(held):
+                        if wp.static(in_registers):
                             u = U[k]
                         else:
                             u = inverse_horizon * (
@@ -177,7 +177,7 @@ def undamaged_lattice_force(
                 if wp.static(large):
                     G1 = wp.static(K11[j]) * M1 + wp.static(K12[j]) * M2
                     G2 = wp.static(K12[j]) * M1 + wp.static(K22[j]) * M2
-                if wp.static(not held):
+                if wp.static(not in_registers):
                     G1 = seen(G1, cosine, sine)
                     G2 = seen(G2, cosine, sine)
                 S, guess = stress_near(green(G1, G2), constants, guess)
@@ -193,7 +193,7 @@ def undamaged_lattice_force(
                     if wp.static(summed[j][k]):
                         T[k] = (T[k] + wp.static(b1[j][k]) * P1) + wp.static(b2[j][k]) * P2
                     if wp.static(large and (enters[j][k] or leaves[j][k])):
-                        if wp.static(held):
+                        if wp.static(in_registers):
                             u = U[k]
                         else:
                             u = inverse_horizon * (
@@ -212,7 +212,7 @@ def undamaged_lattice_force(
             for k in range(wp.static(n)):
                 T_seen[k] = turn(T[wp.static(turned[k])])
             T = T_seen
-            if wp.static(held):
+            if wp.static(in_registers):
                 U_seen = Vectors()
                 for k in range(wp.static(n)):
                     U_seen[k] = turn(U[wp.static(turned[k])])
@@ -225,7 +225,7 @@ def undamaged_lattice_force(
                     cosine = -sine
                     sine = before
             if wp.static(large):
-                if wp.static(held):
+                if wp.static(in_registers):
                     M1, M2 = turn_moments(turn(M1), turn(M2))
                 else:
                     M1, M2 = turn_moments(M1, M2)

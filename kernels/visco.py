@@ -274,15 +274,15 @@ def prony_energy() -> wp.Function:
             S, T = response(Q, c)
             tangent = wp.mat33d(T[0], T[1], T[2], T[1], T[3], T[4], T[2], T[4], T[5])
             move = wp.inverse(tangent) * wp.vec3d(q[0] - S[0, 0], q[1] - S[1, 1], wp.float64(2.0) * (q[2] - S[0, 1]))
-            share = wp.float64(1.0)
+            fraction = wp.float64(1.0)
             trial = Q
             now = least
             for _half in range(40):
-                trial = Q + share * wp.mat22d(move[0], move[2], move[2], move[1])
+                trial = Q + fraction * wp.mat22d(move[0], move[2], move[2], move[1])
                 now = potential(trial, q, c)
                 if now <= least:
                     break
-                share *= wp.float64(0.5)
+                fraction *= wp.float64(0.5)
             if now <= least:
                 Q = trial
                 least = now

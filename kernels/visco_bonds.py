@@ -149,8 +149,8 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
                         half = real(0.5) * x
                         viscous_stretch[row, i] = gamma - x * gamma * (real(1.0) - half) + change * (real(1.0) - half)
                     else:
-                        share = retained(x)
-                        viscous_stretch[row, i] = gamma - x * share * gamma + share * change
+                        kept = retained(x)
+                        viscous_stretch[row, i] = gamma - x * kept * gamma + kept * change
                 strain[k, i] = s
 
     @wp.func

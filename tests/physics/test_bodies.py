@@ -302,7 +302,7 @@ def cube(**changes):
         (lambda: Free(0.0, (0, 0, 0)), r"Free.mass = 0.0: expected a positive number"),
         (lambda: Free(1.0, (0, 0, 0), inertia=(1.0, 0.0, 1.0)), "expected positive moments"),
         (lambda: BodyPath([0.0], [(0, 0, np.nan)]), "BodyPath.positions"),
-        (lambda: BodyPath([1.0, 0.0], [(0, 0, 0)] * 2), "expected rising times"),
+        (lambda: BodyPath([1.0, 0.0], [(0, 0, 0)] * 2), "expected increasing times"),
         (lambda: BodyPath([0.0], [(0, 0, 0)], [(0, 0, 0, 2.0)]), "expected a unit quaternion"),
         (lambda: RigidBody(Sphere(1.0), BodyPath.still((0, 0, 0)), friction=-0.1), "RigidBody.friction = -0.1"),
         (lambda: RigidBody(Plane(), Free(1.0, (0, 0, 0))), "a plane has no mass"),

@@ -390,12 +390,13 @@ def test_what_a_law_cannot_give_is_refused_in_one_line():
     for make, said in (
         (
             lambda: pairwise(square(9), fields=("cauchy",)),
-            "the law BondBased has none; expected one of principal_stress, wrinkle_level, stretch, direction, bonds",
+            "the law BondBased has no such field; expected one of principal_stress, wrinkle_level, stretch, direction, "
+            "bonds",
         ),
         (lambda: build(square(9), fields=("strech",)), "did you mean 'stretch'"),
         (
             lambda: build(square(9), material=plain, fields=("cauchy",)),
-            "has none; expected one of stretch, direction, first_piola",
+            "has no such field; expected one of stretch, direction, first_piola",
         ),
         (lambda: build(square(9), fields=("principal_stress",)), "fields = 'principal_stress'"),
     ):

@@ -50,7 +50,7 @@ WRONG = {
     "class": (lambda: simulated(loads=[Fixed]).build("cpu"), "loads[0] = the class Fixed: expected a list of loads"),
     "mask": (
         lambda: simulated(loads=[Fixed(np.zeros(121, bool))]).build("cpu"),
-        "Fixed.points = bool array of shape (121,): expected point indices, or a mask of 81 truth values",
+        "Fixed.points = bool array of shape (121,): expected point indices, or a mask of 81 booleans",
     ),
     "components": (lambda: Fixed([0], "xx"), "Fixed.components = 'xx': expected letters out of 'xyz', each once"),
     "fields": (lambda: simulated(fields="damage").build("cpu"), "fields = 'damage': expected a list of names"),

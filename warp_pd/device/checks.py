@@ -244,7 +244,7 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
     if given.dtype == bool and given.shape == (points,):
         given = np.flatnonzero(given)
     if given.size and given.dtype.kind not in "iu":
-        raise InputError(f"{name} = {said(value)}: expected point indices, or a mask of {points} truth values")
+        raise InputError(f"{name} = {said(value)}: expected point indices, or a mask of {points} booleans")
     indices = np.unique(given.astype(np.int64))
     if indices.size == 0:
         raise InputError(f"{name} = {said(value)}: expected at least one point")

@@ -88,7 +88,7 @@ def touched(effects: Effects, arguments: Mapping[str, Any]) -> Touched:
 
 @dataclass(frozen=True)
 class Span:
-    """How the blocks of a launch share the points from its argument `start` to `stop` - 1.
+    """How the points from argument `start` to `stop` - 1 are divided among the blocks of a launch.
 
     Its argument `blocks` is the number of blocks, each of which goes on until all points are done.
 
@@ -118,7 +118,7 @@ class Launch:
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
         beside: Whether it has some of the points of a launch that is divided around a Call.
-        span: How blocks share points, where its threads do not stand for points.
+        span: How points are divided among blocks, where threads do not stand for points.
         only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
         grouped: Whether a GPU leaves it out, too, together with those next to it of the same `only_if`.
     """

@@ -15,7 +15,7 @@ class Schedule:
     """A piecewise linear function of time; before its first knot and after its last one it is constant.
 
     Attributes:
-        times: Knots [s], rising, shape (K,).
+        times: Knots [s], increasing, shape (K,).
         values: shape (K, 3).
     """
 
@@ -34,7 +34,7 @@ def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
         InputError: unless the times rise.
     """
     if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
-        raise InputError(f"{name} times = {times.tolist()}: expected rising times, at least one")
+        raise InputError(f"{name} times = {times.tolist()}: expected increasing times, at least one")
     return Schedule(times, values)
 
 
@@ -42,7 +42,7 @@ def factor_schedule(name: str, ramp: Sequence[tuple[float, float]] | None) -> Sc
     """Schedule of a factor from pairs (time, factor); None stays None: the load is constant.
 
     Raises:
-        InputError: unless `ramp` is a list of pairs with rising times.
+        InputError: unless `ramp` is a list of pairs with increasing times.
     """
     if ramp is None:
         return None

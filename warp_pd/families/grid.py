@@ -127,7 +127,7 @@ class _Image:
         return image
 
     def step(self, image: np.ndarray, x: int, y: int) -> np.ndarray:
-        """The inner part of an image, a step away; a view."""
+        """View of the interior of an image, shifted by (x, y) cells."""
         r, (rows, columns) = self.reach, image.shape
         return image[r + y : rows - r + y, r + x : columns - r + x]
 

@@ -17,10 +17,10 @@ def point_gradient(families: Families) -> tuple[Any, Any]:
     from scipy import sparse
 
     bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
-    shares = families.member_shares
-    shape = np.stack([(shares * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], -1)
+    c = families.member_shares
+    shape = np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], -1)
     inverse, _ = inverse_shape(shape)
-    moments = shares[..., None] * bonds
+    moments = c[..., None] * bonds
     rows = []
     for first, second in ((inverse[:, 0], inverse[:, 1]), (inverse[:, 1], inverse[:, 2])):
         rows.append((first[:, None] * moments[..., 0] + second[:, None] * moments[..., 1]) / families.horizon)

@@ -44,7 +44,7 @@ class Silent:
         """Nothing is reported."""
 
     def keep_going(self) -> None:
-        """Nothing ends it."""
+        """Never stop the search early."""
 
 
 class NoEquilibriumError(Exception):

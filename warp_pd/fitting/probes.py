@@ -146,7 +146,7 @@ class PointField:
 
 
 def _barycentric(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Shares of the corners, shape (..., 3), of the places' projections on triangles, corners (..., 3, 3)."""
+    """Barycentric coordinates of places projected on triangles, shape (..., 3); corners have shape (..., 3, 3)."""
     a, b, p = (
         corners[..., 1, :] - corners[..., 0, :],
         corners[..., 2, :] - corners[..., 0, :],

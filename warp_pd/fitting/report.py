@@ -1,4 +1,4 @@
-"""What a fit found, how sure it is, and what the data cannot tell."""
+"""Report of a fit: constants, their standard errors, and the constants that the data do not determine."""
 
 from __future__ import annotations
 

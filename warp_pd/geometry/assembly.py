@@ -129,7 +129,7 @@ def _inside(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
 
 
 def _areas(shape: Shape, body: np.ndarray, of_triangle: np.ndarray) -> np.ndarray:
-    """Voronoi cells in the sheet; points inside a rigid inclusion share all of its area."""
+    """Voronoi cells in the sheet; the whole area of a rigid inclusion is divided among its points."""
     areas = voronoi_areas(shape.points, shape.triangles[of_triangle == 0])
     for number in range(1, int(body.max(initial=0)) + 1):
         inner = body == number

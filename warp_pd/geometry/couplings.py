@@ -90,7 +90,7 @@ def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: flo
         low, high = np.minimum(start, end) - within, np.maximum(start, end) + within
         at = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
         along = end - start
-        share = ((points[at] - start) @ along / max(float(along @ along), 1e-300)).clip(0.0, 1.0)
-        apart = np.linalg.norm(points[at] - start - share[:, None] * along, axis=1)
+        fraction = ((points[at] - start) @ along / max(float(along @ along), 1e-300)).clip(0.0, 1.0)
+        apart = np.linalg.norm(points[at] - start - fraction[:, None] * along, axis=1)
         nearest[at] = np.minimum(nearest[at], apart)
     return nearest

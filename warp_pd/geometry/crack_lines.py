@@ -107,8 +107,8 @@ def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[n
             clipped[end] = tip
         elif inside and apart < CLEAR * space:
             raise InputError(
-                f"{name} ends at {tip.tolist()}, nearer to the edge than {CLEAR} spacings: "
-                "expected it on the edge, or further from it"
+                f"{name} ends at {tip.tolist()}, less than {CLEAR} spacings from the edge: "
+                "expected an end on the edge, or further inside"
             )
         mouths.append(apart <= ON_EDGE * space or not inside)
     middle = 0.5 * (clipped[1:] + clipped[:-1])

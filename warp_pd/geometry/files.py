@@ -218,7 +218,7 @@ def _groups(mesh: Any) -> dict[str, tuple[int, list[np.ndarray]]]:
 def _group(path: Path, mesh: Any, part: str) -> list[np.ndarray]:
     faces = {name: cells for name, (dimension, cells) in _groups(mesh).items() if dimension == 2}
     if not faces:
-        raise InputError(f"part = {part!r}: expected None: {path.name} has no named groups of faces")
+        raise InputError(f"part = {part!r}: {path.name} has no named groups of faces: expected None")
     return faces[one_of("part", part, faces)]
 
 

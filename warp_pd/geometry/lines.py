@@ -79,7 +79,7 @@ def ring(name: str, curve: Any, at: Spacing) -> Line:
     """Points of a closed curve, counter-clockwise.
 
     Raises:
-        InputError: for anything but a curve, or one with fewer than 3 points; it calls the curve `name`.
+        InputError: if it is not a curve, or has fewer than 3 points; the message calls it `name`.
     """
     try:
         with user_code(lambda error: f"the curve raised {error!r}: expected points of shape (T, 2)"):

@@ -64,10 +64,10 @@ class SelectableShape(Shape):
     def where(self, condition: Callable[..., np.ndarray]) -> np.ndarray:
         """Indices of the points for which `condition(x, y)` holds, on a curved sheet `condition(x, y, z)`.
 
-        Its arguments and its value have shape (N,).
+        Its arguments and its result have shape (N,).
 
         Raises:
-            InputError: for a condition that is no function, or gives anything but N truth values.
+            InputError: if `condition` is not a function, or does not return N booleans.
         """
         holds = checks.truth_values("condition", condition, *self.points.T)
         return region_of(np.flatnonzero(holds), self.points)

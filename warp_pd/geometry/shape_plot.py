@@ -58,7 +58,10 @@ def target(path: Any) -> Path:
     if found.suffix.lower() not in SUFFIXES:
         raise InputError(f"path = {str(path)!r}: expected a name that ends in {', '.join(SUFFIXES)}")
     if not found.parent.is_dir() or not os.access(found.parent, os.W_OK):
-        raise InputError(f"path = {str(path)!r}: expected a folder that can be written, unlike {str(found.parent)!r}")
+        raise InputError(
+            f"path = {str(path)!r}: expected a folder that can be written; {str(found.parent)!r} is missing or "
+            "read-only"
+        )
     return found
 
 

@@ -30,11 +30,11 @@ class Sheet(SelectableShape):
     Make one with `rectangle` or `outline`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
 
     Attributes:
-        thickness: [m]; the cross section [m^2] of a bar, whose areas are lengths [m].
+        thickness: Thickness [m]; for a bar, whose `areas` are lengths [m], the cross section [m^2].
         density: Mass per reference volume [kg/m^3].
-        stiffness: Factor on the moduli of the material at each point, shape (N,), or None: one everywhere.
-        stretch: Deformation gradient in the plane that took the sheet without stress to this one, shape (2, 2), or
-            None: this one has no stress.
+        stiffness: Factor on the moduli of the material at each point, shape (N,); None: 1 everywhere.
+        stretch: In-plane deformation gradient from the stress-free sheet to this one, shape (2, 2); None: this sheet
+            is stress-free.
     """
 
     thickness: float

@@ -79,7 +79,7 @@ def _chosen(path: Path, meshes: list[Any], part: str | None) -> Any:
     if not meshes:
         raise InputError(f"path = {str(path)!r}: no UsdGeom.Mesh: expected one")
     if part is None and len(meshes) > 1:
-        raise InputError(f"part = None: expected one of {', '.join(paths)}: {path.name} has {len(meshes)} meshes")
+        raise InputError(f"part = None: {path.name} has {len(meshes)} meshes: expected one of {', '.join(paths)}")
     fitting = [
         m for m, name in zip(meshes, paths, strict=True) if part is None or part in (name, m.GetPrim().GetName())
     ]

@@ -108,7 +108,7 @@ class Context:
     """The arrays and launches of the parts.
 
     Attributes:
-        sheet: The sheet, without stress; what is here of it, if several processes share it.
+        sheet: The sheet, without stress; the points of this process if it is divided among several.
         device: The Warp device.
         types: Types of the precision.
         features: Requirements of the parts on common kernels.
@@ -118,9 +118,9 @@ class Context:
         clock: Time and schedules.
         placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
             frames are counted from there; or None.
-        undivided: The whole sheet, without stress, if several processes share it.
+        undivided: The whole sheet, without stress, if it is divided among several processes.
         partition: What is here of the sheet; None if it is all here.
-        communicator: The processes that share it.
+        communicator: The processes among which it is divided.
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.

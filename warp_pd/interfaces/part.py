@@ -70,7 +70,7 @@ class Part(Protocol):
             InputError: by default: several processes cannot run it.
         """
         raise InputError(
-            f"{self.argument}: {type(self).__name__}: expected a run in one process; several cannot share it yet"
+            f"{self.argument}: {type(self).__name__}: expected a run in one process; it does not support several yet"
         )
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:

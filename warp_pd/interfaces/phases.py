@@ -1,7 +1,8 @@
 """The phases of a step, in order: this is what one step of a simulation does.
 
 Parts put launches into phases (`BuiltPart.add`). Within a phase they run in the order of the parts: force law, solver,
-supports, rigid inclusions, loads, contact, rupture, energy. What a scene does not use adds no launch.
+prescribed motion, clock, rigid inclusions, supports and loads as the scene lists them, contact, rupture, the sum of all
+loads, checks at frames. Features a scene does not use add no launch.
 """
 
 from __future__ import annotations

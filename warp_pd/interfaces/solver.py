@@ -97,7 +97,7 @@ class System:
                     )
 
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
-        """Set the advance of the time per step, its end [s], optionally its value, and evaluate the schedules."""
+        """Set the time increment of a step, the end time, and the present time if given [s]; evaluate the schedules."""
         if self._schedules is None:
             self._schedules = self.context.sequence("clock")
         self.context.clock.set(self._schedules, advance, end, now)

@@ -209,7 +209,7 @@ class BondBasedForce(FamilyLaw):
         Args:
             names: "principal_stress": largest and smallest principal virial stress [Pa] and the angle of the
                 largest to the x axis [rad], (N,) vec3; "wrinkle_level": fraction of compressed bonds [-], (N,); and
-                those of all laws, see laws/shown_fields.py.
+                those of all laws, see laws/point_fields.py.
 
         Raises:
             InputError: for another name, or the principal stress of a curved sheet.
@@ -225,8 +225,8 @@ class BondBasedForce(FamilyLaw):
 def _bond_weights(families: Families, stiffness: float) -> np.ndarray:
     """W_ik = (g/2) a_i a_k |xi_ik| / sum_k |xi_ik| a_k by row, areas divided by the reference area, shape (R, n)."""
     length = np.where(families.exists, families.lengths, 0.0)
-    share = length * families.member_areas
-    return np.asarray(0.5 * stiffness * families.areas[:, None] * share / share.sum(axis=1, keepdims=True))
+    moment = length * families.member_areas
+    return np.asarray(0.5 * stiffness * families.areas[:, None] * moment / moment.sum(axis=1, keepdims=True))
 
 
 def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.ndarray:

@@ -51,7 +51,7 @@ def whole_sheet(law: Law, context: Context) -> Sheet:
     """The sheet of a law that one process has alone.
 
     Raises:
-        InputError: if several processes share it.
+        InputError: if the sheet is divided among several processes.
     """
     if context.partition is not None:
         refuse_shares(law)
@@ -263,7 +263,7 @@ class FamilyLaw(BuiltLaw):
         return hashlib.sha1(np.ascontiguousarray(influence[:64]).tobytes()).hexdigest()[:12]
 
     def request_fields(self, names: Sequence[str]) -> None:
-        """Let frames show further fields of the law, see laws/shown_fields.py.
+        """Let frames show further fields of the law, see laws/point_fields.py.
 
         Raises:
             InputError: for names that it does not offer.

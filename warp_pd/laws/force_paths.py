@@ -1,8 +1,8 @@
 """Paths to the force of the bond-associated law, and which one a sheet takes.
 
 All compute the sums of kernels/bond_associated.py. The reference applies to every law and sheet. On a CPU one kernel
-sums rows of a small table. On a GPU families share blocks of threads, with two bonds a thread; in a lattice or grid
-that is large enough, undamaged families have a kernel of their own and blocks take all others, on a list.
+sums rows of a small table. On a GPU a block of threads works on several families, two bonds per thread; in a large
+lattice or grid, undamaged families have a kernel of their own, and blocks work on a list of all others.
 
 The forces between the points of a large sheet pass through a ring buffer, one strip of the sheet at a time: all of them
 would take most of the memory.
@@ -40,7 +40,7 @@ class Tuning:
 
     # Largest family whose rows a CPU sums; larger ones compile slowly.
     rows_members: int = 256
-    # Largest family that a block of threads shares; larger ones compile slowly.
+    # Largest family that is divided among a block of threads; larger ones compile slowly.
     block_members: int = 64
     # Number of bonds of a sheet from which on undamaged families have their own kernel: fewer do not fill a GPU with
     # one thread a point.
@@ -346,11 +346,11 @@ class FamilyBlocks:
         listed = chosen.points is not None
         if not count:
             return
-        together, sharing = families_together(members), threads_of_family(members)
+        together, threads = families_together(members), threads_of_family(members)
         blocks = min(-(-count // together), TUNING.listed_blocks if listed else TUNING.blocks)
         kernel = block_force(layout, material, self.near, members, listed)
         stage.launch(
-            law.owner, kernel, blocks * together * sharing, block_dim=together * sharing, family=law.struct,
+            law.owner, kernel, blocks * together * threads, block_dim=together * threads, family=law.struct,
             intact=law.intact, others=chosen.points, other_count=chosen.count, start=chosen.start, stop=chosen.stop,
             moments=self.moments, displacement=displacement, constants=law.constants,
             inverse_horizon=law.inverse_horizon, unit_force=law.unit_volume * law.inverse_horizon, blocks=blocks,

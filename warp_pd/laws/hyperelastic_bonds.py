@@ -135,8 +135,8 @@ def surface_factors(families: Families, material: BondNeoHookean) -> np.ndarray:
     across = {"equibiaxial": CALIBRATION, "planar": 1.0, "uniaxial": CALIBRATION**-0.5}[material.mode]
     length = np.where(families.exists, np.linalg.norm(families.bonds, axis=-1), 1.0)
     directions = np.where(families.exists[..., None], families.bonds / length[..., None], (1.0, 0.0))
-    share = np.where(families.exists, families.member_areas / length, 0.0)
-    share *= families.reference_area / (2.0 * np.pi * families.horizon**2)
+    weight = np.where(families.exists, families.member_areas / length, 0.0)
+    weight *= families.reference_area / (2.0 * np.pi * families.horizon**2)
 
     def measured(n: np.ndarray, c: int) -> np.ndarray:
         stretches = (CALIBRATION, across) if c == 0 else (across, CALIBRATION)
@@ -144,5 +144,5 @@ def surface_factors(families: Families, material: BondNeoHookean) -> np.ndarray:
 
     factors = np.ones((len(families.exists), 2))
     for c in range(1 if material.mode == "planar" and published else 2):
-        factors[:, c] = measured(round_family(), c).mean() / (share * measured(directions, c)).sum(axis=1)
+        factors[:, c] = measured(round_family(), c).mean() / (weight * measured(directions, c)).sum(axis=1)
     return factors

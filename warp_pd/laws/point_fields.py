@@ -76,7 +76,9 @@ def refuse_other(names: Sequence[str], known: Sequence[str], law: str) -> None:
     for name in names:
         if name not in known:
             if name in GROUPS:
-                raise InputError(f"fields = {name!r}: the law {law} has none; expected one of {', '.join(known)}")
+                raise InputError(
+                    f"fields = {name!r}: the law {law} has no such field; expected one of {', '.join(known)}"
+                )
             one_of("fields", name, (*OWN_FIELDS, *known))
 
 

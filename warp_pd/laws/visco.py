@@ -54,7 +54,7 @@ class Visco(BondAssociated):
         check_prony(self.prony)
         if self.prony and capabilities(self.material).goes_slack:
             raise InputError(
-                f"prony = {self.prony!r}: expected none with a TensionField material, as they would resist compression"
+                f"prony = {self.prony!r}: expected () with a TensionField material, as Prony terms resist compression"
             )
         if self.weights == "published":
             raise InputError("weights = 'published': expected 'auto', 'plain' or 'corrected' with Visco")

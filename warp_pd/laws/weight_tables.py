@@ -113,7 +113,7 @@ def point_tables(
         rectangle = _rectangle(families, sheet, intersections=False)
         families = build_families(sheet, horizon, influence, rectangle.depth, intersections=False)
     shape = _shapes(families)
-    # The published force, as the share of the point's area that each bond stands for.
+    # The published force, as the part of the point's area that each bond stands for.
     published = (families.areas / _trace(shape))[:, None] * families.member_shares * families.lengths**2
     if rectangle is None:
         at_rows, solved = _correction(families, sheet, published, intersections=False)

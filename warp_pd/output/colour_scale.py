@@ -40,7 +40,7 @@ class ColourScale:
         return np.asarray(colours(norm(values)))
 
     def add_bar(self, figure: Any, axes: Any, **options: Any) -> None:
-        """Draw the colour bar beside some axes; it ends where the values do."""
+        """Draw the colour bar beside `axes`, over the range `shown`."""
         from matplotlib.cm import ScalarMappable
 
         colours, norm = self._mapping()

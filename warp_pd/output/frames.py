@@ -80,7 +80,7 @@ class Frames(Sequence[SavedFrame]):
         found = Path(path)
         self.path = found / FILE if found.is_dir() else found
         if not self.path.is_file():
-            raise InputError(f"path = {str(path)!r}: expected the folder of a run with its {FILE}, or that file")
+            raise InputError(f"path = {str(path)!r}: expected the folder of a run that contains {FILE}, or that file")
         info = read_series(self.path)
         self.fields, self.points, self._all_times = info.fields, info.points, info.times
         self._load_duration = info.metadata.get("load_duration")

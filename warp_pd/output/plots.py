@@ -232,15 +232,15 @@ def fitted(path: Path, panels: Sequence[tuple[str, str, str, np.ndarray, np.ndar
 
 
 def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
-    """Largest principal stress as strokes along its direction on the reference sheet, about `across` of them in a row.
+    """Draw the directions of the largest principal stress as strokes on the reference sheet.
 
-    Their length grows with the root of the stress.
+    The length of a stroke is proportional to the square root of the stress; stresses below zero have none.
 
     Args:
-        path: Of the picture.
-        frame: With the field "principal_stress": largest, smallest, angle [rad].
-        label: Of the colours.
-        across: Strokes along the longer side.
+        path: Path of the picture.
+        frame: A frame with the field "principal_stress": largest, smallest, angle [rad].
+        label: Label of the colour bar.
+        across: Approximate number of strokes along the longer side.
     """
     size = np.ptp(frame.reference[:, :2], axis=0)
     step = max(1, round(float(np.sqrt(len(frame.reference) * size.max() / size.min())) / across))

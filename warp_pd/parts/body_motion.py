@@ -51,7 +51,7 @@ class BodyPath(BodyMotion):
     """A motion that is prescribed, whatever the sheet does: linear in time between knots, still before and after them.
 
     Attributes:
-        times: Knots [s], rising, shape (K,).
+        times: Knots [s], increasing, shape (K,).
         positions: Of the centre of mass [m], shape (K, 3).
         rotations: Unit quaternions (x, y, z, w) from the frame of the body, shape (K, 4); between knots it turns
             uniformly, the shorter way. None: it does not turn.
@@ -71,7 +71,7 @@ class BodyPath(BodyMotion):
         """
         times = numbers("BodyPath.times", self.times)
         if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
-            raise InputError(f"BodyPath.times = {said(self.times)}: expected rising times, at least one")
+            raise InputError(f"BodyPath.times = {said(self.times)}: expected increasing times, at least one")
         positions = numbers("BodyPath.positions", self.positions)
         if positions.shape != (len(times), 3):
             raise InputError(f"BodyPath.positions has shape {positions.shape}: expected ({len(times)}, 3)")

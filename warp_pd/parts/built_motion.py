@@ -50,7 +50,7 @@ class BuiltMotion:
     """
 
     def __init__(self, name: str, pose: tuple[np.ndarray, np.ndarray], context: Context) -> None:
-        """Allocate its pose."""
+        """Allocate the arrays of the pose."""
         self.name, self.context = name, context
         points = context.sheet.size
         # By the whole sheet: several processes take the same kernels as one.

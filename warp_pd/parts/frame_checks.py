@@ -20,14 +20,14 @@ OWNER = "frames"
 
 
 class FrameChecks(BuiltPart):
-    """Looks at the state at frames.
+    """Kinetic energy, largest speed, and a check for NaN and infinite values, at every frame.
 
     Attributes:
-        not_finite: Per block of points, the lowest index of a point that is not finite, or the number of points.
-        fastest: Per block of points, the largest squared speed [m^2/s^2].
+        not_finite: Lowest index of a NaN or infinite point in each block of points; the number of points if none is.
+        fastest: Largest squared speed in each block of points [m^2/s^2].
         kinetic_energy: Kinetic energy of each point [J], (N,) float64.
-        half_step_kinetic: The same from the velocities half a step earlier and later [J], for the energy balance, or
-            None; not with a contact that counts its work otherwise.
+        half_step_kinetic: Kinetic energy of each point [J] from the velocities half a step earlier and later, for the
+            energy balance; None without a balance, or with a contact whose work is not exact at half steps.
     """
 
     def __init__(self, context: Context) -> None:

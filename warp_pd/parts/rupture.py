@@ -1,4 +1,4 @@
-"""Rupture: criteria, and the breaking of bonds that they share.
+"""Rupture: criteria, and how bonds break, which is the same for all of them.
 
 A criterion of your own inherits from BondCriterion and gives its device function; see docs/write-your-own-part.md.
 """
@@ -94,10 +94,10 @@ class CriticalStretch(BondCriterion):
 class CriticalEnergy(BondCriterion):
     """A bond breaks for good when the energy release rate of its interaction passes Gc / Nc. Source: VE, section 4.3.
 
-    The work of the bond's force, shared by its two ends, over the crack surface h dx that it stands for is its energy
-    release rate; Nc is the number of interactions across such a surface, 36 at a horizon of 3.015 spacings. The work
-    counts from the start: a law that is under tension without deformation counts that tension too. Explicit dynamics
-    alone.
+    At each end of a bond, the energy release rate is half of the work of its force divided by the crack surface h dx
+    that the bond represents. Nc is the number of interactions across such a surface, 36 at a horizon of
+    3.015 spacings. The work counts from the start, including that of any tension that the law has in the undeformed
+    sheet. Explicit dynamics only.
 
     Attributes:
         energy: Critical energy release rate Gc [N/m].

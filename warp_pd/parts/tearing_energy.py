@@ -30,11 +30,11 @@ MIN_LENGTH = 0.75
 BIAS = 0.16
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
-# Share of the limit of the energy density that no bond reaches outside the stretches that are looked at.
+# Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
 # Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
 SWEEPS, MAX_SWEEPS = 1.3, 64
-# Threads that share the list of points: as many as a GPU holds at once, and few where each has its turn.
+# Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Mean damage that a run may gain before a note says so.
 MUCH_DAMAGE = 0.3

@@ -76,7 +76,7 @@ def compose(
         scene: What to build.
         device: "cpu", "cuda", "cuda:0", ...; by default CUDA if available.
         precision: 32 or 64; by default the solver's.
-        communicator: The processes that share the sheet; None: this one alone.
+        communicator: The processes among which the sheet is divided; None: this one alone.
 
     Raises:
         InputError: for parts that do not fit together, or a device that does not exist.

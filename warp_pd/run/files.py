@@ -75,7 +75,7 @@ def stored_fields(built: Built) -> frozenset[str] | None:
     for name in asked:
         if name not in there and name not in GROUPS:
             known = ", ".join(sorted({*there, *built.law.field_names()}))
-            raise InputError(f"fields = {name!r}: the frames of this scene have none; expected one of {known}")
+            raise InputError(f"fields = {name!r}: the frames of this scene have no such field; expected one of {known}")
     return None if scene.chosen_fields is None else frozenset(arrays_of(asked))
 
 

@@ -117,14 +117,14 @@ def run(
 
 
 def with_fine_history(scene: Scene, every: float) -> Scene:
-    """A scene whose solver records rows between frames.
+    """A copy of a scene whose solver also records rows of the history between frames.
 
     Args:
         scene: The scene.
         every: Time between rows [s].
 
     Raises:
-        InputError: for a solver whose frames are its rows, or a time that is not above zero.
+        InputError: if the solver records no rows between frames, or `every` is not above zero.
     """
     solver: Any = scene.solver
     if not hasattr(solver, "history_every"):

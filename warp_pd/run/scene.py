@@ -217,7 +217,7 @@ class Scene:
             if not isinstance(name, str) or not name or not name.isprintable():
                 raise InputError(f"name of a measure = {name!r}: expected text in one line")
             if names.count(name) > 1:
-                raise InputError(f"measures: two numbers of the run would be called {name!r}: expected one")
+                raise InputError(f"measures: two measures or outcomes have the name {name!r}: expected different names")
 
     def fields_of_law(self) -> list[str]:
         """Names of the fields that the force law has to give."""

@@ -1,4 +1,4 @@
-"""The context of a scene: what its parts share on a device, and what is here of it if several processes share it."""
+"""The context of a scene: the arrays common to its parts, and the part of each process if several run it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Newton steps at one load factor: tension for slack starts, the linear solve, line search."""
+"""Newton steps at one load factor: added tension while the sheet is slack, linear solve, line search."""
 
 from __future__ import annotations
 

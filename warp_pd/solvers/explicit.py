@@ -39,7 +39,7 @@ class Explicit:
 
     Attributes:
         duration: Time to simulate [s].
-        frames: Number of frames after the first one, equally spaced; or their times [s], rising, the last one
+        frames: Number of frames after the first one, equally spaced; or their times [s], increasing, the last one
             the duration: frames close together show what happens fast.
         damping: Mass damping c [1/s]: a force -c m v on every point.
         safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break. A fast
@@ -69,7 +69,7 @@ class Explicit:
             times = numbers("frames", self.frames)
             if times.size == 0 or not (np.diff(times, prepend=0.0) > 0.0).all() or times[-1] != self.duration:
                 raise InputError(
-                    f"frames = {list(self.frames)!r}: expected rising times above 0, the last one the duration, "
+                    f"frames = {list(self.frames)!r}: expected increasing times above 0, the last one the duration, "
                     f"{self.duration!r}"
                 )
         else:

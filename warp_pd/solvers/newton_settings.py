@@ -52,7 +52,7 @@ class Report:
     Attributes:
         preconditioner: The one in use.
         load_steps: One entry per attempted load step: share (load factor), converged, and per lattice, coarsest
-            first: points, relative residuals, accepted shares of the steps, products with the stiffness.
+            first: points, relative residuals, accepted fractions of the steps, products with the stiffness.
     """
 
     preconditioner: str

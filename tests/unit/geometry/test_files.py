@@ -136,7 +136,7 @@ def test_parts_of_usd(tmp_path):
     assert len(read_mesh(path, part="Cube").triangles) == 12
     assert len(read_mesh(path, part="/World/Sheet").triangles) == 4
     for part in (None, "Ball"):
-        with pytest.raises(InputError, match=rf"part = {part!r}: expected one of /World/Sheet, /World/Cube"):
+        with pytest.raises(InputError, match=rf"part = {part!r}: .*expected one of /World/Sheet, /World/Cube"):
             read_mesh(path, part=part)
 
 
@@ -163,7 +163,7 @@ def test_groups_of_gmsh(tmp_path):
     assert len(read_mesh(path, unit="m", part="main").triangles) == 3
     with pytest.raises(InputError, match="part = 'mian': expected one of 'main', 'rest'"):
         read_mesh(path, unit="m", part="mian")
-    with pytest.raises(InputError, match=r"part = 'main': expected None: a\.stl has no named groups of faces"):
+    with pytest.raises(InputError, match=r"part = 'main': a\.stl has no named groups of faces: expected None"):
         read_mesh(write(tmp_path / "a.stl"), unit="m", part="main")
 
 

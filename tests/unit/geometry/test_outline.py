@@ -267,7 +267,7 @@ REFUSED = {
         "crack 1 crosses itself",
     ),
     "closed crack": (lambda: outline(**slotted([(0.03, 0.03), (0.07, 0.03), (0.05, 0.07), (0.03, 0.03)])), "is a hole"),
-    "crack near the edge": (lambda: outline(**slotted([(0.002, 0.05), (0.05, 0.05)])), "nearer to the edge than 0.7"),
+    "crack near the edge": (lambda: outline(**slotted([(0.002, 0.05), (0.05, 0.05)])), "less than 0.7 spacings"),
     "crack nan": (lambda: outline(**slotted([(0.02, 0.05), (np.nan, 0.05)])), "crack 1[1, 0] = nan"),
     "name of a side": (lambda: outline(holes={"left": HOLE}), "two parts have the name 'left'"),
     "name all": (lambda: outline(holes={"all": HOLE}), "two parts have the name 'all'"),

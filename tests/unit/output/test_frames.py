@@ -59,7 +59,7 @@ def test_static_frames_say_the_load(tmp_path):
 def test_what_is_not_there_is_one_line(result, tmp_path):
     (tmp_path / "bad.vtkhdf").write_text("no")
     for call, said in (
-        (lambda: Frames(tmp_path), "expected the folder of a run with its frames.vtkhdf"),
+        (lambda: Frames(tmp_path), "expected the folder of a run that contains frames.vtkhdf"),
         (lambda: Frames(3), "path = 3"),
         (lambda: Frames(tmp_path / "bad.vtkhdf"), "expected a whole file of frames"),
         (lambda: result.frames[0]["damage"], "field 'damage': the frames hold displacement"),

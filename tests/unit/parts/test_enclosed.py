@@ -168,7 +168,7 @@ WRONG = [
         "where nothing can break",
     ),
     (lambda: EnclosedVolume([(0.0, 1.0)], 0.0), r"stiffness = 0\.0"),
-    (lambda: EnclosedVolume([(1.0, 1.0), (0.0, 1.0)], 1.0), "rising times"),
+    (lambda: EnclosedVolume([(1.0, 1.0), (0.0, 1.0)], 1.0), "increasing times"),
     (lambda: EnclosedVolume(3.0, 1.0), "expected pairs"),
     (lambda: EnclosedVolume(None, 1.0), "expected pairs"),
     (lambda: loads(square(5), EnclosedVolume([(0.0, 1.0)], 1.0)), "is on an edge of the sheet and free"),

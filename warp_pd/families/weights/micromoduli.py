@@ -5,13 +5,14 @@ force on point i under a uniform strain eps is M_i : eps with
 
     M_i = sum_j (W_ij + W_ji) / |X_ij|  n (x) n (x) n,
 
-and the traction of the stress C : eps balances it if M_i = -C b_i, where b_i is the edge's share of the point. C is
-that of plane stress with Poisson's ratio 1/3, whose components are symmetric in all indices, like M_i. The published
-micro-moduli c_i = g E / sum_j |X_ij| V_j balance it inside alone, and there with the C of the lattice, which is not
-isotropic. The corrected ones do everywhere, stay positive, and change as little as they can, as the weights of areas
-do (weights/__init__.py). Where points lie inside the edge by a share o of the spacing, b_i acts on the second layer,
-too, with 1 + o and -o, as if on the edge. Positive weights then balance horizons of 3 spacings and more to round-off,
-those of 1.5 and 2.015 to a tenth of the traction; on points that lie on the edges they balance all of these.
+and the traction of the stress C : eps balances it if M_i = -C b_i, where b_i is the edge vector of the point: the
+length of its edge times the outward normal. C is that of plane stress with Poisson's ratio 1/3, whose components are
+symmetric in all indices, like M_i. The published micro-moduli c_i = g E / sum_j |X_ij| V_j balance it only inside, and
+there with the C of the lattice, which is not isotropic. The corrected ones balance it everywhere, stay positive, and
+change as little as possible, like the weights of areas (weights/__init__.py). Where points lie inside the edge by a
+fraction o of the spacing, b_i acts on the second layer, too, with 1 + o and -o, as if on the edge. Positive weights
+then balance horizons of 3 spacings and more to round-off, those of 1.5 and 2.015 to a tenth of the traction; on points
+that lie on the edges they balance all of these.
 
 The family's own energy as a surface correction (Le and Bobaru, Comput. Mech. 61, 2018, "energy method"), in uniform
 isotropic strain, is what the published formula already contains. It leaves the force out of balance.
@@ -63,7 +64,7 @@ def balanced_micromoduli(
     length = np.linalg.norm(steps, axis=1)
     n = steps / length[:, None]
     pull = np.stack([n[:, a] * n[:, b] * n[:, c] / length for a, b, c in COMPONENTS])
-    shares = _edge_vectors(areas, dx / dy)
+    edge_vectors = _edge_vectors(areas, dx / dy)
     tensor = stiffness / 16.0 * np.array([_isotropic(*component) for component in COMPONENTS])
     blocks: list[sparse.csr_matrix] = []
     goal: list[np.ndarray] = []
@@ -76,7 +77,7 @@ def balanced_micromoduli(
         values = np.tile(pull[:, members], 2)
         shape = (len(COMPONENTS), int(exists.sum()))
         blocks.append(sparse.csr_matrix((values.ravel(), (equation.ravel(), bond.ravel())), shape=shape))
-        goal.append(-tensor @ shares[row, column])
+        goal.append(-tensor @ edge_vectors[row, column])
     matrix, start = sparse.vstack(blocks, format="csr"), published[exists]
     corrected = np.zeros_like(published)
     corrected[exists] = start * closest_balanced(matrix, start, np.concatenate(goal) - matrix @ start, floor)
@@ -92,12 +93,12 @@ def _places(shape: tuple[int, int], depth: int) -> Iterator[tuple[int, int]]:
 def _edge_vectors(areas: np.ndarray, flatness: float) -> np.ndarray:
     """b_i over dy, shape (rows, columns, 2); `flatness` is dx / dy."""
     rows, columns = areas.shape
-    x, across_x = _edge_shares(areas[rows // 2])
-    y, across_y = _edge_shares(areas[:, columns // 2])
+    x, across_x = _edge_forces(areas[rows // 2])
+    y, across_y = _edge_forces(areas[:, columns // 2])
     return np.stack([np.outer(across_y, x), flatness * np.outer(y, across_x)], axis=-1)
 
 
-def _edge_shares(areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _edge_forces(areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Force of a unit traction on each point of a line across two edges, and its width, both in spacings."""
     inside = float(areas[0] / areas[len(areas) // 2]) - 0.5
     force, width = np.zeros(len(areas)), np.ones(len(areas))

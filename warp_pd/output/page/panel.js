@@ -103,7 +103,7 @@
         for (let k = 0; k < room.length; k += apart) if (!Number.isNaN(room[k])) numbers.push(room[k]);
       }
       numbers.sort((a, b) => a - b);
-      const at = (share) => numbers[Math.round(share * (numbers.length - 1))] ?? 0;
+      const at = (fraction) => numbers[Math.round(fraction * (numbers.length - 1))] ?? 0;
       found.most = [at(0.01), at(0.99)];
     }
     return found.most;

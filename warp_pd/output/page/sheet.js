@@ -30,8 +30,8 @@
     varying float shown;
     varying vec3 painted, place;
     void main() {
-      float share = clamp((shown - low) / (high - low), 0.0, 1.0);
-      vec3 colour = shown < -1e37 ? vec3(0.72) : texture2D(colours, vec2((255.0 * share + 0.5) / 256.0, 0.5)).rgb;
+      float fraction = clamp((shown - low) / (high - low), 0.0, 1.0);
+      vec3 colour = shown < -1e37 ? vec3(0.72) : texture2D(colours, vec2((255.0 * fraction + 0.5) / 256.0, 0.5)).rgb;
       if (grid > 0.0) {
         vec3 cell = (painted - origin) / grid;
         vec3 wide = fwidth(cell);
@@ -178,8 +178,8 @@
     places() {
       const last = content.frames.length - 1, found = [], grow = this.uniforms.grow.value;
       const room = new Float32Array(this.reference.length), every = Math.max(1, Math.ceil(this.points / 20000));
-      for (const share of [0, 0.2, 0.4, 0.6, 0.8, 1]) {
-        this.moved.forEach((part, c) => part.read(Math.round(share * last), room, 3, c));
+      for (const fraction of [0, 0.2, 0.4, 0.6, 0.8, 1]) {
+        this.moved.forEach((part, c) => part.read(Math.round(fraction * last), room, 3, c));
         for (let k = 0; k < this.points; k += every) {
           const place = [0, 1, 2].map((c) => this.reference[3 * k + c] + grow * room[3 * k + c]);
           if (place.every(Number.isFinite)) found.push(place);

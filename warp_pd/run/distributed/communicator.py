@@ -64,7 +64,7 @@ class TorchCommunicator(Communicator):
                 # Threads of Gloo that still wait would end the process by SIGABRT.
                 atexit.register(_leave)
             self.rank, self.size = dist.get_rank(), dist.get_world_size()
-        # One of several processes of a machine each takes its share of the cores; Torch works on one.
+        # Processes on one machine divide its cores among them; Torch uses one core in each.
         torch.set_num_threads(1)
 
     def barrier(self, work: Callable[[], T]) -> T:

@@ -47,12 +47,12 @@ class Message:
         """Share the arrays with Torch.
 
         Args:
-            source: The field, of points or [members, points].
-            target: Takes what comes, mostly the same.
-            rank: The other process.
-            mine: Entries of `source` that it needs.
-            theirs: Entries of `target` that it has.
-            tag: Tells the fields of one exchange apart.
+            source: Array to send from, (N,) or (members, N).
+            target: Array to receive into, usually `source` itself.
+            rank: Rank of the other process.
+            mine: Entries of `source` to send.
+            theirs: Entries of `target` to receive.
+            tag: Distinguishes the fields of one exchange.
         """
         self.rank, self.tag, self.points = rank, tag, len(mine)
         self._source, self._target = _signed(source), _signed(target)
