@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+import warp as wp
 
 from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, History
 from ..interfaces.context import Context
@@ -21,6 +22,8 @@ def body_checks(context: Context, law: BuiltLaw, contacts: Sequence[BuiltContact
 class BodyChecks(BuiltPart):
     """Compares bodies with each other and with the stretched sheet at every frame; what it finds becomes notes.
 
+    What it finds is a field, so that a resumed run has the notes of a run that was never stopped.
+
     Attributes:
         bodies: Those of the scene that have an outline.
     """
@@ -30,36 +33,53 @@ class BodyChecks(BuiltPart):
     def __init__(self, context: Context, law: BuiltLaw, bodies: Sequence[BuiltContact]) -> None:
         self.context, self.law, self.bodies = context, law, bodies
         self._drawn = {body.label: body.outline() for body in self.bodies}
-        # What was found, and at which of the frames seen here.
-        self._found: dict[tuple[str, ...], tuple[int, str]] = {}
-        self._frames = 0
+        self._texts = self._possible()
+        # The number of frames, and the number of the one at which each was found first, or 0.
+        self._found = context.array(
+            "body_findings", "contact", wp.int32, shape=1 + len(self._texts), per="once", restart=True
+        )
         self._before: tuple[np.ndarray, dict[str, np.ndarray]] | None = None
         self._intact = None if law.intact is None else law.intact.numpy()
 
+    def _possible(self) -> dict[tuple[str, ...], str]:
+        """The notes that there may be, by what they are about."""
+        texts: dict[tuple[str, ...], str] = {}
+        for one, other in itertools.combinations(self.bodies, 2):
+            texts[one.label, other.label] = (
+                f"{one.label} and {other.label} overlap: rigid bodies do not feel each other"
+            )
+        for body in self.bodies:
+            texts["thin", body.label] = (
+                f"{body.label} is {body.thickness() or 0.0:.3g} m thick, and points near it are more than "
+                f"1/{MIN_DIAMETER:g} of that apart: it may pass between them"
+            )
+            texts["passed", body.label] = (
+                f"{body.label} passed through the sheet without breaking it: expected a thicker body, or more points"
+            )
+        return texts
+
     def end_frame(self) -> None:
         """Compare them now."""
-        self._frames += 1
-        self._compare_bodies()
+        found = self._found.numpy()
+        found[0] += 1
+        met = self._overlaps()
         # Of a divided sheet, a process has a part alone.
         if self.context.partition is None and len(self.context.sheet.triangles):
-            self._compare_with_sheet()
+            met |= self._compare_with_sheet()
+        for index, key in enumerate(self._texts):
+            if key in met and not found[1 + index]:
+                found[1 + index] = found[0]
+        self._found.assign(found)
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """What was found, the first time of each."""
-        seen = history[len(history) - self._frames :]
-        return [f"{text}, at {seen[frame]['time']:.4g} s" for frame, text in self._found.values()]
+        _, *frames = self._found.numpy().tolist()
+        found = zip(self._texts.values(), frames, strict=True)
+        return [f"{text} (at {history[frame - 1]['time']:.4g} s)" for text, frame in found if frame]
 
-    def _note(self, key: tuple[str, ...], text: str) -> None:
-        self._found.setdefault(key, (self._frames - 1, text))
-
-    def _compare_bodies(self) -> None:
-        for one, other in itertools.combinations(self.bodies, 2):
-            depth = max(self._depth(one, other), self._depth(other, one))
-            if depth > 0.0:
-                self._note(
-                    (one.label, other.label),
-                    f"{one.label} and {other.label} do not feel each other: they overlap by {depth:.3g} m",
-                )
+    def _overlaps(self) -> set[tuple[str, ...]]:
+        pairs = itertools.combinations(self.bodies, 2)
+        return {(a.label, b.label) for a, b in pairs if max(self._depth(a, b), self._depth(b, a)) > 0.0}
 
     def _depth(self, one: BuiltContact, other: BuiltContact) -> float:
         """How deep the vertices of a body lie in another one [m]; those of an unbounded body do not count."""
@@ -69,61 +89,46 @@ class BodyChecks(BuiltPart):
         distance = other.distance_from(drawn.placed(pose))
         return 0.0 if distance is None else -float(distance.min(initial=0.0))
 
-    def _compare_with_sheet(self) -> None:
+    def _compare_with_sheet(self) -> set[tuple[str, ...]]:
         sheet = self.context.sheet
         u = np.asarray(self.context.state.displacement.numpy(), np.float64)
         position, corners = sheet.positions + u, sheet.triangles
         centres: dict[str, np.ndarray] = {}
+        met: set[tuple[str, ...]] = set()
         for body in self.bodies:
             thickness, pose = body.thickness(), body.pose()
             if thickness is None or pose is None:
                 continue
             centres[body.label] = pose[:3]
-            self._compare_spacing(body, thickness, position, corners)
-            if self._before is not None:
-                self._look_for_passage(body, position, corners)
+            if thickness < MIN_DIAMETER * self._widest_near(body, thickness, position, corners):
+                met.add(("thin", body.label))
+            if self._before is not None and body.label in self._before[1]:
+                before, centre = self._before[0][corners], self._before[1][body.label]
+                if self._passed(before - centre, position[corners] - pose[:3], corners):
+                    met.add(("passed", body.label))
         self._before = position, centres
+        return met
 
-    def _compare_spacing(self, body: BuiltContact, thickness: float, position: np.ndarray, corners: np.ndarray) -> None:
+    def _widest_near(self, body: BuiltContact, near: float, position: np.ndarray, corners: np.ndarray) -> float:
+        """Largest spacing of triangles nearer to a body than `near` [m]; 0 if there are none."""
         distance = body.distance_from(position)
         if distance is None:
-            return
-        near = corners[(distance[corners] < thickness).any(axis=1)]
-        if not len(near):
-            return
+            return 0.0
+        chosen = corners[(distance[corners] < near).any(axis=1)]
         # The longest side of a triangle may be a diagonal, the second longest is the wider of its two spacings.
-        sides = np.sort(np.linalg.norm(position[near] - position[np.roll(near, 1, axis=1)], axis=2), axis=1)
-        widest = float(sides[:, 1].max())
-        if thickness < MIN_DIAMETER * widest:
-            self._note(
-                ("thin", body.label),
-                f"{body.label} is {thickness:.3g} m thick and may pass between points: those near it are {widest:.3g} "
-                f"m apart, expected at most {thickness / MIN_DIAMETER:.3g} m",
-            )
+        sides = np.sort(np.linalg.norm(position[chosen] - position[np.roll(chosen, 1, axis=1)], axis=2), axis=1)
+        return float(sides[:, 1].max(initial=0.0))
 
-    def _look_for_passage(self, body: BuiltContact, position: np.ndarray, corners: np.ndarray) -> None:
-        """Whether the centre has passed an intact triangle since the last frame, all moving in straight lines."""
-        assert self._before is not None
-        before, centres = self._before
-        if body.label not in centres:
-            return
-        pose = body.pose()
-        assert pose is not None
-        a, b = before[corners] - centres[body.label], position[corners] - pose[:3]
-        side, side_now = np.linalg.det(a), np.linalg.det(b)
+    def _passed(self, before: np.ndarray, now: np.ndarray, corners: np.ndarray) -> bool:
+        """Whether the centre of a body, the origin, passed an intact triangle on straight ways, (F, 3, 3) each [m]."""
+        side, side_now = np.linalg.det(before), np.linalg.det(now)
         crossed = np.flatnonzero(side * side_now < 0.0)
         if self._intact is not None and self.law.intact is not None:
             torn = (self.law.intact.numpy() != self._intact).any(axis=0)
             crossed = crossed[~torn[corners[crossed]].any(axis=1)]
-        if not len(crossed):
-            return
-        part = (side / (side - side_now))[crossed, None, None]
-        met = (1.0 - part) * a[crossed] + part * b[crossed]
-        # The centre is the origin: inside a triangle it sees all three sides turn one way.
+        part = (side[crossed] / (side - side_now)[crossed])[:, None, None]
+        met = (1.0 - part) * before[crossed] + part * now[crossed]
+        # A point inside a triangle sees all three sides turn one way.
         turns = np.cross(met, np.roll(met, -1, axis=1))
         along = np.einsum("fc,fkc->fk", turns.sum(axis=1), turns)
-        if (along > 0.0).all(axis=1).any():
-            self._note(
-                ("passed", body.label),
-                f"{body.label} passed through the sheet without breaking it: expected a thicker body, or more points",
-            )
+        return bool((along > 0.0).all(axis=1).any())

@@ -107,12 +107,29 @@ def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_p
 
 
 BROKEN = """
+from dataclasses import dataclass
 from shared_scenes import scene
-from warp_pd import Measure
+from warp_pd import InputError
+from warp_pd.interfaces import BuiltPart, Part
+
+class BuiltFailing(BuiltPart):
+    # The first process alone asks for columns of the history.
+    def columns(self, totals, elapsed):
+        if elapsed > 0.0:
+            raise InputError("failing: expected no second frame")
+        return {}
+
+@dataclass(frozen=True)
+class Failing(Part):
+    def on_partition(self, sheet, partition):
+        return self
+
+    def build(self, context, law):
+        return BuiltFailing()
 
 def build():
     made = scene("torn")
-    made.measures = [Measure("wrong", "1", lambda built, frame: 1 / 0 if frame.index else 0.0)]
+    made.loads = [*made.loads, Failing()]
     return made
 """
 
@@ -127,7 +144,7 @@ def test_an_error_in_one_process_ends_all_with_its_line(tmp_path):
     )  # fmt: skip
     assert done.returncode == 2
     lines = done.stderr.strip().splitlines()
-    assert lines == ["warp-pd: Measure 'wrong': ZeroDivisionError: division by zero"]
+    assert lines == ["warp-pd: failing: expected no second frame"]
 
 
 ALONE = """

@@ -86,8 +86,7 @@ def training_data(material: Material, states: np.ndarray) -> TrainingData:
     """
     types, n, membrane = numeric(64), len(states), capabilities(material).membrane
     assert membrane is not None
-    name = f"warp_pd_training_{type(material).__name__}"
-    kernel = training_samples(material.functions, membrane, name)
+    kernel = training_samples(material.functions, membrane)
     features = wp.zeros(n, dtype=types.parameters, device="cpu")
     forces = wp.zeros(n, dtype=types.vec2, device="cpu")
     given: Any = wp.array(np.ascontiguousarray(states), dtype=types.vec3, device="cpu")
