@@ -59,8 +59,8 @@ def side_by_side(shapes: Sequence[Shape]) -> Shape:
     curved = shapes[0].frames is not None
     for index, shape in enumerate(shapes):
         if (shape.frames is not None) != curved:
-            kind, first = ("flat", "curved") if curved else ("curved", "flat")
-            raise InputError(f"sheets[{index}] is {kind}: expected {first}, like sheets[0]")
+            kind, expected = ("flat", "curved") if curved else ("curved", "flat")
+            raise InputError(f"sheets[{index}] is {kind}: expected {expected}, like sheets[0]")
         if shape.pieces is not None or len(shape.triangles) == 0:
             raise InputError(f"sheets[{index}]: expected a sheet of one piece with triangles")
     widest = max(shape.spacing for shape in shapes)
