@@ -33,7 +33,7 @@ from .bits import bit_of
 from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
 from .numeric import numeric
-from .rupture import reference_and_deformed
+from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import stiffness_left
 
 SEVERED, NEAR = 0.8, 0.55
@@ -82,6 +82,7 @@ def damage_field(
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
     left = stiffness_left(layout.bits)
+    energy_of_step = energy_over_step(layout, earlier_energy)
 
     @wp.func
     def stretched(
@@ -249,25 +250,6 @@ def damage_field(
                 m = wp.where(bit_of(members, k - begin), f.neighbour(family, i, k), i)
                 found = found or damage[m] >= severed_at[m]
         return found
-
-    @wp.func
-    def energy_of_step(
-        family: Family,
-        intact: wp.array2d(dtype=wp.uint32),
-        displacement: wp.array(dtype=vec3),
-        velocity: wp.array(dtype=vec3),
-        dt: real,
-        constants: parameters,
-        inverse_horizon: real,
-        i: int,
-    ):
-        """2 E(half a step back) - E(now) / 2 - E(a step back) / 2, see kernels/rupture.py."""
-        energy = real(0.0)
-        for half_steps in range(3):
-            back = real(0.5) * real(half_steps) * dt
-            part = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
-            energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
-        return energy
 
     @kernel(per="list", gathers=("displacement", "velocity", "damage"))
     def finish(

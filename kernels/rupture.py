@@ -209,6 +209,34 @@ def screening(layout: Layout, criterion: Criterion) -> Kernel:
 
 
 @functools.cache
+def energy_over_step(layout: Layout, earlier_energy: wp.Function) -> wp.Function:
+    """Function 2 E(half a step back) - E(now) / 2 - E(a step back) / 2 of the energy of a family, see above."""
+    types = layout.types
+    real, vec3, parameters = types.real, types.vec3, types.parameters
+    Family = family_functions(layout).struct
+
+    @wp.func
+    def energy_of_step(
+        family: Family,
+        intact: wp.array2d(dtype=wp.uint32),
+        displacement: wp.array(dtype=vec3),
+        velocity: wp.array(dtype=vec3),
+        dt: real,
+        constants: parameters,
+        inverse_horizon: real,
+        i: int,
+    ):
+        energy = real(0.0)
+        for half_steps in range(3):
+            back = real(0.5) * real(half_steps) * dt
+            part = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
+            energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
+        return energy
+
+    return energy_of_step
+
+
+@functools.cache
 def breaking(
     layout: Layout, criterion: Criterion, spared: bool, screened: bool, earlier_energy: wp.Function | None
 ) -> Kernel:
@@ -229,26 +257,7 @@ def breaking(
     remaining = remaining_bonds(layout, criterion, spared)
     tracked, block = earlier_energy is not None, SCREENED
 
-    if tracked:
-
-        @wp.func
-        def energy_of_step(
-            family: Family,
-            intact: wp.array2d(dtype=wp.uint32),
-            displacement: wp.array(dtype=vec3),
-            velocity: wp.array(dtype=vec3),
-            dt: real,
-            constants: parameters,
-            inverse_horizon: real,
-            i: int,
-        ):
-            """2 E(half a step back) - E(now) / 2 - E(a step back) / 2, see above."""
-            energy = real(0.0)
-            for half_steps in range(3):
-                back = real(0.5) * real(half_steps) * dt
-                part = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
-                energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part
-            return energy
+    energy_of_step = energy_over_step(layout, earlier_energy) if earlier_energy is not None else None
 
     @kernel(gathers=("displacement", "velocity", "exceeding", *(f"criterion.{name}" for name in criterion.gathers)))
     def break_bonds(

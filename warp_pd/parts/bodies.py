@@ -103,8 +103,8 @@ class BuiltBody(BuiltContact):
         # A thinner body passes between points.
         if part.shape.bounded:
             resolved(f"RigidBody {name!r}: smallest extent", part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
-        self._check_apart()
         self._body, self._mesh = on_device(part.shape, context.device)
+        self._check_apart()
         self.motion = part.motion.build(name, part.shape, context)
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
@@ -149,7 +149,7 @@ class BuiltBody(BuiltContact):
         arms, back = points - place, -rotation[:3]
         axis = np.cross(back, arms)
         arms = arms + 2.0 * (rotation[3] * axis + np.cross(back, axis))
-        return signed_distances(self.part.shape, arms, self.context.device)[:, 3]
+        return signed_distances(self.part.shape, arms, self.context.device, (self._body, self._mesh))[:, 3]
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches of the motion, and the pointwise stages of contact."""

@@ -292,9 +292,18 @@ def on_device(shape: BodyShape, device: wp.Device) -> tuple[Any, wp.Mesh | None]
     return made, mesh
 
 
-def signed_distances(shape: BodyShape, points: np.ndarray, device: wp.Device) -> np.ndarray:
-    """Signed distances [m] of points in the frame of a shape, shape (N, 3), and their normals: shape (N, 4)."""
-    body, mesh = on_device(shape, device)
+def signed_distances(
+    shape: BodyShape, points: np.ndarray, device: wp.Device, made: tuple[Any, wp.Mesh | None] | None = None
+) -> np.ndarray:
+    """Signed distances [m] of points in the frame of a shape, shape (N, 3), and their normals: shape (N, 4).
+
+    Args:
+        shape: The shape.
+        points: [m], shape (N, 3).
+        device: Where they are computed.
+        made: What `on_device` made of the shape there; None makes it anew.
+    """
+    body, mesh = made or on_device(shape, device)
     kernel = distances.distances(shape.distance).kernel
     found = wp.empty(len(points), dtype=wp.vec4d, device=device)
     # A mesh is searched as far as the furthest point.
