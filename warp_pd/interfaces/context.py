@@ -124,7 +124,7 @@ class Context:
         block_dim: Threads per block on CUDA; one number for most launches, as kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
-        compact: Name of the influence function of a cloud whose families take few bytes (kernels/compact_clouds.py);
+        compact: Name of the influence function of a cloud whose families take few bytes (kernels/families.py);
             empty on all other sheets.
         state: Arrays that parts have in common.
     """

@@ -134,7 +134,7 @@ class BondAssociatedForce(FamilyLaw):
         self.path = force_path(self, inverse, weights)
 
     def _has_compact_families(self, context: Context) -> bool:
-        """Whether its families are those of kernels/compact_clouds.py."""
+        """Whether its families are a cloud in few bytes, see kernels/families.py."""
         blocks = self.fast and self.weights != "published" and FamilyBlocks in self.paths
         return blocks and FamilyBlocks.takes_compact_families(context, self.material, self.law.horizon)
 

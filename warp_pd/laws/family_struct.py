@@ -11,8 +11,7 @@ import warp as wp
 from ..families import Families, pack
 from ..families.tables import in_blocks
 from ..interfaces.context import Context
-from ..kernels.compact_clouds import EVALUATED
-from ..kernels.families import family_functions
+from ..kernels.families import EVALUATED, family_functions
 
 # Differences of indices below this have 16 bits.
 NEAR = 2**15
@@ -103,7 +102,7 @@ def family_struct(
 
 
 def _put_compact(s: Any, families: Families, context: Context, put: Callable[..., Any], weights: np.ndarray) -> None:
-    """Put the tables of `kernels.compact_clouds` on the device; arguments as for `family_struct`."""
+    """Put the tables of a cloud in few bytes on the device; arguments as for `family_struct`."""
     types = context.types
     real = wp.dtype_to_numpy(types.real)
     assert families.neighbours is not None

@@ -306,7 +306,7 @@ class FamilyBlocks:
 
     @staticmethod
     def takes_compact_families(context: Context, material: Material, horizon: float) -> bool:
-        """Whether the families of a sheet should be those of kernels/compact_clouds.py.
+        """Whether the families of a sheet should be a cloud in few bytes, see kernels/families.py.
 
         Blocks find shape tensors anew; a tangent would take long. Where bonds can break, the energy that one releases
         has the same bits in every launch only with stored tables.
