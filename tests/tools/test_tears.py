@@ -1,7 +1,6 @@
 """Tears of the study: a small run has what its table shows."""
 
-import pytest
-from tears import SCENES, found, run, scenes_table, strips, strips_table
+from tears import TEARS, found, run, scenes_table, strips, strips_table
 
 
 class Options:
@@ -19,15 +18,12 @@ def test_a_strip_has_an_onset_and_a_balance():
     assert strips_table([row])[-1].startswith("| 2.015 | 8 | 1 | 1 |")
 
 
-def test_the_spread_over_grids_is_told_where_there_are_runs():
-    scene, name, settings, middle, points = SCENES[0]
-    rows = [
-        {"scene": scene, "settings": {"points": middle, **settings, **change}, name: value}
-        for change, value in (({}, 1.0), ({"turn": 15.0}, 1.5))
-    ]
+def test_the_spread_over_grids_and_the_last_change_are_told_where_there_are_runs():
+    tear = TEARS[0]
+    runs = [*zip(tear.by_grid(), (1.0, 1.5), strict=False), (tear.by_points()[-1], 3.0)]
+    rows = [{"scene": tear.scene, "settings": settings, tear.number: value} for settings, value in runs]
     first, second = scenes_table(rows)[2:4]
-    assert first.endswith("1, 1.5, -, -, - | 40 % |")
-    assert f"{middle}: 1" in first and f"{points[0]}: -" in first
+    assert first.endswith("| 100.0 % | 1, 1.5, -, -, - | 40.0 % |")
+    assert f"{tear.points[-2]}: 1, {tear.points[-1]}: 3" in first and f"{tear.points[0]}: -" in first
     assert second.endswith("| - |")
-    with pytest.raises(StopIteration):
-        next(row for row in rows if found([row], "none", settings))
+    assert not found(rows, tear.scene, {})
