@@ -94,17 +94,21 @@ TEARS = (
 
 def strips(options: Any) -> Iterator[dict[str, Any]]:
     """Settings of the strips."""
-    extra = dict(item.split("=", 1) for item in options.set)
     for rows, m, energy, grid in itertools.product(options.rows, options.horizons, options.energies, options.grids):
-        yield {"points": rows, "horizon": m, "tearing_energy": energy, **GRIDS[grid], **extra}
+        yield {"points": rows, "horizon": m, "tearing_energy": energy, **GRIDS[grid], **further(options)}
 
 
-def tears(names: Sequence[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+def tears(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """Runs of other scenes: the scene and its settings."""
     for tear in TEARS:
-        if tear.scene in names:
+        if tear.scene in options.only:
             for settings in tear.by_points() + tear.by_grid()[1:]:
-                yield tear.scene, settings
+                yield tear.scene, {**settings, **further(options)}
+
+
+def further(options: Any) -> dict[str, str]:
+    """Arguments of all runs that the command line gives."""
+    return dict(item.split("=", 1) for item in options.set)
 
 
 def run(scene: str, settings: dict[str, Any], device: str | None) -> Row:
@@ -182,13 +186,13 @@ def main() -> None:
     parser.add_argument("--grids", nargs="+", default=list(GRIDS), choices=list(GRIDS))
     names = [tear.scene for tear in TEARS]
     parser.add_argument("--only", nargs="+", default=names, choices=names, help="scenes to run")
-    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="further arguments of the strips")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="further arguments of all runs")
     options = parser.parse_args()
     path: Path | None = options.out
     rows = [] if path is None else load_rows(path)
     if not options.only_page:
         strip_runs = (("pure_shear_tear", settings) for settings in strips(options))
-        chosen = [*(strip_runs if options.kind == "strips" else tears(options.only))]
+        chosen = [*(strip_runs if options.kind == "strips" else tears(options))]
         made = provenance(device_title(options.device), options.commit)
         for (scene, settings, _), row in in_processes(run, [(*c, options.device) for c in chosen], options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]
