@@ -90,7 +90,7 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("glove", {"spacing": 6e-3, "load_steps": 2}),
     ("holed_strip", {"points": 21, "load_steps": 2}),
     ("needle", {"points": 21, "depth": 0.05, "frames": 10}),
-    ("puncture", {"points": 21, "horizon": 2.015, "slit": 0.012, "frames": 20}),
+    ("puncture", {"points": 21, "frames": 20}),
     ("pure_shear_tear", {"points": 12, "duration": 0.8, "frames": 40, "tearing_energy": 4.0, "advance": 3.0}),
     ("running_crack", {"points": 12, "horizon": 2.015, "frames": 60}),
     ("trousers", {"points": 10, "horizon": 2.015, "duration": 1.2, "frames": 40, "speed": 0.03}),

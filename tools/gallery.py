@@ -86,7 +86,7 @@ SCENES: dict[str, Shown] = {
     "pressure": Shown({}, "displacement along z"),
     "pressure_dynamic": Shown({"points": 51, "horizon": 2.015, "frames": 40}, "displacement along z", 0.8),
     "pressure_static": Shown({"points": 51, "horizon": 2.015}, "displacement along z"),
-    "puncture": Shown({"points": 41, "horizon": 2.015, "slit": 0.008, "frames": 40}, share=0.65),
+    "puncture": Shown({"points": 41, "frames": 40}, share=0.65),
     "pure_shear_tear": Shown({"points": 20, "frames": 60, "advance": 6.0}, share=0.7),
     "running_crack": Shown({"points": 20, "horizon": 2.015, "frames": 60}, share=0.25, view="top"),
     "square_wrinkles": Shown({"points": 48}, "wrinkle level"),

@@ -69,7 +69,7 @@ SCENES = (
     Small("pressure", "u3", {"points": 31}),
     Small("pressure_dynamic", "u3", {"points": 41, "horizon": 2.015, "frames": 20}, share=0.25),
     Small("pressure_static", "u3", {"points": 31, "horizon": 2.015}),
-    Small("puncture", "damage", {"points": 31, "horizon": 2.015, "slit": 0.012, "frames": 40}, share=0.36),
+    Small("puncture", "damage", {"points": 31, "frames": 40}, share=0.36),
     Small("pure_shear_tear", "damage", {"points": 20, "frames": 40, "tearing_energy": 4.0}, share=0.85, above=True),
     Small("running_crack", "damage", {"points": 20, "horizon": 2.015, "frames": 60}, share=0.3, above=True),
     Small("square_wrinkles", "wrinkle_level", {"points": 40}, above=True),

@@ -39,7 +39,7 @@ SMALL = {
     "two_sheets": {"points": 13, "frames": 20},
     "edge_notch": {"points": 24, "duration": 1.0, "frames": 40, "damage_length": 3e-3},
     "running_crack": {"points": 20, "frames": 60, "overload": 1.4, "damage_length": 3.2e-3},
-    "puncture": {"points": 21, "slit": 0.012, "frames": 20, "damage_length": 5e-3},
+    "puncture": {"points": 21, "frames": 20, "damage_length": 5e-3},
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
     "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
     "pressure_static": {"points": 21, "horizon": 2.015},
