@@ -4,10 +4,12 @@
     python tools/tears.py strips --rows 20 --energies 1 4 --grids 0 45 --horizons 2.015     a few, on a CPU
     python tools/tears.py scenes --device cuda:0 --jobs 3 --out runs/tears.json
     python tools/tears.py scenes --only puncture --device cuda:0
+    python tools/tears.py flaws --device cuda:0
 
 `strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact. A row holds G / Gc when the tip has moved
 by 1, 3, 6 and 12 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at four
-spacings and on grids of five kinds. A file keeps the rows of earlier calls; a row of the same settings is replaced.
+spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. A file keeps the rows of earlier
+calls; a row of the same settings is replaced.
 """
 
 from __future__ import annotations
@@ -92,10 +94,22 @@ TEARS = (
 )  # fmt: skip
 
 
-def strips(options: Any) -> Iterator[dict[str, Any]]:
-    """Settings of the strips."""
+# Points, flaw and damage length [mm], and strength over that of the length, of `flaw_sensitivity`.
+FLAWS = (
+    (121, 0.0, 10.0, 1.0), (121, 1.0, 10.0, 1.0), (121, 3.0, 10.0, 1.0), (121, 10.0, 10.0, 1.0), (121, 10.0, 3.4, 1.0),
+    (121, 30.0, 3.4, 1.0), (161, 40.0, 2.5, 1.0), (241, 40.0, 1.25, 1.0), (241, 45.0, 0.9, 1.0), (401, 47.0, 0.47, 1.0),
+    (121, 0.0, 3.4, 0.3), (121, 3.0, 3.4, 0.3), (121, 10.0, 3.4, 0.3), (121, 40.0, 3.4, 0.3),
+)  # fmt: skip
+GC, WEAKENED = 4.0, "strength"
+
+
+def strips(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Runs of the strips: the scene and its settings."""
     for rows, m, energy, grid in itertools.product(options.rows, options.horizons, options.energies, options.grids):
-        yield {"points": rows, "horizon": m, "tearing_energy": energy, **GRIDS[grid], **further(options)}
+        yield (
+            "pure_shear_tear",
+            {"points": rows, "horizon": m, "tearing_energy": energy, **GRIDS[grid], **further(options)},
+        )
 
 
 def tears(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -104,6 +118,15 @@ def tears(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
         if tear.scene in options.only:
             for settings in tear.by_points() + tear.by_grid()[1:]:
                 yield tear.scene, {**settings, **further(options)}
+
+
+def flaws(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Sheets with flaws from none to a hundred damage lengths."""
+    for points, flaw, length, weaker in FLAWS:
+        settings = {"points": points, "flaw": 1e-3 * flaw, "damage_length": 1e-3 * length, "tearing_energy": GC}
+        if weaker < 1.0:
+            settings[WEAKENED] = round(weaker * 3.0 * GC / (16.0 * settings["damage_length"]), 3)
+        yield "flaw_sensitivity", {**settings, **further(options)}
 
 
 def further(options: Any) -> dict[str, str]:
@@ -134,6 +157,7 @@ def found(rows: Sequence[Row], scene: str, settings: dict[str, Any]) -> Row:
 def strips_table(rows: Sequence[Row]) -> list[str]:
     """Lowest, mean and largest G / Gc at onset over grids and tearing energies."""
     lines = []
+    rows = [row for row in rows if row["scene"] == "pure_shear_tear"]
     for horizon, points in sorted({(row["settings"]["horizon"], row["settings"]["points"]) for row in rows}):
         some = [row for row in rows if (row["settings"]["horizon"], row["settings"]["points"]) == (horizon, points)]
         cells = []
@@ -165,6 +189,19 @@ def scenes_table(rows: Sequence[Row]) -> list[str]:
     return table(head, lines)
 
 
+def flaws_table(rows: Sequence[Row]) -> list[str]:
+    """One line a flaw: its length over that of the field, and what it breaks at over the strength and Griffith's."""
+    lines = []
+    for row in (row for row in rows if row["scene"] == "flaw_sensitivity"):
+        settings = row["settings"]
+        flaw, length = float(settings["flaw"]), float(settings["damage_length"])
+        numbers = (flaw / length, row["stress_at_break"], row["strength_ratio"], row["griffith_ratio"])
+        strength = f"{settings[WEAKENED]:g}" if WEAKENED in settings else "of the length"
+        lines.append([f"{1e3 * flaw:g}", f"{1e3 * length:g}", strength, *map(shown, numbers)])
+    head = ["flaw (mm)", "length (mm)", "strength (J/m^3)", "flaw / length", "stress at break (Pa)", "W / strength"]
+    return table([*head, "G / Gc"], lines)
+
+
 def apart(values: Sequence[float | None]) -> str:
     """How far values lie apart, over their mean; of those that there are."""
     known = [value for value in values if value is not None]
@@ -179,7 +216,7 @@ def shown(value: float | None) -> str:
 def main() -> None:
     """Run, keep the rows, print the table."""
     parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False, commit=None)
-    parser.add_argument("kind", choices=("strips", "scenes"))
+    parser.add_argument("kind", choices=("strips", "scenes", "flaws"))
     parser.add_argument("--rows", type=at_least_one, nargs="+", default=[20, 40, 80], help="of points in a strip")
     parser.add_argument("--horizons", type=float, nargs="+", default=[2.015, 3.15, 4.15])
     parser.add_argument("--energies", type=float, nargs="+", default=[0.5, 1.0, 2.0, 4.0, 8.0], help="Gc [J/m^2]")
@@ -191,16 +228,14 @@ def main() -> None:
     path: Path | None = options.out
     rows = [] if path is None else load_rows(path)
     if not options.only_page:
-        strip_runs = (("pure_shear_tear", settings) for settings in strips(options))
-        chosen = [*(strip_runs if options.kind == "strips" else tears(options))]
+        chosen = [*{"strips": strips, "scenes": tears, "flaws": flaws}[options.kind](options)]
         made = provenance(device_title(options.device), options.commit)
         for (scene, settings, _), row in in_processes(run, [(*c, options.device) for c in chosen], options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]
             print(json.dumps(rows[-1]), flush=True)
             if path is not None:
                 save_rows(path, rows)
-    strip_rows = [row for row in rows if row["scene"] == "pure_shear_tear"]
-    print("\n".join(strips_table(strip_rows) if options.kind == "strips" else scenes_table(rows)))
+    print("\n".join({"strips": strips_table, "scenes": scenes_table, "flaws": flaws_table}[options.kind](rows)))
 
 
 if __name__ == "__main__":

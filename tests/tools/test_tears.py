@@ -1,6 +1,6 @@
 """Tears of the study: a small run has what its table shows."""
 
-from tears import TEARS, found, run, scenes_table, strips, strips_table
+from tears import TEARS, flaws, flaws_table, found, run, scenes_table, strips, strips_table
 
 
 class Options:
@@ -8,8 +8,8 @@ class Options:
 
 
 def test_a_strip_has_an_onset_and_a_balance():
-    (settings,) = strips(Options)
-    row = run("pure_shear_tear", {**settings, "frames": 10}, "cpu")
+    ((scene, settings),) = strips(Options)
+    row = run(scene, {**settings, "frames": 10}, "cpu")
     assert row["status"] == "finished"
     assert row["worst_energy_balance"] < 0.05
     assert row["settings"]["turn"] == 45.0
@@ -27,3 +27,12 @@ def test_the_spread_over_grids_and_the_last_change_are_told_where_there_are_runs
     assert f"{tear.points[-2]}: 1, {tear.points[-1]}: 3" in first and f"{tear.points[0]}: -" in first
     assert second.endswith("| - |")
     assert not found(rows, tear.scene, {})
+
+
+def test_flaws_from_none_to_a_hundred_lengths_have_a_line_each():
+    runs = [settings for _, settings in flaws(Options)]
+    ratios = sorted(settings["flaw"] / settings["damage_length"] for settings in runs)
+    assert ratios[0] == 0.0 and 0.05 < next(r for r in ratios if r > 0.0) <= 0.1 and ratios[-1] >= 100.0
+    numbers = {"stress_at_break": 3.0, "strength_ratio": 0.5, "griffith_ratio": 1.0}
+    row = {"scene": "flaw_sensitivity", "settings": runs[1], **numbers}
+    assert flaws_table([row, {"scene": "none"}])[2:] == ["| 1 | 10 | of the length | 0.1 | 3 | 0.5 | 1 |"]

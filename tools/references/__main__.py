@@ -58,6 +58,7 @@ MATERIALS = {
 SHOWN, KEPT = (1.5, 2.5, 3.5, 4.5), 50
 # Lengths of the notch over the width, stretches of the strip, and openings of trousers [m].
 RATIOS, TORN = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4), (1.1, 1.15, 1.2, 1.3, 1.5, 2.0, 3.0)
+FLAWS, FLAWED = (0.05, 0.1, 0.2, 0.3, 0.5), (1.05, 1.1, 1.2, 1.4, 1.7, 2.0, 3.0)
 OPENINGS = (2e-3, 3e-3, 4e-3)
 CENTRES = (1.01, 1.05, 1.1, 1.2, 1.3, 1.5, 1.7, 2.0, 2.5, 3.0, 4.0)
 
@@ -140,6 +141,8 @@ def torn() -> dict[str, Any]:
         "stretches": TORN,
         "full_energy": {ratio: [round(full, 3) for full, _ in values] for ratio, values in strips.items()},
         "tension_field": {ratio: [round(relaxed, 3) for _, relaxed in values] for ratio, values in strips.items()},
+        "squares": {f"{ratio:g}": [round(c, 3) for c in torn_sheets.flawed(ratio, FLAWED)] for ratio in FLAWS},
+        "square_stretches": FLAWED,
         "trousers": [
             {"rate": rate, "over_formula": rate / formula} for rate, formula in map(torn_sheets.trousers, OPENINGS)
         ],

@@ -1,13 +1,13 @@
-"""Energy release rates of scenes `edge_notch` and `trousers`: finite elements of four nodes, tension field theory.
+"""Energy release rates of scenes `edge_notch`, `flaw_sensitivity` and `trousers`, by finite elements of four nodes.
 
 With a displacement q of the material that moves the tip along x and is zero far from it, the energy changes by
 
     G = -integral of (W dq/dx - P_b . x_,x dq/dX_b),
 
-the derivative of the energy by the length of the crack at fixed supports. Half of each sheet is modelled: what lies
-above the line of the crack. On the line ahead of the tip y = 0; trousers are symmetric by half a turn about x, so
-there z = 0 too. The energy of tension field theory has states without stiffness; a share of the full energy makes up
-for it, which halves until G over it has a limit (Aitken).
+the derivative of the energy by the length of the crack at fixed supports. Half of each sheet is modelled, what lies
+above the line of the crack, or a quarter with one tip. On the line ahead of the tip y = 0; trousers are symmetric by
+half a turn about x, so there z = 0 too. The energy of tension field theory has states without stiffness; a share of the
+full energy makes up for it, which halves until G over it has a limit (Aitken).
 """
 
 from __future__ import annotations
@@ -82,6 +82,34 @@ def notched(ratio: float, stretches: Sequence[float], cells: int = 10) -> list[t
                 break
             values.append(release_rate(sheet, move) / scale)
         found.append((values[0], limit(values)))
+    return found
+
+
+def flawed(ratio: float, stretches: Sequence[float], cells: int = 10) -> list[float]:
+    """Factor C = G / (2 pi a W) of a crack of 2 a in the middle of a square that is stretched equally along both sides.
+
+    Nothing in it is compressed, so the tension field is that of the full energy.
+
+    Args:
+        ratio: Length of the crack over the side.
+        stretches: Of the sides, increasing.
+        cells: Elements along half the crack.
+    """
+    graded = np.linspace(0.0, 1.0, cells + 1) ** 2, np.linspace(0.0, 1.0, 2 * cells + 1) ** 2
+    along = np.concatenate([ratio - ratio * graded[0][::-1], ratio + (1.0 - ratio) * graded[1][1:]])
+    quarter = Membrane(rectangle(along, graded[1], nine=False), TensionField(1.0, 1.0), 1.0, 2)
+    x, y = quarter.nodes.T
+    right, top = x > 1.0 - 1e-9, y > 1.0 - 1e-9
+    held = np.column_stack([right | (x < 1e-9), top | ((y < 1e-9) & (x > ratio - 1e-9))])
+    move = np.clip(2.0 - np.maximum(abs(x - ratio), y) / (0.4 * min(ratio, 1.0 - ratio)), 0.0, 1.0)
+    found, before, goal = [], 1.0, np.zeros_like(quarter.displacement)
+    for stretch in stretches:
+        for part in np.linspace(before, stretch, 1 + int(np.ceil((stretch - before) / 0.1)))[1:]:
+            goal[right, 0] = goal[top, 1] = part - 1.0
+            quarter.solve(held, goal)
+        before = stretch
+        density = 0.5 * (2.0 * stretch**2 + stretch**-4.0 - 3.0)
+        found.append(release_rate(quarter, move) / (2.0 * np.pi * ratio * density))
     return found
 
 
