@@ -229,15 +229,9 @@ def test_the_release_rate_is_the_change_of_the_energy_by_the_length_of_the_crack
     """Two cracks of almost the same length; the energy density at the points of integration is summed."""
 
     def energy(ratio):
-        sheets = []
-        kept = torn_sheets.release_rate
-        torn_sheets.release_rate = lambda sheet, move: sheets.append(sheet) or 0.0
-        try:
-            torn_sheets.flawed(ratio, (1.3,), cells=12)
-        finally:
-            torn_sheets.release_rate = kept
-        C = sheets[0]._stressed()[2]
-        return float((sheets[0].material.energy(C[0] + C[1], C[0] * C[1] - C[2] ** 2) * sheets[0].weights).sum())
+        ((quarter, _),) = torn_sheets.stretched_squares(ratio, (1.3,), 12)
+        C = quarter._stressed()[2]
+        return float((quarter.material.energy(C[0] + C[1], C[0] * C[1] - C[2] ** 2) * quarter.weights).sum())
 
     (factor,) = torn_sheets.flawed(0.3, (1.3,), cells=12)
     density = 0.5 * (2.0 * 1.3**2 + 1.3**-4.0 - 3.0)
@@ -254,7 +248,7 @@ def test_scenes_hold_the_stored_release_rates():
     assert list(edge_notch.STRETCHES) == torn["stretches"]
     assert list(flaw_sensitivity.STRETCHES) == torn["square_stretches"]
     assert torn["trousers"][-1]["over_formula"] == pytest.approx(trousers.MORE, abs=1e-3)
-    assert torn_sheets.flawed(0.2, (1.2,), cells=6)[0] == pytest.approx(torn["squares"]["0.2"][2], rel=0.01)
-    assert torn_sheets.notched(0.3, (1.3,), cells=6)[0] == pytest.approx(
+    assert torn_sheets.flawed(0.2, (1.2,))[0] == pytest.approx(torn["squares"]["0.2"][2], abs=1e-3)
+    assert torn_sheets.notched(0.3, (1.3,), cells=8)[0] == pytest.approx(
         (torn["full_energy"]["0.3"][3], torn["tension_field"]["0.3"][3]), rel=0.02
     )

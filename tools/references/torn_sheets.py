@@ -12,7 +12,7 @@ full energy makes up for it, which halves until G over it has a limit (Aitken).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -86,7 +86,7 @@ def notched(ratio: float, stretches: Sequence[float], cells: int = 10) -> list[t
 
 
 def flawed(ratio: float, stretches: Sequence[float], cells: int = 10) -> list[float]:
-    """Factor C = G / (2 pi a W) of a crack of 2 a in the middle of a square that is stretched equally along both sides.
+    """Factors C = G / (2 pi a W) of a crack of 2 a in the middle of a square that is stretched alike along both sides.
 
     Nothing in it is compressed, so the tension field is that of the full energy.
 
@@ -95,22 +95,28 @@ def flawed(ratio: float, stretches: Sequence[float], cells: int = 10) -> list[fl
         stretches: Of the sides, increasing.
         cells: Elements along half the crack.
     """
+    found = []
+    for stretch, (quarter, move) in zip(stretches, stretched_squares(ratio, stretches, cells), strict=True):
+        density = 0.5 * (2.0 * stretch**2 + stretch**-4.0 - 3.0)
+        found.append(release_rate(quarter, move) / (2.0 * np.pi * ratio * density))
+    return found
+
+
+def stretched_squares(ratio: float, stretches: Sequence[float], cells: int) -> Iterator[tuple[Membrane, Array]]:
+    """A quarter of that square at each stretch, half a side long, of mu 1 Pa; and q, the move of its tip."""
     graded = np.linspace(0.0, 1.0, cells + 1) ** 2, np.linspace(0.0, 1.0, 2 * cells + 1) ** 2
     along = np.concatenate([ratio - ratio * graded[0][::-1], ratio + (1.0 - ratio) * graded[1][1:]])
     quarter = Membrane(rectangle(along, graded[1], nine=False), TensionField(1.0, 1.0), 1.0, 2)
     x, y = quarter.nodes.T
     right, top = x > 1.0 - 1e-9, y > 1.0 - 1e-9
     held = np.column_stack([right | (x < 1e-9), top | ((y < 1e-9) & (x > ratio - 1e-9))])
-    move = np.clip(2.0 - np.maximum(abs(x - ratio), y) / (0.4 * min(ratio, 1.0 - ratio)), 0.0, 1.0)
-    found, before, goal = [], 1.0, np.zeros_like(quarter.displacement)
+    before, goal = 1.0, np.zeros_like(quarter.displacement)
     for stretch in stretches:
         for part in np.linspace(before, stretch, 1 + int(np.ceil((stretch - before) / 0.1)))[1:]:
             goal[right, 0] = goal[top, 1] = part - 1.0
             quarter.solve(held, goal)
         before = stretch
-        density = 0.5 * (2.0 * stretch**2 + stretch**-4.0 - 3.0)
-        found.append(release_rate(quarter, move) / (2.0 * np.pi * ratio * density))
-    return found
+        yield quarter, np.clip(2.0 - np.maximum(abs(x - ratio), y) / (0.4 * min(ratio, 1.0 - ratio)), 0.0, 1.0)
 
 
 def trousers(opening: float, cells: int = 8, share: float = 0.003) -> tuple[float, float]:
