@@ -56,7 +56,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
         points: Points along the width. The sheet wrinkles below the spacing, as its notch does not close.
         notch: Length of the notch [m].
     """
@@ -67,7 +67,8 @@ def build(
         WIDTH, HEIGHT, thickness=THICKNESS, density=DENSITY, points=(columns, rows), turn=turn, jitter=jitter, seed=seed
     )
     resolved("notch", positive("notch", notch), sheet.spacing)
-    crack = notch + AHEAD * (damage_length or DEFAULT_LENGTH * horizon * sheet.spacing)
+    length = DEFAULT_LENGTH * sheet.spacing if damage_length is None else positive("damage_length", damage_length)
+    crack = notch + AHEAD * length
     if not RATIOS[0] * WIDTH <= crack <= RATIOS[-1] * WIDTH:
         raise InputError(
             f"notch = {notch!r}: expected {RATIOS[0] * WIDTH:g} to {RATIOS[-1] * WIDTH:g} m together with pi / 4 of "
@@ -107,7 +108,7 @@ def build(
             Motion(bottom, times=[0.0, duration], y=[0.0, -travel], z=0.0),
             Motion([sheet.nearest(0.5 * WIDTH, y) for y in (0.0, HEIGHT)], times=[0.0], x=[0.0]),
         ],
-        damage=TearingEnergy(energy, damage_length, spared=ends),
+        damage=TearingEnergy(energy, length, spared=ends),
         initial_displacement=rough_surface(sheet, roughness, seed, np.concatenate([top, bottom])),
         solver=Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping),
         measures=[

@@ -56,7 +56,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
         strength: Energy density at which intact material begins to tear [J/m^3]; by default that of the length.
         flaw: Length of the cut [m]; 0: there is none.
         overload: W at the end over that at which the sheet is expected to break [-].
@@ -67,7 +67,7 @@ def build(
         SIDE, SIDE, thickness=THICKNESS, density=DENSITY, points=(number, number), turn=turn, jitter=jitter, seed=seed
     )
     reach = positive("horizon", horizon) * sheet.spacing
-    length = DEFAULT_LENGTH * reach if damage_length is None else positive("damage_length", damage_length)
+    length = DEFAULT_LENGTH * sheet.spacing if damage_length is None else positive("damage_length", damage_length)
     middle, half = 0.5 * SIDE, 0.5 * not_negative("flaw", flaw)
     is_crack = flaw > length
     if flaw > 0.0:

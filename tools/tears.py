@@ -66,7 +66,7 @@ class Tear:
         return [{"points": self.points[-2], **self.settings, **grid} for grid in GRIDS.values()]
 
 
-# Those that have a truth for a short length take the default one, two horizons.
+# Those that have a truth for a short length take the default one, four spacings.
 TEARS = (
     Tear("trousers", "tear_ratio", (30, 40, 60, 80)),
     Tear("edge_notch", "onset_ratio", (60, 80, 120, 160)),
