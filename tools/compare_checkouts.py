@@ -90,6 +90,7 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("glove", {"spacing": 6e-3, "load_steps": 2}),
     ("holed_strip", {"points": 21, "load_steps": 2}),
     ("needle", {"points": 21, "depth": 0.05, "frames": 10}),
+    ("flaw_sensitivity", {"points": 20, "duration": 1.0, "frames": 40, "damage_length": 0.01}),
     ("puncture", {"points": 21, "frames": 20}),
     ("pure_shear_tear", {"points": 12, "duration": 0.8, "frames": 40, "tearing_energy": 4.0, "advance": 3.0}),
     ("running_crack", {"points": 12, "horizon": 2.015, "frames": 60}),

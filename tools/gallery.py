@@ -66,6 +66,7 @@ SCENES: dict[str, Shown] = {
     "dropped_ball": Shown({"points": 31, "frames": 40}, "displacement along z", 0.32),
     "drum": Shown({"points": 41, "amplitude": 0.05, "frames": 40}, "displacement along z", 0.25, "3D"),
     "edge_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, "damage", 0.63, "top"),
+    "flaw_sensitivity": Shown({"points": 40, "frames": 60}, view="top"),
     "folded_sheet": Shown({"points": 61, "frames": 40}, "displacement", 0.7),
     "glove": Shown({"spacing": 4e-3}, "displacement"),
     "holed_strip": Shown({"points": 41}, "displacement along x", view="top"),

@@ -53,6 +53,7 @@ SCENES = (
     Small("dropped_ball", "u3", {"points": 25, "horizon": 2.015, "duration": 0.2, "frames": 40}, share=0.6),
     Small("drum", "u3", {"points": 31, "amplitude": 0.01, "duration": 1e-3, "frames": 10}, share=0.0),
     Small("edge_notch", "damage", {"points": 30, "horizon": 2.015}, share=0.62, above=True),
+    Small("flaw_sensitivity", "damage", {"points": 30, "frames": 40}, above=True),
     Small("folded_sheet", "u3", {"points": 41, "frames": 40}, share=0.8),
     Small("glove", "u2", {"spacing": 5e-3, "load_steps": 2}, above=True),
     Small("holed_strip", "u1", {"points": 31, "stretch": 1.5}, above=True),

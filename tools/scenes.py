@@ -64,6 +64,7 @@ SCENES = (
     SceneCase("trousers", "Trousers"),
     SceneCase("edge_notch", "Notch at an edge"),
     SceneCase("running_crack", "Crack that runs along a strip"),
+    SceneCase("flaw_sensitivity", "Small and large flaws"),
     SceneCase("puncture", "Ball through a slit"),
     SceneCase("bulge_test", "Bulge test"),
     SceneCase("holed_strip", "Strip with a hole"),

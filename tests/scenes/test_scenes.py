@@ -38,6 +38,7 @@ SMALL = {
     "folded_sheet": {"points": 31, "frames": 25},
     "two_sheets": {"points": 13, "frames": 20},
     "edge_notch": {"points": 24, "duration": 1.0, "frames": 40, "damage_length": 3e-3},
+    "flaw_sensitivity": {"points": 24, "duration": 1.0, "frames": 30, "flaw": 0.03, "damage_length": 8e-3},
     "running_crack": {"points": 20, "frames": 60, "overload": 1.4, "damage_length": 3.2e-3},
     "puncture": {"points": 21, "frames": 20, "damage_length": 5e-3},
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
