@@ -10,7 +10,7 @@ Griffith's stretch, where
 with a = flaw / 2 and the factor C of a / b and the stretch by plane finite elements (tests/references/torn.json).
 `strength_ratio` and `griffith_ratio` are W over the strength and G over Gc when the load is largest; the larger tells,
 `break_ratio`. Between the two, where 2 pi a C strength is about Gc, the flaw and the strength act together, and the
-sheet breaks before either (Chen, Wang, Suo 2017).
+sheet breaks before either: flaw sensitivity (Chen, Wang, Suo 2017).
 
 The damage of a cut is that of a crack longer by pi / 4 lengths at each end, see scene `edge_notch`. A flaw that is
 shorter than the length is no crack, and begins as a bare cut.

@@ -88,7 +88,7 @@ def build(
             Outcome("tear_begins", "s", time_above("crack_length", 0.0)),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
-        section="Puncture",
+        section="Silicone puncture",
         pictures=pictures,
     )
 
