@@ -2,6 +2,8 @@
 
 from tears import TEARS, flaws, flaws_table, found, run, scenes_table, strips, strips_table
 
+from warp_pd.scenes import flaw_sensitivity
+
 
 class Options:
     rows, horizons, energies, grids, set = [8], [2.015], [2.0], ["45"], ["duration=0.2"]
@@ -36,3 +38,10 @@ def test_flaws_from_none_to_a_hundred_lengths_have_a_line_each():
     numbers = {"stress_at_break": 3.0, "strength_ratio": 0.5, "griffith_ratio": 1.0}
     row = {"scene": "flaw_sensitivity", "settings": runs[1], **numbers}
     assert flaws_table([row, {"scene": "none"}])[2:] == ["| 1 | 10 | of the length | 0.1 | 3 | 0.5 | 1 |"]
+
+
+def test_the_points_resolve_the_flaws_and_the_lengths():
+    for _, settings in flaws(Options):
+        spacing = flaw_sensitivity.SIDE / (settings["points"] - 1)
+        assert settings["flaw"] == 0.0 or settings["flaw"] > 2.0 * spacing
+        assert settings["damage_length"] > 2.0 * spacing
