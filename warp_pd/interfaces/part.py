@@ -227,10 +227,20 @@ class BuiltRupture(BuiltPart, Protocol):
     Attributes:
         damage: Damage of each point at the last frame, 0 to 1, (N,) float32.
         intact_faces: Whether each triangle is not cut by a crack at the last frame, (F,) uint8.
+        memory: What rupture leaves for good, such as the bits of intact bonds.
     """
 
     damage: Array
     intact_faces: Array
+    memory: Sequence[Array]
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stages of `break_at_rest`; static solvers call it once."""
+        ...
+
+    def break_at_rest(self) -> bool:
+        """Break what exceeds the criterion at the present displacement; whether that asks for a new equilibrium."""
+        ...
 
 
 @runtime_checkable

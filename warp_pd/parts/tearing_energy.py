@@ -19,7 +19,7 @@ from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, SEVERED, damage_field
-from .rupture import CriticalStretch, Damaged
+from .rupture import AT_REST, CriticalStretch, Damaged
 
 # Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
 DEFAULT_LENGTH = 2.0
@@ -36,6 +36,9 @@ SCREEN = 0.8
 SWEEPS, MAX_SWEEPS = 1.3, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
+# Static equilibrium: change of the damage below which nothing more happens, and largest number of sweeps at one
+# displacement over those of a step.
+SETTLED, MAX_REPEATS = 1e-3, 50
 # Mean damage that a run may gain before a note says so.
 MUCH_DAMAGE = 0.3
 
@@ -116,6 +119,7 @@ class DamageField(Damaged):
         length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3].
         sweeps: Sweeps in a step.
+        memory: The bits of intact bonds, and the field.
     """
 
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
@@ -137,6 +141,7 @@ class DamageField(Damaged):
             return context.array(name, self.owner, dtype, values, per=per)
 
         self.field = context.array("damage_field", self.owner, real, profile, restart=True)
+        self.memory = [*self.memory, self.field]
         self._other = put("damage_after_sweep", profile)
         self._before = context.array("damage_before", self.owner, real, shape=n)
         self._driving = context.array("driving", self.owner, real, shape=n)
@@ -244,8 +249,35 @@ class DamageField(Damaged):
             )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that find the damage of a step."""
-        k, shared, given = self.kernels, self._shared(), self.arguments()
+        """Add the launches that find the damage of a step, and break bonds."""
+        self._add_sweeps(stage)
+        self._add_severing(stage)
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stages of alternate minimisation."""
+        self._add_sweeps(self.context.stage("damage", AT_REST))
+        self._add_severing(self.context.stage("rupture", AT_REST))
+
+    def break_at_rest(self) -> bool:
+        """Minimise the energy by the damage at the present displacement, and break bonds where it has passed.
+
+        Returns:
+            Whether the damage changed by more than SETTLED, or a bond broke.
+        """
+        intact, field = (array.numpy().copy() for array in self.memory)
+        before = field
+        for _ in range(MAX_REPEATS):
+            self.context.run("damage")
+            now = self.field.numpy().copy()
+            if not self.context.communicator.any(bool(np.abs(now - before).max() > 0.1 * SETTLED)):
+                break
+            before = now
+        self.context.run("rupture")
+        return bool(np.abs(now - field).max() > SETTLED or (self.memory[0].numpy() != intact).any())
+
+    def _add_sweeps(self, stage: Stage) -> None:
+        """Add the launches that list points, and sweep over them."""
+        k, shared = self.kernels, self._shared()
         self._add_list(stage)
         source, target = self.field, self._other
         for _ in range(self.sweeps):
@@ -254,11 +286,15 @@ class DamageField(Damaged):
                 driving=self._driving, source=source, target=target, **shared,
             )  # fmt: skip
             source, target = target, source
+
+    def _add_severing(self, stage: Stage) -> None:
+        """Add the launch that breaks bonds of listed points."""
+        given = self.arguments()
         given.pop("horizon")
         stage.launch(
-            self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
+            self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
             damage=self.field, before=self._before,
-            **given, **shared,
+            **given, **self._shared(),
         )  # fmt: skip
 
     def _shared(self) -> dict[str, Any]:

@@ -230,12 +230,13 @@ class Relaxing:
         load_steps, duration = self.solver.load_steps, self.solver.duration
         for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
             before = self.done
-            good = self._remember()
+            good, broken = self._remember(), self.built.rupture.remember()
             converged = self._load_step(index)
             sink.residual = self.entries[-1]["residuals"][-1]
             sink.solve = {
                 "solver": "Relaxation",
                 "iterations": self.earlier + self.done,
+                "rounds": sum(entry["rounds"] for entry in self.entries),
                 "residuals": [r for entry in self.entries for r in entry["residuals"]],
                 "reached": (index if converged else index - 1) / load_steps,
                 "seconds": perf_counter() - self.begin,
@@ -246,6 +247,7 @@ class Relaxing:
                 # where --resume goes on.
                 if index > 1:
                     self._restore(good)
+                    self.built.rupture.restore(broken)
                 else:
                     sink.frame(sink.frame_index + 1, 0.0, self.done - before, built.dt)
                 return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
@@ -254,15 +256,15 @@ class Relaxing:
 
     def _load_step(self, index: int) -> bool:
         """Apply a load step and relax, break, relax; whether it reached equilibrium with nothing left to break."""
-        entry: dict[str, Any] = {"share": index / self.solver.load_steps, "steps": self.done, "residuals": []}
+        share = index / self.solver.load_steps
+        entry: dict[str, Any] = {"share": share, "steps": self.done, "rounds": 0, "residuals": []}
         self.entries.append(entry)
         self._advance_clock(index)
         converged = self._relax(entry, ramp=True)
-        rounds = 0
-        while converged and self.built.rupture.breaks() and rounds < MAX_ROUNDS:
-            rounds += 1
+        while converged and self.built.rupture.breaks() and entry["rounds"] < MAX_ROUNDS:
+            entry["rounds"] += 1
             converged = self._relax(entry, ramp=False)
-        entry.update(steps=self.done - entry["steps"], rounds=rounds, converged=converged and rounds < MAX_ROUNDS)
+        entry.update(steps=self.done - entry["steps"], converged=converged and entry["rounds"] < MAX_ROUNDS)
         return bool(entry["converged"])
 
     def _relax(self, entry: dict[str, Any], ramp: bool) -> bool:
@@ -279,7 +281,7 @@ class Relaxing:
             self.residual_launches.run()
             residual = self.built.residual()
             entry["residuals"].append(residual)
-            self.sink.progress(self.done, residual, self.tolerance)
+            self.sink.progress(self.done, residual, self.tolerance, entry["rounds"])
             if not math.isfinite(residual):
                 return False
             if residual <= self.tolerance and self.done - start >= ramp_steps:
@@ -293,10 +295,7 @@ class Relaxing:
 
     def _kept(self) -> dict[str, Array]:
         context = self.built.context
-        arrays = {
-            "displacement": context.state.displacement, "intact": self.built.law.intact, "time": context.clock.time,
-        }  # fmt: skip
-        return {name: array for name, array in arrays.items() if array is not None}
+        return {"displacement": context.state.displacement, "time": context.clock.time}
 
     def _remember(self) -> dict[str, np.ndarray]:
         return {name: array.numpy().copy() for name, array in self._kept().items()}
