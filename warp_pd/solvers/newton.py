@@ -132,7 +132,7 @@ class BuiltNewton(BuiltSolver):
             "jumped over a maximum of the load (a limit point), or buckled; prescribe a displacement (Motion) or the "
             "volume (EnclosedVolume) to see what lies between"
             for jump in self.search.jumps
-        ]
+        ] + self.search.rupture.notes()
 
     def host_state(self) -> dict[str, Any]:
         """Where the search stands."""

@@ -16,14 +16,14 @@ from ..device.fields import Array, assign
 from ..device.graph import LaunchSequence
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
 from .integrator import add_motion
 from .stable_step import BLOCK, StableStep
-from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture
+from .static_rupture import MIN_LOAD, StaticRupture
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -200,6 +200,10 @@ class BuiltRelaxation(BuiltSolver):
         """The present step [s]; 0 before the first."""
         return self._dt
 
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Tears that ran through."""
+        return self.rupture.notes()
+
     def host_state(self) -> dict[str, Any]:
         """The step, the largest load, and the noise of the next estimate."""
         return {"dt": self._dt, "largest": self._largest, "noise": self.stable_step.host_state()}
@@ -260,14 +264,19 @@ class Relaxing:
         entry: dict[str, Any] = {"share": share, "steps": self.done, "rounds": 0, "residuals": []}
         self.entries.append(entry)
         self._advance_clock(index)
-        converged = self._relax(entry, ramp=True)
-        while converged and self.built.rupture.breaks() and entry["rounds"] < MAX_ROUNDS:
-            entry["rounds"] += 1
-            converged = self._relax(entry, ramp=False)
-        entry.update(steps=self.done - entry["steps"], converged=converged and entry["rounds"] < MAX_ROUNDS)
+        rupture, tolerance = self.built.rupture, self.tolerance
+        converged = self._relax(entry, tolerance, ramp=True)
+        while converged and not rupture.goes_on(entry):
+            breaks = rupture.breaks()
+            if not breaks and entry["residuals"][-1] <= tolerance:
+                break
+            entry["rounds"] += breaks
+            converged = self._relax(entry, max(tolerance, rupture.close_enough) if breaks else tolerance, ramp=False)
+        converged = converged and not rupture.goes_on(entry)
+        entry.update(steps=self.done - entry["steps"], converged=converged)
         return bool(entry["converged"])
 
-    def _relax(self, entry: dict[str, Any], ramp: bool) -> bool:
+    def _relax(self, entry: dict[str, Any], tolerance: float, ramp: bool) -> bool:
         """Steps until the residual is small; whether it became so. The residual is looked at once at least."""
         start, solver = self.done, self.solver
         ramp_steps = solver.ramp_steps if ramp else 0
@@ -281,10 +290,10 @@ class Relaxing:
             self.residual_launches.run()
             residual = self.built.residual()
             entry["residuals"].append(residual)
-            self.sink.progress(self.done, residual, self.tolerance, entry["rounds"])
+            self.sink.progress(self.done, residual, tolerance, entry["rounds"])
             if not math.isfinite(residual):
                 return False
-            if residual <= self.tolerance and self.done - start >= ramp_steps:
+            if residual <= tolerance and self.done - start >= ramp_steps:
                 self.built.settled()
                 return True
         return False

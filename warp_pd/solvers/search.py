@@ -20,7 +20,7 @@ from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import NewtonSettings, Report
-from .static_rupture import MAX_ROUNDS, StaticRupture
+from .static_rupture import StaticRupture
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
@@ -121,7 +121,7 @@ class Search:
             return self._load_step(factor, sink)[0]
         self.set_loads(factor)
         assign(self.levels[0].displacement, guess)
-        return bool(self._descend(0, factor, sink)["converged"])
+        return bool(self._descend(0, factor, sink, self.tolerance)["converged"])
 
     def set_loads(self, factor: float) -> None:
         """Set the loads of the sheet itself to a load factor."""
@@ -196,13 +196,18 @@ class Search:
             assign(self.levels[0].displacement, u1 + (factor - s1) / (s1 - s0) * (u1 - u0))
         converged, residual = self._load_step(factor, sink)
         entry = self.report.load_steps[-1]
-        while converged and self.rupture.breaks():
-            entry["rounds"] += 1
-            self._kept_factor = None
-            found, whole = self._descend(0, factor, sink, entry["rounds"]), entry["lattices"][-1]
+        while converged:
+            breaks = self.rupture.breaks()
+            if not breaks and residual <= self.tolerance:
+                break
+            if breaks:
+                entry["rounds"] += 1
+                self._kept_factor = None
+            tolerance = max(self.tolerance, self.rupture.close_enough) if breaks else self.tolerance
+            found, whole = self._descend(0, factor, sink, tolerance, entry["rounds"]), entry["lattices"][-1]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]
-            converged, residual = found["converged"] and entry["rounds"] < MAX_ROUNDS, found["residuals"][-1]
+            converged, residual = found["converged"] and not self.rupture.goes_on(entry), found["residuals"][-1]
             whole["converged"] = entry["converged"] = converged
         return converged, residual
 
@@ -231,16 +236,16 @@ class Search:
             if index < last and self.hierarchy and entry["lattices"][-1]["converged"]:
                 self.hierarchy.start(index)
                 self._prescribe(index, factor)
-            found = self._descend(index, factor, sink)
+            tolerance = self.tolerance if index == 0 else max(self.tolerance, COARSE_TOLERANCE)
+            found = self._descend(index, factor, sink, tolerance)
             entry["lattices"].append(found)
             if not found["converged"] and index > 0:
                 wp.copy(level.displacement, level.base)
         entry["converged"] = found["converged"]
         return found["converged"], found["residuals"][-1]
 
-    def _descend(self, index: int, factor: float, sink: FrameSink, rounds: int = 0) -> dict[str, Any]:
+    def _descend(self, index: int, factor: float, sink: FrameSink, tolerance: float, rounds: int = 0) -> dict[str, Any]:
         """Newton steps on a lattice at a load factor, after some rounds of rupture, as an entry of the report."""
-        tolerance = self.tolerance if index == 0 else max(self.tolerance, COARSE_TOLERANCE)
 
         def told(steps: int, residual: float) -> None:
             sink.progress(steps, residual, tolerance, rounds)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +17,39 @@ MAX_ROUNDS = 1000
 
 
 class StaticRupture:
-    """The criterion of rupture between two searches for equilibrium; nothing breaks where a scene has none."""
+    """The criterion of rupture between two searches for equilibrium; nothing breaks where a scene has none.
+
+    Attributes:
+        close_enough: Relative residual at which more may break; 0: that of the solver.
+    """
 
     def __init__(self, system: System) -> None:
         """Compose the stages of the criterion, if there is one."""
         self._rupture, self._communicator = system.rupture, system.context.communicator
+        self.close_enough = 0.0
+        self._endless: list[float] = []
         if self._rupture is not None:
+            self.close_enough = self._rupture.close_enough
             self._rupture.prepare_at_rest()
 
     def breaks(self) -> bool:
         """Break what exceeds the criterion; whether equilibrium must be sought again."""
         return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest())
+
+    def goes_on(self, load_step: Mapping[str, Any]) -> bool:
+        """Whether a load step of the report had so many rounds that the tear counts as running through."""
+        if load_step["rounds"] < MAX_ROUNDS:
+            return False
+        self._endless.append(load_step["share"])
+        return True
+
+    def notes(self) -> list[str]:
+        """Load steps at which rupture did not end."""
+        return [
+            f"at load factor {share:.4g} rupture went on after {MAX_ROUNDS} rounds: it runs through, or needs smaller "
+            "load steps"
+            for share in dict.fromkeys(self._endless)
+        ]
 
     def remember(self) -> Sequence[np.ndarray]:
         """Copies of what rupture has left so far."""
