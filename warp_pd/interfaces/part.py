@@ -240,8 +240,15 @@ class BuiltRupture(BuiltPart, Protocol):
         """Compose the stages of `break_at_rest`; static solvers call it once."""
         ...
 
-    def break_at_rest(self) -> bool:
-        """Break what exceeds the criterion at the present displacement; whether that asks for a new equilibrium."""
+    def break_at_rest(self, again: bool) -> bool:
+        """Break what exceeds the criterion at the present displacement.
+
+        Args:
+            again: Whether it broke something already at the present loads.
+
+        Returns:
+            Whether that asks for a new equilibrium.
+        """
         ...
 
 

@@ -203,7 +203,7 @@ class Damaged(BuiltRupture):
         """Compose the stage that breaks bonds in static equilibrium."""
         self.add_breaking(self.context.stage("rupture", AT_REST))
 
-    def break_at_rest(self) -> bool:
+    def break_at_rest(self, again: bool) -> bool:
         """Break what exceeds the criterion; whether anything did."""
         before = self.memory[0].numpy().copy()
         self.context.run("rupture")

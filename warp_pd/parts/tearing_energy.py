@@ -146,6 +146,7 @@ class DamageField(Damaged):
 
         self.field = context.array("damage_field", self.owner, real, profile, restart=True)
         self.memory = [*self.memory, self.field]
+        self._least = profile
         self._other = put("damage_after_sweep", profile)
         self._before = context.array("damage_before", self.owner, real, shape=n)
         self._driving = context.array("driving", self.owner, real, shape=n)
@@ -262,14 +263,20 @@ class DamageField(Damaged):
         self._add_sweeps(self.context.stage("damage", AT_REST))
         self._add_severing(self.context.stage("rupture", AT_REST))
 
-    def break_at_rest(self) -> bool:
+    def break_at_rest(self, again: bool) -> bool:
         """Minimise the energy by the damage at the present displacement, and break bonds where it has passed.
+
+        The damage is at least what it was at the last loads, or when a bond of the point broke. Sweeps begin there,
+        as they only raise it.
 
         Returns:
             Whether the damage changed by more than SETTLED, or a bond broke.
         """
         intact, field = (array.numpy().copy() for array in self.memory)
-        before = field
+        if not again:
+            self._least = field.copy()
+        self.field.assign(self._least)
+        before = self._least
         for _ in range(MAX_REPEATS):
             self.context.run("damage")
             now = self.field.numpy().copy()
@@ -277,7 +284,9 @@ class DamageField(Damaged):
                 break
             before = now
         self.context.run("rupture")
-        changed = bool(np.abs(now - field).max() > SETTLED or (self.memory[0].numpy() != intact).any())
+        broken = (self.memory[0].numpy() != intact).any(axis=0)
+        self._least[broken] = now[broken]
+        changed = bool(np.abs(now - field).max() > SETTLED or broken.any())
         if not self.context.communicator.any(changed):
             # The displacement is in equilibrium with the damage that was.
             self.field.assign(field)

@@ -267,7 +267,7 @@ class Relaxing:
         rupture, tolerance = self.built.rupture, self.tolerance
         converged = self._relax(entry, tolerance, ramp=True)
         while converged and not rupture.goes_on(entry):
-            breaks = rupture.breaks()
+            breaks = rupture.breaks(entry["rounds"])
             if not breaks and entry["residuals"][-1] <= tolerance:
                 break
             entry["rounds"] += breaks

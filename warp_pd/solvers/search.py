@@ -197,7 +197,7 @@ class Search:
         converged, residual = self._load_step(factor, sink)
         entry = self.report.load_steps[-1]
         while converged:
-            breaks = self.rupture.breaks()
+            breaks = self.rupture.breaks(entry["rounds"])
             if not breaks and residual <= self.tolerance:
                 break
             if breaks:

@@ -32,9 +32,9 @@ class StaticRupture:
             self.close_enough = self._rupture.close_enough
             self._rupture.prepare_at_rest()
 
-    def breaks(self) -> bool:
-        """Break what exceeds the criterion; whether equilibrium must be sought again."""
-        return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest())
+    def breaks(self, rounds: int) -> bool:
+        """Break what exceeds the criterion, after some rounds at these loads; whether to seek equilibrium again."""
+        return self._rupture is not None and self._communicator.any(self._rupture.break_at_rest(rounds > 0))
 
     def goes_on(self, load_step: Mapping[str, Any]) -> bool:
         """Whether a load step of the report had so many rounds that the tear counts as running through."""

@@ -1,0 +1,105 @@
+"""A tearing energy in static equilibrium: alternate minimisation of the energy by displacement and damage."""
+
+import numpy as np
+import pytest
+from helpers import square, strain_energy
+from resumed_runs import require_same_when_stopped
+from small_runs import run, simulate
+
+from warp_pd import CriticalStretch, Fixed, Motion, Newton, Relaxation, TearingEnergy
+
+SHEET = square(17).cut((-0.01, 0.053), (0.035, 0.053))
+GRIPS = SHEET.edges("bottom", "top")
+
+
+def pulled(heights):
+    """The notched square in plane, its top moved to some heights [m], one a load step."""
+    top, bottom = SHEET.edges("top"), SHEET.edges("bottom")
+    times = np.linspace(0.0, 1.0, len(heights) + 1)
+    return [
+        Motion(top, times, x=0.0, y=[0.0, *heights]), Fixed(bottom, "xy"), Fixed(np.arange(SHEET.size), "z")
+    ]  # fmt: skip
+
+
+def tearing(energy, **values):
+    return TearingEnergy(energy, spared=GRIPS, **values)
+
+
+def torn(heights, energy, solver=None, **values):
+    solver = solver or Newton(load_steps=len(heights))
+    return run(SHEET, solver, loads=pulled(heights), damage=tearing(energy, **values), weights="corrected")
+
+
+def total_energy(built, displacement):
+    """Energy of sheet and field [J]."""
+    return strain_energy(built, displacement) + float(built.rupture.fracture.numpy().sum())
+
+
+def test_the_energy_is_stationary_in_displacement_and_damage():
+    """Free points, and points whose damage grew; where there is none yet, damage would cost energy."""
+    result = torn([0.03], 12.0, cut_profile=False)
+    built, u = result.built, result.frame.displacement.astype(np.float64)
+    u = built.to_numpy(built.state.displacement)
+    field = built.rupture.field.numpy().copy()
+    grown = np.flatnonzero(field > 2e-3)
+    assert result.status == "finished" and len(grown) > 10 and 0.1 < field.max() < 0.8
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        direction = rng.normal(size=u.shape)
+        direction[GRIPS], direction[:, 2] = 0.0, 0.0
+        ahead, behind = (total_energy(built, u + sign * 1e-6 * SHEET.spacing * direction) for sign in (1.0, -1.0))
+        forces = np.abs(built.to_numpy(built.state.force)).max()
+        assert abs(ahead - behind) / (2e-6 * SHEET.spacing) < 1e-5 * forces
+
+    def slope(point, size):
+        energies = []
+        for sign in (1.0, -1.0):
+            change = field.copy()
+            change[point] += sign * size
+            built.rupture.field.assign(change)
+            energies.append(total_energy(built, u))
+        return (energies[0] - energies[1]) / (2.0 * size)
+
+    scale = built.rupture.limit * SHEET.thickness * SHEET.areas
+    for point in grown:
+        assert abs(slope(point, 1e-6)) < 1e-2 * scale[point]
+    for point in np.setdiff1d(np.flatnonzero(field == 0.0), GRIPS)[::9]:
+        assert slope(point, 1e-9) > -1e-3 * scale[point]
+
+
+def test_relaxation_finds_the_tear_of_newtons_method():
+    heights, solver = [0.02, 0.026], Relaxation(load_steps=2, ramp_steps=100)
+    newton, relaxation = torn(heights, 8.0), torn(heights, 8.0, solver)
+    for result in (newton, relaxation):
+        assert result.status == "finished" and result.summary["solve"]["rounds"] > 2
+    fields = [result.built.rupture.field.numpy() for result in (newton, relaxation)]
+    assert np.abs(fields[0] - fields[1]).max() < 0.02
+    assert newton.history[-1]["strain"] == pytest.approx(relaxation.history[-1]["strain"], rel=5e-3)
+
+
+def test_damage_stays_when_the_load_goes():
+    result = torn([0.03, 0.0, 0.02], 12.0, cut_profile=False)
+    largest = [row["largest_damage"] for row in result.history]
+    assert result.status == "finished" and largest[1] > 0.1
+    assert largest[1] == largest[2] == largest[3]
+
+
+@pytest.mark.parametrize("damage", [tearing(1.0), CriticalStretch(1.4, GRIPS)], ids=["field", "stretch"])
+def test_newton_tears_a_sheet_in_two(damage):
+    """Points without bonds, and two halves that carry nothing."""
+    solver = Newton(load_steps=2)
+    result = run(SHEET, solver, loads=pulled([0.01, 0.06]), damage=damage, weights="plain")
+    assert result.status == "finished"
+    assert result.history[-1]["strain"] < 1e-2 * result.history[-2]["strain"]
+    loose = ~np.bitwise_or.reduce(result.built.law.intact.numpy(), axis=0).astype(bool)
+    assert loose.any() or isinstance(damage, CriticalStretch)
+    assert np.abs(result.frame.displacement).max() < 0.1
+
+
+def test_a_static_tear_resumes_bit_for_bit(tmp_path):
+    loads, damage = pulled([0.02, 0.024, 0.028, 0.032]), tearing(8.0)
+    solver = Newton(load_steps=4)
+    result = require_same_when_stopped(
+        lambda: simulate(SHEET, solver, loads=loads, damage=damage, weights="corrected"), tmp_path, [2, 3]
+    )
+    assert 0 < (result.frame.damage > 0.8).sum() and result.summary["solve"]["rounds"] > 4
