@@ -5,7 +5,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from curved_sheets import rough_motion, small_sphere, small_tube, tear
-from helpers import GENT, NEO, jittered, rough, sever, square
+from helpers import GENT, NEO, jittered, rough, sever, soften, square
 from material_kernels import evaluate, respond
 from small_runs import simulate
 
@@ -42,7 +42,7 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     if crack is not None:
         tear(built) if sheet.frames is not None else sever(built, crack)
     if built.context.features.softened:
-        built.rupture.field.assign(np.random.default_rng(7).uniform(0.0, 0.9, sheet.size))
+        soften(built)
     context, state = built.context, built.state
     with patch.object(BondAssociatedTangent, "_stores_matrix", lambda tangent: assembled):
         level = Level(context, built.law, built.law.tangent(context, True), built.external.following)

@@ -304,7 +304,8 @@ class Relaxing:
 
     def _kept(self) -> dict[str, Array]:
         context = self.built.context
-        return {"displacement": context.state.displacement, "time": context.clock.time}
+        arrays = {"displacement": context.state.displacement, "time": context.clock.time}
+        return {name: array for name, array in arrays.items() if array is not None}
 
     def _remember(self) -> dict[str, np.ndarray]:
         return {name: array.numpy().copy() for name, array in self._kept().items()}
