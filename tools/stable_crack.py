@@ -2,8 +2,8 @@
 
     python tools/stable_crack.py --points 16 24 32        # some minutes
 
-A cut acts as if it were a part of a spacing longer, so that energies have an error of first order: they are fitted with
-a term in the spacing. The tool prints the coefficients without it, and the largest residual.
+Families at the grips give the energies an error of first order, so they are fitted with a term in the spacing. The tool
+prints the coefficients without it, and the largest residual.
 """
 
 from __future__ import annotations
