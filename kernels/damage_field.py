@@ -11,9 +11,10 @@ one times g, and g stands where forces are gathered alone. At a fixed displaceme
 
     d_i = max(d_i earlier, min(1, (2 y_i - 1 + sum_k c_ik d_k) / (2 y_i + sum_k c_ik))),      y_i = 8 l Y_i / (3 Gc),
 
-is one sweep of Jacobi's method; for another g it is a step of Newton's method, which comes from below. c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the
-triangles, with sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a
-free edge, and exact for a linear field on any triangles.
+is one sweep of Jacobi's method; for another g it is a step of Newton's method, which comes from below.
+c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the triangles, with
+sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a free edge, and
+exact for a linear field on any triangles.
 
 A sheet whose strength is less than that has the g of Lorentz (Int. J. Fract. 207, 2017), which falls faster at first:
 
@@ -28,7 +29,7 @@ in every step; a GPU lists them in any order, on which no result depends.
 Bonds break for good where d has reached `severed_at` at an end, or at a common member nearer to the line between the
 ends than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. A point is severed where d is
 what a crack between two rows has at these rows. Around a cut that is there from the start nothing breaks before d has
-grown, or a tear has come to a neighbour: its own bonds are severed.
+grown, or a tear that began there has severed PASSED members: its own bonds are severed.
 """
 
 import functools
@@ -44,7 +45,7 @@ from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import degradation, stiffness_left
 
-NEAR = 0.55
+NEAR, PASSED = 0.55, 3
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,10 @@ def damage_field(
 
     @kernel(gathers=("damage",))
     def rouse(
-        neighbours: wp.array2d(dtype=wp.int32), damage: wp.array(dtype=real), first: int, awake: wp.array(dtype=wp.uint8)
+        neighbours: wp.array2d(dtype=wp.int32),
+        damage: wp.array(dtype=real),
+        first: int,
+        awake: wp.array(dtype=wp.uint8),
     ):
         i = wp.tid() + first
         awake[i] = wp.where(touches_damage(damage, neighbours, i), wp.uint8(1), wp.uint8(0))
@@ -163,19 +167,21 @@ def damage_field(
         listed[wp.atomic_add(count, 0, 1)] = i
 
     @wp.func
-    def meets_tear(
-        neighbours: wp.array2d(dtype=wp.int32),
+    def tear_has_passed(
+        family: Family,
         in_cut: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
         severed_at: wp.array(dtype=real),
         i: int,
     ):
-        """Whether a neighbour that is no part of a cut is severed."""
-        found = bool(False)
-        for k in range(neighbours.shape[0]):
-            m = neighbours[k, i]
-            found = found or (in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m])
-        return found
+        """Whether PASSED members of the undamaged family that are no part of a cut are severed."""
+        found = 0
+        for k in range(family.members):
+            if bit_of(f.initial(family, i, k // word_size), k % word_size):
+                m = f.neighbour(family, i, k)
+                if in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m]:
+                    found += 1
+        return found >= PASSED
 
     @kernel(per="list", gathers=("displacement", "damage", "severed_at"))
     def drive(
@@ -186,7 +192,6 @@ def damage_field(
         inverse_horizon: real,
         scale: wp.array(dtype=real),
         fastest: real,
-        neighbours: wp.array2d(dtype=wp.int32),
         in_cut: wp.array(dtype=wp.uint8),
         awake: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
@@ -206,7 +211,7 @@ def damage_field(
             driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
             before[i] = damage[i]
             if in_cut[i] != wp.uint8(0) and damage[i] < severed_at[i]:
-                if meets_tear(neighbours, in_cut, damage, severed_at, i):
+                if tear_has_passed(family, in_cut, damage, severed_at, i):
                     severed_at[i] = damage[i]
 
     @kernel(per="list", gathers=("source",))

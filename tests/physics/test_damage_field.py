@@ -145,7 +145,8 @@ def test_damage_never_heals():
     found = []
     for stretch in (1.0, 1.3, 1.6, 1.2, 1.0):
         internal_force(built, uniform(sheet, [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]]))
-        built.context.run("step")
+        for _ in range(20):
+            built.context.run("step")
         found.append(built.rupture.field.numpy().copy())
     assert (np.diff(found, axis=0) >= 0.0).all() and found[0].max() == 0.0 and found[2].max() > 0.2
     np.testing.assert_array_equal(found[2], found[4])
@@ -229,7 +230,7 @@ def test_intact_material_begins_to_tear_at_its_strength():
     sheet, inside = square(15), lambda x, y: np.maximum(np.abs(x - 0.05), np.abs(y - 0.05)) < 0.03
     for widths in (lambda s: s**-0.5, lambda s: 1.0 + 0.0 * s, lambda s: s):
         built = build(sheet, damage=TearingEnergy(5.0, strength=300.0), weights="corrected")
-        assert built.rupture.length == pytest.approx(2.0 * 2.015 * sheet.spacing)
+        assert built.rupture.length == pytest.approx(4.0 * sheet.spacing)
         built.state.step.fill_(1e-12)
         stretches = np.linspace(1.0, 1.5, 2001)
         energies = energy_density(NEO, stretches, widths(stretches))
@@ -252,7 +253,7 @@ def test_a_stretch_at_break_is_a_strength():
 
 def test_a_strength_that_the_spacing_resolves_gives_the_length():
     built = build(square(41), damage=TearingEnergy(60.0, strength=300.0))
-    assert built.rupture.limit == pytest.approx(300.0) and built.rupture.length > 2.0 * built.law.families.horizon
+    assert built.rupture.limit == pytest.approx(300.0) and built.rupture.length > 4.0 * built.context.sheet.spacing
 
 
 def test_the_cut_of_a_sheet_breaks_no_bonds_while_nothing_pulls():
@@ -350,7 +351,9 @@ def test_a_strength_below_that_of_the_length_is_a_constant_of_its_own():
     strong, weak = (build(damage=TearingEnergy(60.0, length=0.02, strength=s), **given).rupture for s in (None, 200.0))
     assert strong.limit > 500.0 and weak.limit == pytest.approx(200.0)
     assert weak.length == strong.length and len(weak.notes([{"mean_damage": 0.0}], None)) == 1
-    with pytest.raises(InputError, match=r"^TearingEnergy\.strength = 600 J/m\^3 at a length of 0\.02 m: expected at most 5"):
+    with pytest.raises(
+        InputError, match=r"^TearingEnergy\.strength = 600 J/m\^3 at a length of 0\.02 m: expected at most 5"
+    ):
         build(damage=TearingEnergy(60.0, length=0.02, strength=600.0), **given)
 
 

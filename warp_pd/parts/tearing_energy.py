@@ -21,21 +21,21 @@ from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, damage_field
 from .rupture import AT_REST, CriticalStretch, Damaged
 
-# Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
-DEFAULT_LENGTH = 2.0
+# Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
+DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
-# A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
+# A tear begins at 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
 # horizon. Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
-BIAS = 0.16
+BIAS = 0.28
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
 # Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
-SEVERED = 0.99
+SEVERED = 0.96
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
-# Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
-SWEEPS, MAX_SWEEPS = 1.3, 64
+# Sweeps of a step: LEAST_SWEEPS + SWEEPS (length / spacing)^2, at most MAX_SWEEPS, as the next step goes on.
+LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Static equilibrium: change of the damage below which nothing more happens, and largest number of sweeps at one
@@ -59,10 +59,11 @@ class TearingEnergy(Rupture):
 
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
-        length: Length of the field [m]; by default two horizons, or what follows from the strength.
+        length: Length of the field [m]; by default what follows from the strength, or else four spacings of the sheet,
+            and at least 1.25 horizons.
         strength: Energy density at which intact material begins to tear [J/m^3]. Alone it gives the length; if the
-            spacing cannot resolve that, it is two horizons, and a note says what spacing would. Together with a
-            length it is a constant of its own, at most 3 Gc / (16 length).
+            spacing cannot resolve that, it is the default length, and a note says what spacing would. Together with
+            a length it is a constant of its own, at most 3 Gc / (16 length).
         stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear [-], in place of the
             strength.
         spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
@@ -134,7 +135,7 @@ class DamageField(Damaged):
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
         horizon = law.families.horizon
-        self._resolved = DEFAULT_LENGTH * horizon
+        self._resolved = max(DEFAULT_LENGTH * context.sheet.spacing, LEAST_DEFAULT * horizon)
         self.length = self._length(rupture, law)
         # Energy density of the field [J/m^3].
         self._unit = 3.0 * rupture.energy / (8.0 * self.length * self._bias(self.length))
@@ -170,7 +171,7 @@ class DamageField(Damaged):
         )
         self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
-        self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS)))
+        self.sweeps = 2 * round(0.5 * min(LEAST_SWEEPS + SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
@@ -297,6 +298,7 @@ class DamageField(Damaged):
         if phase is Phase.START:
             self._add_rousing(stage)
             self._add_list(stage)
+            stage.launch(self.owner, self.kernels.empty, 1, count=self._count)
         if phase is Phase.FRAME:
             stage.launch(
                 self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
@@ -371,6 +373,7 @@ class DamageField(Damaged):
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
             awake=self._awake, softening=self._softening, **given, **self._shared(),
         )  # fmt: skip
+        stage.launch(self.owner, k.empty, 1, count=self._count, only_if=self._count, grouped=True)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments of all launches on listed points."""
@@ -382,7 +385,6 @@ class DamageField(Damaged):
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
         k, n, given = self.kernels, self.context.sheet.size, self.arguments()
-        stage.launch(self.owner, k.empty, 1, count=self._count)
         stage.launch(
             self.owner, k.wake, n, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
             awake=self._awake, listed=self._listed, count=self._count,
@@ -390,7 +392,7 @@ class DamageField(Damaged):
         )  # fmt: skip
         stage.launch(
             self.owner, k.drive, self._threads, scale=self._scale, fastest=self._fastest,
-            neighbours=self._neighbours, in_cut=self._in_cut, awake=self._awake, damage=self.field,
+            in_cut=self._in_cut, awake=self._awake, damage=self.field,
             severed_at=self._severed_at, driving=self._driving, before=self._before, **self._shared(),
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
