@@ -38,9 +38,9 @@ SCREEN = 0.8
 LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
-# Static equilibrium: change of the damage below which nothing more happens, and largest number of sweeps at one
-# displacement over those of a step.
-SETTLED, MAX_REPEATS = 1e-3, 50
+# Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
+# of a step; largest number of looks at one displacement.
+SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 4, 50
 # Relative residual down to which the displacement follows the damage while this changes.
 CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.
@@ -307,14 +307,15 @@ class DamageField(Damaged):
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that find the damage of a step, and break bonds."""
-        self._add_sweeps(stage)
+        self._add_sweeps(stage, self.sweeps)
         self._add_severing(stage)
 
     def prepare_at_rest(self) -> None:
         """Compose the stages of alternate minimisation."""
         damage = self.context.stage("damage", AT_REST)
+        damage.launch(self.owner, self.kernels.empty, 1, count=self._count)
         self._add_rousing(damage)
-        self._add_sweeps(damage)
+        self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
         self._add_severing(self.context.stage("rupture", AT_REST))
 
     def break_at_rest(self, again: bool) -> bool:
@@ -352,12 +353,12 @@ class DamageField(Damaged):
             awake=self._awake,
         )  # fmt: skip
 
-    def _add_sweeps(self, stage: Stage) -> None:
+    def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
         """Add the launches that list points, and sweep over them."""
         k, shared = self.kernels, self._shared()
         self._add_list(stage)
         source, target = self.field, self._other
-        for _ in range(self.sweeps):
+        for _ in range(sweeps):
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
                 driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
@@ -373,7 +374,7 @@ class DamageField(Damaged):
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
             awake=self._awake, softening=self._softening, **given, **self._shared(),
         )  # fmt: skip
-        stage.launch(self.owner, k.empty, 1, count=self._count, only_if=self._count, grouped=True)
+        stage.launch(self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=True)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments of all launches on listed points."""
