@@ -73,7 +73,8 @@ def build(
         return length_of(partial(release_rate, slope=slope(built, frame)), energy)
 
     def growing(history):
-        return [row for row in history if row["griffith_length"] > (CUT + 0.3) * HEIGHT]
+        # Beyond the damage that the end of the cut has from the start.
+        return [row for row in history if row["griffith_length"] > (CUT + 0.4) * HEIGHT]
 
     def length_error(history):
         errors = [abs(row["crack_length"] / row["griffith_length"] - 1.0) for row in growing(history)]
