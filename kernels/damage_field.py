@@ -37,6 +37,8 @@ from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import stiffness_left
 
 SEVERED, NEAR = 0.8, 0.55
+# What `driving` is at points that are not listed, for processes that have them as ghost points.
+UNLISTED = -2.0
 
 
 @dataclass(frozen=True)
@@ -339,3 +341,36 @@ def soften(bits: int, value: Any) -> Kernel:
         values[i] = value(left(damage[i])) * values[i]
 
     return soften
+
+
+@functools.cache
+def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
+    """Kernels of one of several processes, which sweeps over ghost points as their owners do.
+
+    Returns:
+        One that takes own points off the list, before others are listed; one that lists ghost points like their owners,
+        after `driving` and `damage` have come from there.
+    """
+    real = numeric(bits).real
+
+    @kernel()
+    def unlist(first: int, driving: wp.array(dtype=real)):
+        driving[wp.tid() + first] = real(UNLISTED)
+
+    @kernel(per="list")
+    def list_ghosts(
+        driving: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        first: int,
+        other: wp.array(dtype=real),
+        before: wp.array(dtype=real),
+        listed: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid() + first
+        other[i] = damage[i]
+        before[i] = damage[i]
+        if driving[i] != real(UNLISTED):
+            listed[wp.atomic_add(count, 0, 1)] = i
+
+    return unlist, list_ghosts

@@ -54,25 +54,30 @@ SCENES = {
     "tube": 32,
     "energy": 32,
     "visco": 32,
-    "tearing": 32,
+    "field": 32,
+    "field cloud": 64,
+    "field hole": 32,
     "body": 32,
     "relaxed": 64,
 }
 
 
 def sheet_of(name, points):
-    if name == "cloud":
-        return Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE)
-    if name == "scattered":
+    if name in ("cloud", "field cloud"):
+        sheet = Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE)
+    elif name == "scattered":
         places = Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE).points
-        return Sheet.from_points(np.random.default_rng(1).permutation(places), **SIZE)
-    if name == "tube":
-        return Sheet.tube(0.3, 1.0, points=(40, 22), **SIZE)
-    sheet = Sheet.rectangle(1.0, 1.0, points=points, **SIZE)
-    if name == "hole":
-        return sheet.hole((0.5, 0.5), 0.15)
+        sheet = Sheet.from_points(np.random.default_rng(1).permutation(places), **SIZE)
+    elif name == "tube":
+        sheet = Sheet.tube(0.3, 1.0, points=(40, 22), **SIZE)
+    else:
+        sheet = Sheet.rectangle(1.0, 1.0, points=points, **SIZE)
+    if name in ("hole", "field hole"):
+        sheet = sheet.hole((0.5, 0.5), 0.15)
+    if name.startswith("field"):
+        sheet = sheet.cut((0.41, -0.01), (0.41, 0.3))
     if name == "torn":
-        return sheet.cut((0.0, 0.49), (0.3, 0.49)).stiffened(sheet.within((0.7, 0.7), 0.1), 2.0)
+        sheet = sheet.cut((0.0, 0.49), (0.3, 0.49)).stiffened(sheet.within((0.7, 0.7), 0.1), 2.0)
     return sheet
 
 
@@ -88,7 +93,9 @@ def law_of(name):
 def damage_of(name, clamp):
     if name in ("torn", "tube", "wide", "visco", "body", "cloud"):
         return CriticalStretch(1.3, spared=clamp)
-    return {"energy": CriticalEnergy(500.0), "tearing": TearingEnergy(2000.0)}.get(name)
+    if name.startswith("field"):
+        return TearingEnergy(2000.0, spared=clamp)
+    return CriticalEnergy(500.0) if name == "energy" else None
 
 
 def scene(name, points=33, frames=2, duration=DURATION):

@@ -19,6 +19,7 @@ from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, SEVERED, damage_field
+from .damage_ghosts import LAYERS, DamageGhosts
 from .rupture import CriticalStretch, Damaged
 
 # Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
@@ -75,6 +76,7 @@ class TearingEnergy(Rupture):
     screened: bool = True
 
     is_field: ClassVar[bool] = True
+    layers: ClassVar[int] = LAYERS
 
     def __post_init__(self) -> None:
         positive("TearingEnergy.energy", self.energy)
@@ -92,12 +94,8 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.screened", self.screened, (True, False))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion for the points that are here.
-
-        Raises:
-            InputError: always: several processes cannot yet run it.
-        """
-        raise InputError("damage = TearingEnergy: several processes cannot yet run it; expected CriticalStretch")
+        """The same criterion: it finds the points that are here when it is built."""
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The field on a device.
@@ -125,19 +123,25 @@ class DamageField(Damaged):
         self._resolved = DEFAULT_LENGTH * horizon
         self.length = self._length(rupture, law)
         self.limit = 3.0 * rupture.energy / (16.0 * self.length * self._bias(self.length))
-        sheet, real = context.sheet, context.types.real
+        sheet, whole, real = context.sheet, context.whole, context.types.real
         n = sheet.size
         spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
+        finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         areas = law.represented_areas()
-        neighbours, couplings = gradient_couplings(sheet)
+        self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
+        if self._ghosts is None:
+            neighbours, couplings = gradient_couplings(sheet)
+        else:
+            areas, (neighbours, couplings) = self._ghosts.areas(areas), self._ghosts.couplings()
         couplings *= 2.0 * self.length**2 / areas
-        profile = self._profile(sheet)
+        profile = self._profile(whole)
+        self._profile_mean, profile = float(profile.mean()), context.here(profile)
 
         def put(name: str, values: np.ndarray, dtype: Any = real, per: str = "point") -> Array:
             return context.array(name, self.owner, dtype, values, per=per)
 
-        self.field = context.array("damage_field", self.owner, real, profile, restart=True)
-        self._other = put("damage_after_sweep", profile)
+        self.field = context.array("damage_field", self.owner, real, profile, restart=True, own_exchange=True)
+        self._other = context.array("damage_after_sweep", self.owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", self.owner, real, shape=n)
         self._driving = context.array("driving", self.owner, real, shape=n)
         self._listed = context.array("listed_points", self.owner, wp.int32, shape=n, per="table")
@@ -148,16 +152,14 @@ class DamageField(Damaged):
         self._limits = put("limit_energy", 2.0 * self.limit * sheet.thickness * areas)
         self._severed_at = put("severed_at", np.maximum(SEVERED, profile + GROWN))
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
-        self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS)))
+        self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / finest) ** 2, MAX_SWEEPS)))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
-        self.fracture = context.array("fracture", self.owner, wp.float64, shape=n)
         apart = profile - profile[neighbours]
-        self._fracture_at_start = float(
-            (2.0 * self.limit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))).sum()
-        )
-        self._profile_mean = float(profile.mean())
+        stored = 2.0 * self.limit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
+        self.fracture = context.array("fracture", self.owner, wp.float64, stored)
+        self._fracture_at_start = context.total(self.fracture)
         self.kernels = damage_field(
             context.layout, self.spared is not None, rupture.screened, self.released is not None, law.earlier_energy,
         )  # fmt: skip
@@ -214,7 +216,8 @@ class DamageField(Damaged):
 
         On a lattice the shortest bonds in four directions are enough: one of them is within 22.5 degrees of any other.
         """
-        stiffest = 1.0 if self.context.sheet.stiffness is None else float(self.context.sheet.stiffness.max())
+        stiffness = self.context.whole.stiffness
+        stiffest = 1.0 if stiffness is None else float(stiffness.max())
         allowed = SCREEN * self.limit / stiffest
         steps, shorter = law.families.steps, np.geomspace(1.0, 1e-3, 400)
         over = ~(law.energy_density(shorter, shorter) <= allowed)
@@ -247,8 +250,14 @@ class DamageField(Damaged):
         """Add the launches that find the damage of a step."""
         k, shared, given = self.kernels, self._shared(), self.arguments()
         self._add_list(stage)
+        if self._ghosts is not None:
+            self._ghosts.add_listing(
+                stage, self._driving, self.field, self._other, self._before, self._listed, self._count
+            )
         source, target = self.field, self._other
-        for _ in range(self.sweeps):
+        for number in range(self.sweeps):
+            if self._ghosts is not None and number and number % LAYERS == 0:
+                self._ghosts.add_exchange(stage, source)
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
                 driving=self._driving, source=source, target=target, **shared,
@@ -265,16 +274,20 @@ class DamageField(Damaged):
         """Arguments of all launches on listed points."""
         return {
             "listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count,
-            "grouped": True,
+            # A graph that holds exchanges has no conditions.
+            "grouped": self._ghosts is None,
         }  # fmt: skip
 
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
-        k, n, given = self.kernels, self.context.sheet.size, self.arguments()
+        k, given = self.kernels, self.arguments()
+        own = slice(0, self.context.sheet.size) if self._ghosts is None else self._ghosts.own
         stage.launch(self.owner, k.empty, 1, count=self._count)
+        if self._ghosts is not None:
+            self._ghosts.add_unlisting(stage, self._driving)
         stage.launch(
-            self.owner, k.wake, n, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
-            neighbours=self._neighbours, damage=self.field,
+            self.owner, k.wake, own.stop - own.start, begin=own.start, looked_at=self._looked,
+            shortest=self._shortest, longest=self._longest, neighbours=self._neighbours, damage=self.field,
             listed=self._listed, count=self._count,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
@@ -298,7 +311,7 @@ class DamageField(Damaged):
         """
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
-        most = float(driving.max(initial=0.0))
+        most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
         if most > 0.5:
             raise InputError(
                 f"damage = TearingEnergy: the sheet starts with {most * 2.0 * self.limit:.3g} J/m^3, above the "
