@@ -34,6 +34,7 @@ from warp_pd import (
     TearingEnergy,
     Visco,
 )
+from warp_pd.device.fields import to_host
 from warp_pd.device.launches import Call, Touched
 from warp_pd.interfaces.communicator import Communicator
 from warp_pd.run.built import compose
@@ -63,26 +64,28 @@ SCENES = {
 
 
 def sheet_of(name, points):
+    # The sweeps of a field go further than a halo: twice as long a sheet is not all within their reach.
+    height, grid = (2.0, (points, 2 * points - 1)) if name.startswith("field") else (1.0, points)
     if name in ("cloud", "field cloud"):
-        sheet = Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE)
+        sheet = Sheet.filled(1.0, height, points=grid, jitter=0.2, **SIZE)
     elif name == "scattered":
         places = Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE).points
         sheet = Sheet.from_points(np.random.default_rng(1).permutation(places), **SIZE)
     elif name == "tube":
         sheet = Sheet.tube(0.3, 1.0, points=(40, 22), **SIZE)
     else:
-        sheet = Sheet.rectangle(1.0, 1.0, points=points, **SIZE)
+        sheet = Sheet.rectangle(1.0, height, points=grid, **SIZE)
     if name in ("hole", "field hole"):
         sheet = sheet.hole((0.5, 0.5), 0.15)
     if name.startswith("field"):
-        sheet = sheet.cut((0.41, -0.01), (0.41, 0.3))
+        sheet = sheet.cut((0.81, -0.01), (0.81, 0.9))
     if name == "torn":
         sheet = sheet.cut((0.0, 0.49), (0.3, 0.49)).stiffened(sheet.within((0.7, 0.7), 0.1), 2.0)
     return sheet
 
 
 def law_of(name):
-    horizon = {"wide": 3.15, "loads": 1.5}.get(name, 2.015)
+    horizon = {"wide": 3.15, "field hole": 3.15, "loads": 1.5}.get(name, 2.015)
     if name == "visco":
         return Visco(MATERIAL, horizon=horizon, prony=(Prony(3e4, 0.02),))
     if name == "energy":
@@ -141,6 +144,9 @@ class OneOfMany(Communicator):
     def exchange(self, fields, partition):
         names = ", ".join(stored.name for stored in fields)
         return Call(f"exchange {names}", "", 0, lambda: None, None, Touched())
+
+    def gather_field(self, stored, index, partition, coarse):
+        return to_host(stored.array)
 
     def gather_to_blocks(self, pairs, partition):
         return Call("gather to blocks", "", 0, lambda: None, None, Touched())

@@ -143,7 +143,7 @@ class DamageField(Damaged):
         self.field = context.array("damage_field", self.owner, real, profile, restart=True, own_exchange=True)
         self._other = context.array("damage_after_sweep", self.owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", self.owner, real, shape=n)
-        self._driving = context.array("driving", self.owner, real, shape=n)
+        self._driving = context.array("driving", self.owner, real, shape=n, own_exchange=True)
         self._listed = context.array("listed_points", self.owner, wp.int32, shape=n, per="table")
         self._count = context.array("listed_count", self.owner, wp.int32, shape=1, per="once")
         self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
