@@ -39,7 +39,7 @@ def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.n
     low, high = np.divmod(keys, size)
     start, end = np.concatenate([low, high]), np.concatenate([high, low])
     neighbours, table = _table(size, start, end, np.concatenate([weights, weights]))
-    return neighbours[:, of], table[:, of]
+    return np.take(neighbours, of, axis=1), np.take(table, of, axis=1)
 
 
 def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

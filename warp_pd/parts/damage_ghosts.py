@@ -54,17 +54,13 @@ class DamageGhosts:
         own = self.own
         stage.launch(self.owner, self._unlist, own.stop - own.start, begin=own.start, driving=driving)
 
-    def add_listing(
-        self, stage: Stage, driving: Array, damage: Array, other: Array, before: Array, listed: Array, count: Array
-    ) -> None:
-        """Add the exchange of a step, and the launches that list ghost points; arguments as of the kernel."""
-        self.add_exchange(stage, damage, driving)
-        for begin, end in ((0, self.own.start), (self.own.stop, len(self.partition.points))):
-            if begin < end:
-                stage.launch(
-                    self.owner, self._list, end - begin, begin=begin, driving=driving, damage=damage, other=other,
-                    before=before, listed=listed, count=count,
-                )  # fmt: skip
+    def add_listing(self, stage: Stage, threads: int, **arrays: Array) -> None:
+        """Add the launch that lists ghost points, by so many threads of a GPU; arrays as of the kernel."""
+        # Warp's atomics are none between the threads of a CPU.
+        threads = threads if self.context.device.is_cuda else 1
+        stage.launch(
+            self.owner, self._list, threads, stride=threads, own_begin=self.own.start, own_end=self.own.stop, **arrays
+        )
 
     def add_exchange(self, stage: Stage, *arrays: Array) -> None:
         """Add the exchange of arrays of points."""

@@ -18,7 +18,7 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, SEVERED, damage_field
+from ..kernels.damage_field import NEAR, TOGETHER, damage_field
 from .damage_ghosts import LAYERS, DamageGhosts
 from .rupture import CriticalStretch, Damaged
 
@@ -31,6 +31,8 @@ MIN_LENGTH = 0.75
 BIAS = 0.16
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
+# Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
+SEVERED = 0.99
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
 # Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
@@ -54,9 +56,11 @@ class TearingEnergy(Rupture):
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
         length: Length of the field [m]; by default two horizons, or what follows from the strength.
-        strength: Energy density at which intact material begins to tear [J/m^3], in place of the length. If the
-            spacing cannot resolve the length that follows, it is two horizons, and a note says what spacing would.
-        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear, in place of both [-].
+        strength: Energy density at which intact material begins to tear [J/m^3]. Alone it gives the length; if the
+            spacing cannot resolve that, it is two horizons, and a note says what spacing would. Together with a
+            length it is a constant of its own, at most 3 Gc / (16 length).
+        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear [-], in place of the
+            strength.
         spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
         cut_profile: Whether cuts of the sheet have the damage of a crack around them from the start. Without it they
             are notches, and a tear must begin first, at 1.2 to 1.3 Gc.
@@ -64,7 +68,7 @@ class TearingEnergy(Rupture):
             step, which is slow and must give the same.
 
     Raises:
-        InputError: for values that are not positive, or more than one of length, strength and stretch_at_break.
+        InputError: for values that are not positive, or both strength and stretch_at_break.
     """
 
     energy: float
@@ -84,8 +88,8 @@ class TearingEnergy(Rupture):
         given = {name: value for name, value in given.items() if value is not None}
         for name, value in given.items():
             positive(f"TearingEnergy.{name}", value)
-        if len(given) > 1:
-            raise InputError(f"TearingEnergy: expected one of length, strength and stretch_at_break, got {given}")
+        if "strength" in given and "stretch_at_break" in given:
+            raise InputError(f"TearingEnergy: expected strength or stretch_at_break, got {given}")
         if self.stretch_at_break is not None and self.stretch_at_break <= 1.0:
             raise InputError(
                 f"TearingEnergy.stretch_at_break = {self.stretch_at_break!r}: expected a stretch greater than 1"
@@ -122,13 +126,18 @@ class DamageField(Damaged):
         horizon = law.families.horizon
         self._resolved = DEFAULT_LENGTH * horizon
         self.length = self._length(rupture, law)
-        self.limit = 3.0 * rupture.energy / (16.0 * self.length * self._bias(self.length))
+        # Energy density of the field [J/m^3].
+        self._unit = 3.0 * rupture.energy / (8.0 * self.length * self._bias(self.length))
+        self.limit = self._strength()
+        self._fastest = self._unit / self.limit
+        weak = self._fastest > 2.0
         sheet, whole, real = context.sheet, context.whole, context.types.real
         n = sheet.size
         spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
         finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         areas = law.represented_areas()
         self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
+        self._own = slice(0, n) if self._ghosts is None else self._ghosts.own
         if self._ghosts is None:
             neighbours, couplings = gradient_couplings(sheet)
         else:
@@ -146,24 +155,51 @@ class DamageField(Damaged):
         self._driving = context.array("driving", self.owner, real, shape=n, own_exchange=True)
         self._listed = context.array("listed_points", self.owner, wp.int32, shape=n, per="table")
         self._count = context.array("listed_count", self.owner, wp.int32, shape=1, per="once")
+        self._found: Array | None = None
+        if not context.device.is_cuda:
+            threads = -(-(self._own.stop - self._own.start) // TOGETHER)
+            self._found = context.array("listed_by_threads", self.owner, wp.int32, shape=threads, per="table")
         self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
         self._couplings = put("field_couplings", couplings, per="bond")
-        self._scale = put("driving_scale", law.families.reference_area / (areas * 2.0 * self.limit))
-        self._limits = put("limit_energy", 2.0 * self.limit * sheet.thickness * areas)
-        self._severed_at = put("severed_at", np.maximum(SEVERED, profile + GROWN))
+        self._scale = put("driving_scale", law.families.reference_area / (areas * self._unit))
+        self._limits = put("limit_energy", self._unit * sheet.thickness * areas)
+        severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
+        self._in_cut = put("in_cut", profile + GROWN > severed_at, wp.uint8)
+        self._severed_at = context.array(
+            "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True, own_exchange=True
+        )
+        self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
         self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / finest) ** 2, MAX_SWEEPS)))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
         apart = profile - profile[neighbours]
-        stored = 2.0 * self.limit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
+        stored = self._unit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
         self.fracture = context.array("fracture", self.owner, wp.float64, stored)
         self._fracture_at_start = context.total(self.fracture)
         self.kernels = damage_field(
-            context.layout, self.spared is not None, rupture.screened, self.released is not None, law.earlier_energy,
+            context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
+            self.released is not None, weak, law.earlier_energy,
         )  # fmt: skip
-        law.soften(self.field)
+        self._softening = self.field
+        if weak:
+            self._softening = context.array(
+                "softening", self.owner, real, self._softened(profile), restart=True, own_exchange=True
+            )
+        law.soften(self._softening)
+
+    def assign(self, damage: np.ndarray) -> None:
+        """Give all points a damage, (N,)."""
+        self.field.assign(damage)
+        if self._softening is not self.field:
+            self._softening.assign(self._softened(damage))
+
+    def _softened(self, damage: np.ndarray) -> np.ndarray:
+        """1 - sqrt(g) of a damage, see kernels/damage_field.py."""
+        steepness = self._fastest
+        part = steepness * damage * (1.0 + min(1.0, 1.5 * (steepness - 2.0) - 0.5) * damage)
+        return np.asarray(1.0 - (1.0 - damage) / np.sqrt((1.0 - damage) ** 2 + part))
 
     def _length(self, rupture: TearingEnergy, law: BuiltLaw) -> float:
         """The length of the field [m].
@@ -182,15 +218,35 @@ class DamageField(Damaged):
         wanted = self.wanted_length()
         return self._resolved if wanted is None else max(wanted, self._resolved)
 
+    def _given_strength(self) -> float | None:
+        """The strength that the user gives [J/m^3]; None without one."""
+        if self.rupture.stretch_at_break is None:
+            return self.rupture.strength
+        # Uniaxial tension is the least energy of all widths.
+        widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
+        stretches = np.full_like(widths, self.rupture.stretch_at_break)
+        return float(np.nanmin(self.law.energy_density(stretches, widths)))
+
+    def _strength(self) -> float:
+        """Energy density at which intact material begins to tear [J/m^3].
+
+        Raises:
+            InputError: for a strength that is greater than the length allows.
+        """
+        strength = self._given_strength()
+        if self.rupture.length is None or strength is None:
+            return 0.5 * self._unit
+        if strength > 0.5 * self._unit:
+            raise InputError(
+                f"TearingEnergy.strength = {strength:.4g} J/m^3 at a length of {self.length:.3g} m: expected at most "
+                f"{0.5 * self._unit:.4g} J/m^3, or a shorter length"
+            )
+        return strength
+
     def wanted_length(self) -> float | None:
-        """The length that follows from the strength [m]; None without one."""
-        strength = self.rupture.strength
-        if self.rupture.stretch_at_break is not None:
-            # Uniaxial tension is the least energy of all widths.
-            widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
-            stretches = np.full_like(widths, self.rupture.stretch_at_break)
-            strength = float(np.nanmin(self.law.energy_density(stretches, widths)))
-        if strength is None:
+        """The length that follows from the strength [m]; None without one, or where a length is given."""
+        strength = self._given_strength()
+        if strength is None or self.rupture.length is not None:
             return None
         # length * bias(length) = whole
         whole, part = 3.0 * self.rupture.energy / (16.0 * strength), BIAS * self.law.families.horizon**2
@@ -239,6 +295,10 @@ class DamageField(Damaged):
         """Add the launches of a phase."""
         super().add(phase, stage)
         if phase is Phase.START:
+            stage.launch(
+                self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours,
+                damage=self.field, awake=self._awake,
+            )  # fmt: skip
             self._add_list(stage)
         if phase is Phase.FRAME:
             stage.launch(
@@ -251,23 +311,25 @@ class DamageField(Damaged):
         k, shared, given = self.kernels, self._shared(), self.arguments()
         self._add_list(stage)
         if self._ghosts is not None:
+            self._ghosts.add_exchange(stage, self.field, self._driving, self._severed_at)
             self._ghosts.add_listing(
-                stage, self._driving, self.field, self._other, self._before, self._listed, self._count
-            )
+                stage, self._threads, driving=self._driving, damage=self.field, other=self._other, before=self._before,
+                listed=self._listed, count=self._count,
+            )  # fmt: skip
         source, target = self.field, self._other
         for number in range(self.sweeps):
             if self._ghosts is not None and number and number % LAYERS == 0:
                 self._ghosts.add_exchange(stage, source)
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
-                driving=self._driving, source=source, target=target, **shared,
+                driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
             )  # fmt: skip
             source, target = target, source
         given.pop("horizon")
         stage.launch(
             self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
-            damage=self.field, before=self._before,
-            **given, **shared,
+            fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
+            awake=self._awake, softening=self._softening, **given, **shared,
         )  # fmt: skip
 
     def _shared(self) -> dict[str, Any]:
@@ -280,20 +342,24 @@ class DamageField(Damaged):
 
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
-        k, given = self.kernels, self.arguments()
-        own = slice(0, self.context.sheet.size) if self._ghosts is None else self._ghosts.own
-        stage.launch(self.owner, k.empty, 1, count=self._count)
+        k, given, own = self.kernels, self.arguments(), self._own
+        listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
         if self._ghosts is not None:
             self._ghosts.add_unlisting(stage, self._driving)
+        if self._found is None:
+            stage.launch(self.owner, k.empty, 1, count=self._count)
         stage.launch(
-            self.owner, k.wake, own.stop - own.start, begin=own.start, looked_at=self._looked,
-            shortest=self._shortest, longest=self._longest, neighbours=self._neighbours, damage=self.field,
-            listed=self._listed, count=self._count,
+            self.owner, k.wake, own.stop - own.start if self._found is None else len(self._found),
+            start=own.start, stop=own.stop, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
+            awake=self._awake, found=self._found, **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
+        if self._found is not None:
+            stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
         stage.launch(
-            self.owner, k.drive, self._threads, scale=self._scale, neighbours=self._neighbours, damage=self.field,
-            driving=self._driving, before=self._before, **self._shared(),
+            self.owner, k.drive, self._threads, scale=self._scale, fastest=self._fastest,
+            neighbours=self._neighbours, in_cut=self._in_cut, awake=self._awake, damage=self.field,
+            severed_at=self._severed_at, driving=self._driving, before=self._before, **self._shared(),
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
 
@@ -312,9 +378,9 @@ class DamageField(Damaged):
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
         most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
-        if most > 0.5:
+        if most * self._fastest > 1.0:
             raise InputError(
-                f"damage = TearingEnergy: the sheet starts with {most * 2.0 * self.limit:.3g} J/m^3, above the "
+                f"damage = TearingEnergy: the sheet starts with {most * self._unit:.3g} J/m^3, above the "
                 f"strength of {self.limit:.3g} J/m^3 that {self._said_length()} stands for; expected a shorter length "
                 f"or a larger energy"
             )
