@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 import shared_scenes
+from helpers import StopAt
 from shared_scenes import DURATION, SCENES, arrays_of, scene, started
 
 from warp_pd import InputError
@@ -22,7 +23,10 @@ pytest.importorskip("torch.distributed")
 
 FILE = Path(shared_scenes.__file__)
 # Processes, and the scenes that so many run: more kinds are in `shared_scenes`.
-RUNS = {2: ("torn", "cloud"), 3: ("loads", "relaxed", "scattered"), 4: ("torn", "energy")}
+RUNS = {
+    2: ("torn", "cloud", "field hole"), 3: ("loads", "relaxed", "scattered", "field cloud"),
+    4: ("torn", "energy", "field"),
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +58,10 @@ def test_several_processes_leave_the_same_bits(processes, alone, tmp_path):
         assert np.abs(arrays["displacement"]).max() > 0.05
 
 
-def test_the_scenes_that_are_compared_tear(alone):
-    names, *rows = (line.split(",") for line in arrays_of(alone("torn"))[1].splitlines())
-    assert float(rows[-1][names.index("mean_damage")]) > 0.01
+@pytest.mark.parametrize("name", ["torn", "field"])
+def test_the_scenes_that_are_compared_tear(name, alone):
+    names, *rows = (line.split(",") for line in arrays_of(alone(name))[1].splitlines())
+    assert float(rows[-1][names.index("mean_damage")]) - float(rows[0][names.index("mean_damage")]) > 0.01
 
 
 def command(processes, folder, *more):
@@ -104,6 +109,28 @@ def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_p
         np.testing.assert_array_equal(values, others[field], err_msg=field)
     assert history == other_history
     assert json.loads((killed / "summary.json").read_text())["status"] == "finished"
+
+
+def test_a_tear_of_a_field_goes_on_in_another_number_of_processes(tmp_path):
+    made = lambda: shared_scenes.build("field", frames=6)  # noqa: E731
+    options = {"device": "cpu", "usd": False}
+    made().run(**options, out=tmp_path / "complete")
+    assert made().run(**options, out=tmp_path / "stopped", writers=[StopAt(3)]).status == "interrupted"
+    with np.load(tmp_path / "stopped" / "restart.npz") as stored:
+        field = stored["damage_field"]
+    assert ((field > 0.1) & (field < 0.7)).any() and (field > 0.8).any()
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    settings = ["--set", "name=field", "--set", "frames=6", "--no-usd", "--quiet", "--resume"]
+    arguments = ["run", FILE, "--device", "cpu", "--out", tmp_path / "stopped", "--processes", "2", *settings]
+    again = subprocess.run(
+        [sys.executable, "-m", "warp_pd", *map(str, arguments)],
+        capture_output=True, text=True, check=False, env=environment, timeout=300,
+    )  # fmt: skip
+    assert again.returncode == 0, again.stderr
+    (arrays, history, _), (others, other_history, _) = (arrays_of(tmp_path / name) for name in ("complete", "stopped"))
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(values, others[name], err_msg=name)
+    assert history == other_history
 
 
 BROKEN = """
