@@ -133,7 +133,7 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, lay
         return _scattered(sheet, horizon, rank, bounds, layers)
     begin, end = int(bounds[rank]), int(bounds[rank + 1])
     reach = _lattice_reach(sheet, horizon)
-    reaches = (reach, HALO * reach + layers * sheet.lattice.columns)
+    reaches = (reach, HALO * reach + layers * (sheet.lattice.columns + 1))
     ranges = [(max(begin - wide, 0), min(end + wide, sheet.size)) for wide in reaches]
     points, near = np.arange(*ranges[-1]), np.zeros(ranges[-1][1] - ranges[-1][0], bool)
     near[ranges[0][0] - ranges[-1][0] : ranges[0][1] - ranges[-1][0]] = True
