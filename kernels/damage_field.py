@@ -29,7 +29,7 @@ lists what it finds apart, and one of them puts that together.
 Bonds break for good where d has reached `severed_at` at an end, or at a common member nearer to the line between the
 ends than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. A point is severed where d is
 what a crack between two rows has at these rows. Around a cut that is there from the start nothing breaks before d has
-grown, or a tear has come to a neighbour: its own bonds are severed.
+grown, or a tear that began there has severed PASSED members: its own bonds are severed.
 """
 
 import functools
@@ -45,7 +45,7 @@ from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import degradation, stiffness_left
 
-NEAR = 0.55
+NEAR, PASSED = 0.55, 3
 # Points of a thread of a CPU that lists them.
 TOGETHER = 256
 # What `driving` is at points that are not listed, for processes that have them as ghost points.
@@ -197,19 +197,21 @@ def damage_field(
         count[0] = total
 
     @wp.func
-    def meets_tear(
-        neighbours: wp.array2d(dtype=wp.int32),
+    def tear_has_passed(
+        family: Family,
         in_cut: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
         severed_at: wp.array(dtype=real),
         i: int,
     ):
-        """Whether a neighbour that is no part of a cut is severed."""
-        found = bool(False)
-        for k in range(neighbours.shape[0]):
-            m = neighbours[k, i]
-            found = found or (in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m])
-        return found
+        """Whether PASSED members of the undamaged family that are no part of a cut are severed."""
+        found = int(0)
+        for k in range(family.members):
+            if bit_of(f.initial(family, i, k // word_size), k % word_size):
+                m = f.neighbour(family, i, k)
+                if in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m]:
+                    found += 1
+        return found >= PASSED
 
     @kernel(per="list", gathers=("displacement", "damage", "severed_at"))
     def drive(
@@ -220,7 +222,6 @@ def damage_field(
         inverse_horizon: real,
         scale: wp.array(dtype=real),
         fastest: real,
-        neighbours: wp.array2d(dtype=wp.int32),
         in_cut: wp.array(dtype=wp.uint8),
         awake: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
@@ -240,7 +241,7 @@ def damage_field(
             driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
             before[i] = damage[i]
             if in_cut[i] != wp.uint8(0) and damage[i] < severed_at[i]:
-                if meets_tear(neighbours, in_cut, damage, severed_at, i):
+                if tear_has_passed(family, in_cut, damage, severed_at, i):
                     severed_at[i] = damage[i]
 
     @kernel(per="list", gathers=("source",))

@@ -154,7 +154,8 @@ def test_damage_never_heals():
     found = []
     for stretch in (1.0, 1.3, 1.6, 1.2, 1.0):
         internal_force(built, uniform(sheet, [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]]))
-        built.context.run("step")
+        for _ in range(20):
+            built.context.run("step")
         found.append(built.rupture.field.numpy().copy())
     assert (np.diff(found, axis=0) >= 0.0).all() and found[0].max() == 0.0 and found[2].max() > 0.2
     np.testing.assert_array_equal(found[2], found[4])

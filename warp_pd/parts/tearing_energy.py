@@ -26,17 +26,17 @@ from .rupture import CriticalStretch, Damaged
 DEFAULT_LENGTH = 2.0
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
-# A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
+# A tear begins at 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
 # horizon. Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
-BIAS = 0.16
+BIAS = 0.28
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
 # Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
-SEVERED = 0.99
+SEVERED = 0.96
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
-# Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
-SWEEPS, MAX_SWEEPS = 1.3, 64
+# Sweeps of a step: LEAST_SWEEPS + SWEEPS (length / spacing)^2, at most MAX_SWEEPS, as the next step goes on.
+LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Mean damage that a run may gain before a note says so.
@@ -170,7 +170,7 @@ class DamageField(Damaged):
         )
         self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
-        self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / finest) ** 2, MAX_SWEEPS)))
+        self.sweeps = 2 * round(0.5 * min(LEAST_SWEEPS + SWEEPS * (self.length / finest) ** 2, MAX_SWEEPS))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
@@ -300,6 +300,7 @@ class DamageField(Damaged):
                 damage=self.field, awake=self._awake,
             )  # fmt: skip
             self._add_list(stage)
+            self._add_empty(stage)
         if phase is Phase.FRAME:
             stage.launch(
                 self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
@@ -331,6 +332,7 @@ class DamageField(Damaged):
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
             awake=self._awake, softening=self._softening, **given, **shared,
         )  # fmt: skip
+        self._add_empty(stage)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments of all launches on listed points."""
@@ -340,14 +342,19 @@ class DamageField(Damaged):
             "grouped": self._ghosts is None,
         }  # fmt: skip
 
+    def _add_empty(self, stage: Stage) -> None:
+        """Add the launch that empties the list, with the rest of its group; `pack` begins a new one."""
+        if self._found is None:
+            stage.launch(
+                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=self._ghosts is None
+            )
+
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
         k, given, own = self.kernels, self.arguments(), self._own
         listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
         if self._ghosts is not None:
             self._ghosts.add_unlisting(stage, self._driving)
-        if self._found is None:
-            stage.launch(self.owner, k.empty, 1, count=self._count)
         stage.launch(
             self.owner, k.wake, own.stop - own.start if self._found is None else len(self._found),
             start=own.start, stop=own.stop, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
@@ -358,7 +365,7 @@ class DamageField(Damaged):
             stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
         stage.launch(
             self.owner, k.drive, self._threads, scale=self._scale, fastest=self._fastest,
-            neighbours=self._neighbours, in_cut=self._in_cut, awake=self._awake, damage=self.field,
+            in_cut=self._in_cut, awake=self._awake, damage=self.field,
             severed_at=self._severed_at, driving=self._driving, before=self._before, **self._shared(),
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
