@@ -97,7 +97,9 @@ def damage_of(name, clamp):
     if name in ("torn", "tube", "wide", "visco", "body", "cloud"):
         return CriticalStretch(1.3, spared=clamp)
     if name.startswith("field"):
-        return TearingEnergy(2000.0, spared=clamp)
+        # One with less strength than its length stands for.
+        weak = {"length": 0.13, "strength": 1500.0} if name == "field cloud" else {}
+        return TearingEnergy(2000.0, spared=clamp, **weak)
     return CriticalEnergy(500.0) if name == "energy" else None
 
 
