@@ -1,7 +1,7 @@
 """Small scenes that one process and several run alike, and the processes that run them.
 
-`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py DEVICE FOLDER NAME...` runs scenes into
-FOLDER/NAME.
+`python -m torch.distributed.run --nproc-per-node N tests/shared_scenes.py DEVICE FOLDER NAME... [--resume]` runs
+scenes into FOLDER/NAME.
 """
 
 import os
@@ -121,6 +121,7 @@ def scene(name, points=33, frames=2, duration=DURATION):
     if name == "body":
         way = BodyPath([0.0, duration], [(0.5, 0.5, 0.16), (0.52, 0.5, 0.0)])
         contact = RigidBody(Sphere(0.15), way, friction=0.3)
+    frames *= 3 if name == "field" else 1
     solver = Explicit(duration, frames=frames, damping=2.0, history_every=duration / 9 if name == "cloud" else None)
     if name in ("relaxed", "scattered"):
         loads = [Fixed(low), Motion(high, [0.0, 1.0], x=[0.0, 0.1], y=0.0, z=0.0)]
@@ -169,10 +170,11 @@ def started(processes, *arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=300)
 
 
-def run_all(device, folder, names):
+def run_all(device, folder, names, resume=False):
     """Run scenes into a folder of their own each."""
     for name in names:
-        scene(name).run(device=device, precision=SCENES[name], out=folder / name, usd=False, overwrite=True)
+        options = {"precision": SCENES[name], "usd": False, "resume": resume, "overwrite": not resume}
+        scene(name).run(device=device, out=folder / name, **options)
 
 
 def arrays_of(folder):
@@ -184,4 +186,4 @@ def arrays_of(folder):
 
 
 if __name__ == "__main__":
-    run_all(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])
+    run_all(sys.argv[1], Path(sys.argv[2]), [name for name in sys.argv[3:] if name in SCENES], "--resume" in sys.argv)
