@@ -11,9 +11,10 @@ one times g, and g stands where forces are gathered alone. At a fixed displaceme
 
     d_i = max(d_i earlier, min(1, (2 y_i - 1 + sum_k c_ik d_k) / (2 y_i + sum_k c_ik))),      y_i = 8 l Y_i / (3 Gc),
 
-is one sweep of Jacobi's method; for another g it is a step of Newton's method, which comes from below. c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the
-triangles, with sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a
-free edge, and exact for a linear field on any triangles.
+is one sweep of Jacobi's method; for another g it is a step of Newton's method, which comes from below.
+c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the triangles, with
+sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a free edge, and
+exact for a linear field on any triangles.
 
 A sheet whose strength is less than that has the g of Lorentz (Int. J. Fract. 207, 2017), which falls faster at first:
 
@@ -205,12 +206,12 @@ def damage_field(
         i: int,
     ):
         """Whether PASSED members of the undamaged family that are no part of a cut are severed."""
-        found = int(0)
+        found = wp.int32(0)
         for k in range(family.members):
             if bit_of(f.initial(family, i, k // word_size), k % word_size):
                 m = f.neighbour(family, i, k)
                 if in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m]:
-                    found += 1
+                    found += wp.int32(1)
         return found >= PASSED
 
     @kernel(per="list", gathers=("displacement", "damage", "severed_at"))

@@ -22,8 +22,8 @@ from ..kernels.damage_field import NEAR, TOGETHER, damage_field
 from .damage_ghosts import LAYERS, DamageGhosts
 from .rupture import CriticalStretch, Damaged
 
-# Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
-DEFAULT_LENGTH = 2.0
+# Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
+DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
 # A tear begins at 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
@@ -55,10 +55,11 @@ class TearingEnergy(Rupture):
 
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
-        length: Length of the field [m]; by default two horizons, or what follows from the strength.
+        length: Length of the field [m]; by default what follows from the strength, or else four spacings of the sheet,
+            and at least 1.25 horizons.
         strength: Energy density at which intact material begins to tear [J/m^3]. Alone it gives the length; if the
-            spacing cannot resolve that, it is two horizons, and a note says what spacing would. Together with a
-            length it is a constant of its own, at most 3 Gc / (16 length).
+            spacing cannot resolve that, it is the default length, and a note says what spacing would. Together with
+            a length it is a constant of its own, at most 3 Gc / (16 length).
         stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear [-], in place of the
             strength.
         spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
@@ -124,7 +125,7 @@ class DamageField(Damaged):
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
         horizon = law.families.horizon
-        self._resolved = DEFAULT_LENGTH * horizon
+        self._resolved = max(DEFAULT_LENGTH * context.sheet.spacing, LEAST_DEFAULT * horizon)
         self.length = self._length(rupture, law)
         # Energy density of the field [J/m^3].
         self._unit = 3.0 * rupture.energy / (8.0 * self.length * self._bias(self.length))
