@@ -97,9 +97,9 @@ def damage_of(name, clamp):
     if name in ("torn", "tube", "wide", "visco", "body", "cloud"):
         return CriticalStretch(1.3, spared=clamp)
     if name.startswith("field"):
-        # One with less strength than its length stands for.
-        weak = {"length": 0.13, "strength": 1500.0} if name == "field cloud" else {}
-        return TearingEnergy(2000.0, spared=clamp, **weak)
+        # Less strength than a length stands for; more sweeps than there are layers of ghost points.
+        other = {"field cloud": {"length": 0.13, "strength": 1500.0}, "field hole": {"length": 0.2}}
+        return TearingEnergy(2000.0, spared=clamp, **other.get(name, {}))
     return CriticalEnergy(500.0) if name == "energy" else None
 
 

@@ -16,7 +16,7 @@ from ..interfaces.context import Context
 from ..kernels.damage_field import ghost_kernels
 
 # Layers of ghost points around the halo, and the number of sweeps after which the damage is exchanged again.
-LAYERS = 16
+LAYERS = 8
 
 
 class DamageGhosts:
