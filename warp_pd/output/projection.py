@@ -11,6 +11,8 @@ from .picture_frames import Shown
 # A side of the box that is shorter than this fraction of the longest is drawn as long as that; one that is shorter than
 # the second fraction is flat, and is left as it is.
 SHORTEST, FLAT = 0.25, 1e-6
+# A body that is larger than the sheet by this factor does not widen a picture.
+LARGEST_BODY = 2.0
 # Squares of the grid of material lines along the longest side of a flat sheet, and of a curved one.
 SQUARES, SQUARES_OF_CURVED = 12, 8
 # Pixels along the longer side of a panel, and samples of all triangles, about the most.
@@ -88,9 +90,13 @@ class View:
 
 
 def places_of(frame: Shown) -> np.ndarray:
-    """Points of the sheet and of bodies [m], shape (P, 3)."""
-    ball = [] if frame.ball is None else [sphere(*frame.ball)[0]]
-    return np.vstack([frame.points[frame.used], *ball, *(vertices for vertices, _ in frame.bodies)])
+    """Points of the sheet, and of bodies as far as they are near it [m], shape (P, 3); a plane would hide it."""
+    sheet = frame.points[frame.used]
+    low, high = sheet.min(axis=0), sheet.max(axis=0)
+    size = float((high - low).max())
+    bodies = [*([] if frame.ball is None else [sphere(*frame.ball)[0]]), *(vertices for vertices, _ in frame.bodies)]
+    small = [vertices for vertices in bodies if np.ptp(vertices, axis=0).max() <= LARGEST_BODY * size]
+    return np.vstack([sheet, *(np.clip(vertices, low - 0.5 * size, high + 0.5 * size) for vertices in small)])
 
 
 def sphere(centre: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
