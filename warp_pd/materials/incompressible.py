@@ -223,11 +223,10 @@ class Ogden:
         stretch = np.geomspace(1.0, 20.0, 4001)
         # Principal stretch l_i = stretch^power.
         powers = {"uniaxial": (1.0, -0.5, -0.5), "planar": (1.0, 0.0, -1.0), "equibiaxial": (1.0, 1.0, -2.0)}
-        stiff = [
-            sum(m * a * stretch ** (a * power) for m, a in zip(self.mu, self.exponents, strict=True))
+        first, second, third = (
+            np.sum([m * a * stretch ** (a * power) for m, a in zip(self.mu, self.exponents, strict=True)], axis=0)
             for power in powers[one_of("loading", loading, powers)]
-        ]
-        first, second, third = stiff
+        )
         stable = (first + third > 0.0) & (first * second + third * (first + second) > 0.0)
         return float("inf") if stable.all() else float(stretch[int(np.argmin(stable))])
 
