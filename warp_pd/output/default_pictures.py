@@ -65,7 +65,7 @@ def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[
     damage = np.array([row.get("mean_damage", 0.0) for row in history[:frames]])
     growth = damage - damage[0]
     if last < PANELS or len(damage) < frames or not growth[-1] > 0.0:
-        return np.unique(np.linspace(0, last, PANELS + 1).round().astype(int))[min(last, 1) :].tolist()
+        return [int(k) for k in np.unique(np.linspace(0, last, PANELS + 1).round())][min(last, 1) :]
     onset, half = (int(np.argmax(growth > part * growth[-1])) for part in (ONSET, 0.5))
     chosen = {max(onset - 1, 0), onset, half, last}
     # A sheet that tears at once: what becomes of it takes the place of the half-torn sheet.
