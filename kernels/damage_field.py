@@ -176,7 +176,7 @@ def damage_field(
         i: int,
     ):
         """Whether PASSED members of the undamaged family that are no part of a cut are severed."""
-        found = 0
+        found = wp.int32(0)
         for k in range(family.members):
             if bit_of(f.initial(family, i, k // word_size), k % word_size):
                 m = f.neighbour(family, i, k)
