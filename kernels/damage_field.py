@@ -181,7 +181,7 @@ def damage_field(
             if bit_of(f.initial(family, i, k // word_size), k % word_size):
                 m = f.neighbour(family, i, k)
                 if in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m]:
-                    found += 1
+                    found += wp.int32(1)
         return found >= PASSED
 
     @kernel(per="list", gathers=("displacement", "damage", "severed_at"))

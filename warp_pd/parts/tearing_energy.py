@@ -19,7 +19,7 @@ from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, damage_field
-from .rupture import CriticalStretch, Damaged
+from .rupture import AT_REST, CriticalStretch, Damaged
 
 # Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
@@ -38,6 +38,11 @@ SCREEN = 0.8
 LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
+# Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
+# of a step; largest number of looks at one displacement.
+SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 4, 50
+# Relative residual down to which the displacement follows the damage while this changes.
+CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.
 MUCH_DAMAGE = 0.3
 
@@ -121,7 +126,10 @@ class DamageField(Damaged):
         length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3].
         sweeps: Sweeps in a step.
+        memory: The bits of intact bonds, the field, and what follows from them in the course of a tear.
     """
+
+    close_enough = CLOSE_ENOUGH
 
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
@@ -146,6 +154,7 @@ class DamageField(Damaged):
             return context.array(name, self.owner, dtype, values, per=per)
 
         self.field = context.array("damage_field", self.owner, real, profile, restart=True)
+        self._least = profile
         self._other = put("damage_after_sweep", profile)
         self._before = context.array("damage_before", self.owner, real, shape=n)
         self._driving = context.array("driving", self.owner, real, shape=n)
@@ -180,6 +189,7 @@ class DamageField(Damaged):
         if weak:
             self._softening = context.array("softening", self.owner, real, self._softened(profile), restart=True)
         law.soften(self._softening)
+        self.memory = [*self.memory, self.field, self._severed_at, *([self._softening] if weak else [])]
 
     def assign(self, damage: np.ndarray) -> None:
         """Give all points a damage, (N,)."""
@@ -286,10 +296,7 @@ class DamageField(Damaged):
         """Add the launches of a phase."""
         super().add(phase, stage)
         if phase is Phase.START:
-            stage.launch(
-                self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours,
-                damage=self.field, awake=self._awake,
-            )  # fmt: skip
+            self._add_rousing(stage)
             self._add_list(stage)
             stage.launch(self.owner, self.kernels.empty, 1, count=self._count)
         if phase is Phase.FRAME:
@@ -299,23 +306,75 @@ class DamageField(Damaged):
             )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that find the damage of a step."""
-        k, shared, given = self.kernels, self._shared(), self.arguments()
+        """Add the launches that find the damage of a step, and break bonds."""
+        self._add_sweeps(stage, self.sweeps)
+        self._add_severing(stage)
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stages of alternate minimisation."""
+        damage = self.context.stage("damage", AT_REST)
+        damage.launch(self.owner, self.kernels.empty, 1, count=self._count)
+        self._add_rousing(damage)
+        self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
+        self._add_severing(self.context.stage("rupture", AT_REST))
+
+    def break_at_rest(self, again: bool) -> bool:
+        """Minimise the energy by the damage at the present displacement, and break bonds where it has passed.
+
+        The damage is at least what it was at the last loads, or when a bond of the point broke. Sweeps begin there,
+        as they only raise it.
+
+        Returns:
+            Whether the damage changed by more than SETTLED, or a bond broke.
+        """
+        intact, field = self.memory[0].numpy().copy(), self.field.numpy().copy()
+        if not again:
+            self._least = field.copy()
+        self.field.assign(self._least)
+        before = self._least
+        for _ in range(MAX_REPEATS):
+            self.context.run("damage")
+            now = self.field.numpy().copy()
+            if not self.context.communicator.any(bool(np.abs(now - before).max() > 0.1 * SETTLED)):
+                break
+            before = now
+        self.context.run("rupture")
+        broken = (self.memory[0].numpy() != intact).any(axis=0)
+        self._least[broken] = now[broken]
+        changed = bool(np.abs(now - field).max() > SETTLED or broken.any())
+        # Where nothing changed the displacement is in equilibrium with the damage that was.
+        self.assign(now if self.context.communicator.any(changed) else field)
+        return changed
+
+    def _add_rousing(self, stage: Stage) -> None:
+        """Add the launch that finds what is awake."""
+        stage.launch(
+            self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours, damage=self.field,
+            awake=self._awake,
+        )  # fmt: skip
+
+    def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
+        """Add the launches that list points, and sweep over them."""
+        k, shared = self.kernels, self._shared()
         self._add_list(stage)
         source, target = self.field, self._other
-        for _ in range(self.sweeps):
+        for _ in range(sweeps):
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
                 driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
             )  # fmt: skip
             source, target = target, source
+
+    def _add_severing(self, stage: Stage) -> None:
+        """Add the launch that breaks bonds of listed points."""
+        given = self.arguments()
         given.pop("horizon")
         stage.launch(
-            self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
+            self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
-            awake=self._awake, softening=self._softening, **given, **shared,
+            awake=self._awake, softening=self._softening, **given, **self._shared(),
         )  # fmt: skip
-        stage.launch(self.owner, k.empty, 1, count=self._count, only_if=self._count, grouped=True)
+        stage.launch(self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=True)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments of all launches on listed points."""
