@@ -43,6 +43,7 @@ import warp as wp
 
 from .bits import bit_of
 from .effects import Kernel, kernel
+from .factories import constants_of
 from .families import WORD, Layout, family_functions
 from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
@@ -101,7 +102,7 @@ def damage_field(
         earlier_energy: Warp function of the force law's energy of a family a moment ago.
     """
     types = layout.types
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
     f = family_functions(layout)
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
@@ -219,7 +220,7 @@ def damage_field(
         family: Family,
         displacement: wp.array(dtype=vec3),
         intact: wp.array2d(dtype=wp.uint32),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         scale: wp.array(dtype=real),
         fastest: real,
@@ -334,7 +335,7 @@ def damage_field(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_volume: real,
         spared_mask: wp.array(dtype=wp.uint8),
