@@ -31,7 +31,7 @@ Bonds break for good where d has reached `severed_at` at an end, or at a common 
 ends than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. A point is severed where d is
 what a crack between two rows has at these rows. Around a cut that is there from the start nothing breaks before d has
 grown: its own bonds are severed. A point that a tear has passed, with damage near `severed_at` and the fraction PASSED
-of its members severed, is severed too, or it would hang between the faces as a strand; ahead of the end of a cut, where
+of its bonds broken, is severed too, or it would hang between the faces as a strand; ahead of the end of a cut, where
 half of the members belong to the cut, PASSED_END is enough.
 """
 
@@ -203,19 +203,18 @@ def damage_field(
         count[0] = total
 
     @wp.func
-    def fraction_severed(family: Family, damage: wp.array(dtype=real), severed_at: wp.array(dtype=real), i: int):
-        """Fraction of the members of the undamaged family that are severed."""
-        found = wp.int32(0)
+    def fraction_broken(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
+        """Fraction of the bonds of a point that are broken."""
+        broken = wp.int32(0)
         members = wp.int32(0)
         for k in range(family.members):
             if bit_of(f.initial(family, i, k // word_size), k % word_size):
-                m = f.neighbour(family, i, k)
                 members += wp.int32(1)
-                if damage[m] >= severed_at[m]:
-                    found += wp.int32(1)
-        return real(found) / real(wp.max(members, 1))
+                if not bit_of(intact[k // word_size, i], k % word_size):
+                    broken += wp.int32(1)
+        return real(broken) / real(wp.max(members, 1))
 
-    @kernel(per="list", gathers=("displacement", "damage", "severed_at"))
+    @kernel(per="list", gathers=("displacement",))
     def drive(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -244,7 +243,7 @@ def damage_field(
             before[i] = damage[i]
             if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
                 enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
-                if fraction_severed(family, damage, severed_at, i) >= enough:
+                if fraction_broken(family, intact, i) >= enough:
                     severed_at[i] = damage[i]
 
     @kernel(per="list", gathers=("source",))
