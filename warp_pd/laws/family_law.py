@@ -269,7 +269,8 @@ class FamilyLaw(BuiltLaw):
             InputError: for names that it does not offer.
         """
         wanted = grouped(names)
-        refuse_other(wanted, self.field_names(), self.owner)
+        shown = [stored.field.output for stored in self.context.fields.shown()]
+        refuse_other(wanted, self.field_names(), self.owner, shown)
         wanted = [name for name in wanted if name not in self.offered_fields]
         if wanted:
             self.shown = ShownFields(self, wanted)

@@ -88,8 +88,8 @@ def compose(
     context = scene_context(scene, parts, constraints, find_device(device), bits, communicator or Communicator())
     constraints = constraints_here(constraints, context)
     law = scene.force.build(context)
-    law.request_fields(scene.fields_of_law())
     built = [part.build(context, law) for part in parts_here(parts, context)]
+    law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))
     moved = MovedPoints(context, constraints)

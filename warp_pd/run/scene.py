@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -219,9 +219,10 @@ class Scene:
             if names.count(name) > 1:
                 raise InputError(f"measures: two measures or outcomes have the name {name!r}: expected different names")
 
-    def fields_of_law(self) -> list[str]:
-        """Names of the fields that the force law has to give."""
-        return [name for name in (*self.fields, *(self.chosen_fields or ())) if name not in OWN_FIELDS]
+    def fields_besides(self, shown: Iterable[str]) -> list[str]:
+        """Names of the requested fields that only the force law can give: neither in every frame nor in `shown`."""
+        given = {*OWN_FIELDS, *shown}
+        return [name for name in (*self.fields, *(self.chosen_fields or ())) if name not in given]
 
     @property
     def load_duration(self) -> float | None:
