@@ -178,6 +178,6 @@ def play_gpu(patch):
 
     It runs blocks of threads one after the other, and launches whole: their threads share memory.
     """
-    patch.setattr(force_paths, "shares_memory", lambda device: True)
+    patch.setattr(force_paths, "has_shared_memory", lambda device: True)
     patch.setattr(graph, "SPLIT_FROM", float("inf"))
     patch.setattr(wp.config, "enable_cpu_blocks", True)

@@ -119,13 +119,13 @@ class TearLine:
         along = np.subtract(towards, start) / np.linalg.norm(np.subtract(towards, start))
         return max(0.0, float(((self.centres[torn] - start) @ along).max()))
 
-    def pieces(self, intact: np.ndarray, least_share: float = 0.01) -> int:
-        """Number of pieces with at least `least_share` of the sheet's area, joined through whole faces."""
+    def pieces(self, intact: np.ndarray, least_fraction: float = 0.01) -> int:
+        """Number of pieces with at least `least_fraction` of the sheet's area, joined through whole faces."""
         _, area = self._joined(intact)
-        return int((area >= least_share * self.areas.sum()).sum())
+        return int((area >= least_fraction * self.areas.sum()).sum())
 
-    def share_at(self, intact: np.ndarray, points: np.ndarray) -> float:
-        """Fraction of the sheet's area that hangs at these points through whole faces [-]."""
+    def attached_fraction(self, intact: np.ndarray, points: np.ndarray) -> float:
+        """Fraction of the sheet's area that is connected to these points through whole faces [-]."""
         label, area = self._joined(intact)
         attached = intact & np.isin(self.sheet.triangles, points).any(axis=1)
         return float(area[np.unique(label[attached])].sum() / self.areas.sum())
