@@ -4,7 +4,8 @@ import functools
 
 import warp as wp
 
-from .incompressible import principal_tangent
+from .incompressible import incompressible_width, no_volume_change, principal_tangent
+from .materials import MaterialFunctions
 from .numeric import numeric
 
 
@@ -100,7 +101,7 @@ def ogden_parts(bits: int) -> tuple[wp.Function, ...]:
 
 
 @functools.cache
-def ogden(bits: int) -> tuple[wp.Function, wp.Function]:
+def ogden_functions(bits: int) -> tuple[wp.Function, wp.Function]:
     """Ogden's material of two terms; constants: mu1 [Pa], a1, mu2 [Pa], a2.
 
     Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
@@ -142,7 +143,7 @@ def ogden_near(bits: int) -> wp.Function:
     """Function (G, constants, guess) -> (S, guess) of the Ogden material."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    stress, _ = ogden(bits)
+    stress, _ = ogden_functions(bits)
 
     @wp.func
     def stress_near(G: mat22, constants: parameters, guess: real):
@@ -156,7 +157,7 @@ def ogden_response(bits: int) -> wp.Function:
     """Stress and moduli of the Ogden material."""
     types = numeric(bits)
     real, mat22, parameters = types.real, types.mat22, types.parameters
-    stress, _ = ogden(bits)
+    stress, _ = ogden_functions(bits)
     strains, _, _, shear = ogden_parts(bits)
     turned = principal_tangent(bits)
 
@@ -185,3 +186,6 @@ def ogden_response(bits: int) -> wp.Function:
         )  # fmt: skip
 
     return response
+
+
+ogden = MaterialFunctions(ogden_functions, ogden_near, ogden_response, no_volume_change, incompressible_width)

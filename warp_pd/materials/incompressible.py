@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from ..device.checks import InputError, finite, not_negative, positive
+from .plane_stress import PlaneStress
 
 if TYPE_CHECKING:
-    from ..kernels import incompressible as kernels
-    from ..kernels.factories import FunctionFactory, PairFactory
+    from ..kernels.factories import FunctionFactory
+    from ..kernels.materials import MaterialFunctions
 
 
-class Incompressible:
+class Incompressible(PlaneStress):
     """Exactly incompressible sheet in plane stress: what a material needs is its energy, one Warp function.
 
     A subclass is a frozen dataclass with `constants`, at most four numbers, and `energy`, a cached factory, precision
@@ -21,44 +22,14 @@ class Incompressible:
     docs/materials.md for a material of one's own.
     """
 
-    isotropic: ClassVar[bool] = True
-
     @property
     def energy(self) -> FunctionFactory:
         """Factory of the energy."""
         raise NotImplementedError(f"{type(self).__name__}.energy: a factory of a Warp function is needed")
 
     @property
-    def functions(self) -> PairFactory:
+    def on_device(self) -> MaterialFunctions:
         """See `kernels.incompressible.incompressible`."""
-        return self._made.functions
-
-    @property
-    def near(self) -> FunctionFactory:
-        """See `kernels.incompressible.incompressible`."""
-        return self._made.near
-
-    @property
-    def response(self) -> FunctionFactory:
-        """See `kernels.incompressible.incompressible`."""
-        return self._made.response
-
-    @property
-    def width(self) -> FunctionFactory:
-        """See `kernels.tension_field.incompressible_width`."""
-        from ..kernels.tension_field import incompressible_width
-
-        return incompressible_width
-
-    @property
-    def volume(self) -> FunctionFactory:
-        """See `kernels.incompressible.no_volume_change`."""
-        from ..kernels.incompressible import no_volume_change
-
-        return no_volume_change
-
-    @property
-    def _made(self) -> kernels.Incompressible:
         from ..kernels.incompressible import incompressible
 
         return incompressible(self.energy)
@@ -167,7 +138,7 @@ class ArrudaBoyce(Incompressible):
 
 
 @dataclass(frozen=True)
-class Ogden:
+class Ogden(PlaneStress):
     """Incompressible Ogden sheet: Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + l3^a_p - 3), l1 l2 l3 = 1.
 
     The shear modulus is half the sum of mu_p a_p. As it is written in principal stretches, not invariants, its
@@ -183,8 +154,6 @@ class Ogden:
 
     mu: tuple[float, ...]
     exponents: tuple[float, ...]
-
-    isotropic: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("mu", "exponents"):
@@ -203,36 +172,8 @@ class Ogden:
         return tuple(number for term in zip(self.mu, self.exponents, strict=True) for number in term)
 
     @property
-    def functions(self) -> PairFactory:
-        """See `kernels.ogden.ogden`."""
+    def on_device(self) -> MaterialFunctions:
+        """See `kernels.ogden`."""
         from ..kernels.ogden import ogden
 
         return ogden
-
-    @property
-    def near(self) -> FunctionFactory:
-        """See `kernels.ogden.ogden_near`."""
-        from ..kernels.ogden import ogden_near
-
-        return ogden_near
-
-    @property
-    def response(self) -> FunctionFactory:
-        """See `kernels.ogden.ogden_response`."""
-        from ..kernels.ogden import ogden_response
-
-        return ogden_response
-
-    @property
-    def width(self) -> FunctionFactory:
-        """See `kernels.tension_field.incompressible_width`."""
-        from ..kernels.tension_field import incompressible_width
-
-        return incompressible_width
-
-    @property
-    def volume(self) -> FunctionFactory:
-        """See `kernels.incompressible.no_volume_change`."""
-        from ..kernels.incompressible import no_volume_change
-
-        return no_volume_change
