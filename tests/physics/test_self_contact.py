@@ -248,7 +248,6 @@ def passes_between_torn_halves(contact, steps=400):
     built = simulate(
         sheet, contact=contact, damage=CriticalStretch(9.0), initial_velocity=velocity, initial_displacement=offset
     ).build("cpu", 64)  # fmt: skip
-    built.context.compile()
     sever(built, ((tear, -1.0), (tear, 1.0)))
     for name in ("start", "setup"):
         built.context.run(name)

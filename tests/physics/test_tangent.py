@@ -51,7 +51,6 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     if state.external is not None:
         built.external.add_force(stage, state.displacement, state.external)
     level.add_residual(stage, None)
-    context.compile()
     return level
 
 
