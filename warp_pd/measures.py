@@ -271,7 +271,12 @@ def worst_balance(history: History) -> float | None:
 
 
 def row_at(points: np.ndarray, height: float) -> np.ndarray:
-    """Indices of the row nearest to a height [m], from left to right; `points` [m], shape (N, 2) or (N, 3)."""
+    """Indices of the points in the row whose y is nearest to `height` [m], from left to right.
+
+    Args:
+        points: Positions [m], shape (N, 2) or (N, 3).
+        height: [m].
+    """
     y = points[:, 1]
     # Frames hold single precision; rows are many times further apart.
     row = np.flatnonzero(np.abs(y - y[np.argmin(np.abs(y - height))]) <= 1e-5 * np.ptp(y))

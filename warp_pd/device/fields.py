@@ -89,7 +89,7 @@ class FieldRegister:
         """The first array of this name.
 
         Raises:
-            KeyError: if there is none.
+            KeyError: if no array has this name.
         """
         for stored in self.stored:
             if stored.name == name:
@@ -128,10 +128,10 @@ class FieldRegister:
 
 
 def _require_short_rows(declared: Field, array: Array) -> None:
-    """Refuse an array whose rows are too long: Warp counts the bytes from row to row in 32 bits.
+    """Check that the rows of an array are short enough: Warp counts the bytes from row to row in 32 bits.
 
     Raises:
-        InputError: for one.
+        InputError: if they are not.
     """
     if array.ndim > 1 and array.strides[0] >= 2**31:
         most = (2**31 - 1) // int(wp.types.type_size_in_bytes(array.dtype))

@@ -165,7 +165,7 @@ class RowSums:
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """Those of a CPU, if families are not too large."""
+        """On a CPU, unless families are too large; see `ForcePath.of`."""
         return cls(law) if cls.applies(law) else None
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:

@@ -19,7 +19,7 @@ class Incompressible(PlaneStress):
     A subclass is a frozen dataclass with `constants`, at most four numbers, and `energy`, a cached factory, precision
     in bits -> Warp function (I1 - 3, I2 - 3, constants) -> vec6 of Psi, Psi_1, Psi_2, Psi_11, Psi_12, Psi_22 [Pa].
     The rest follows from it: stress, fast paths, the tangent of Newton's method. See kernels/incompressible.py, and
-    docs/materials.md for a material of one's own.
+    docs/materials.md for your own material.
     """
 
     @property

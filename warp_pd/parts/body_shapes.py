@@ -301,7 +301,7 @@ def signed_distances(
         shape: The shape.
         points: [m], shape (N, 3).
         device: Where they are computed.
-        made: What `on_device` made of the shape there; None makes it anew.
+        made: The shape as `on_device` made it there; None makes it again.
     """
     body, mesh = made or on_device(shape, device)
     kernel = distances.distances(shape.distance).kernel

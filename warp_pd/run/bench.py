@@ -354,7 +354,7 @@ def chosen_features(names: str) -> tuple[str, ...]:
 
 
 def report(cases: Sequence[Case], device: str | None, seconds: float) -> str:
-    """What the cases of one precision cost on a device, and how fast that copies, as text.
+    """Table, as text, of the cost of cases of one precision on a device, below its copy rate.
 
     Raises:
         InputError: for a device that does not exist, or a case that cannot be built.

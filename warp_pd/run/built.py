@@ -133,10 +133,10 @@ def parts_of(scene: Scene) -> list[Part]:
 
 
 def _require_divisible(built: Built) -> None:
-    """Refuse a solver that several processes cannot run.
+    """Check that the solver can run on as many processes as this run has.
 
     Raises:
-        InputError: for one.
+        InputError: if it cannot.
     """
     if built.context.partition is not None and not built.solver.divides:
         raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")

@@ -14,7 +14,7 @@ MAX_ROUNDS = 1000
 
 
 class StaticRupture:
-    """Breaks the bonds that exceed the criterion in static equilibrium; without a criterion there are none.
+    """Breaks the bonds that exceed the criterion in static equilibrium; without a criterion it breaks none.
 
     Attributes:
         intact: Bits of the intact bonds, or None if nothing can break.
