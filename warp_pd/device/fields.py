@@ -165,11 +165,6 @@ def host_shape(array: Array) -> tuple[int, ...]:
     return (*array.shape, *getattr(array.dtype, "_shape_", ()))
 
 
-def to_float64(array: Array) -> np.ndarray:
-    """A copy on the host, as float64 if it holds real numbers."""
-    return in_double(to_host(array))
-
-
 def in_double(values: np.ndarray) -> np.ndarray:
     """Real numbers as float64; others as they are."""
     return values.astype(np.float64, copy=False) if values.dtype.kind == "f" else values

@@ -304,7 +304,7 @@ def signed_distances(
         made: The shape as `on_device` made it there; None makes it again.
     """
     body, mesh = made or on_device(shape, device)
-    kernel = distances.distances(shape.distance).kernel
+    kernel = distances.distances(shape.distance)
     found = wp.empty(len(points), dtype=wp.vec4d, device=device)
     # A mesh is searched as far as the furthest point.
     reach = 2.0 * float(np.linalg.norm(points, axis=1).max(initial=0.0)) + (shape.sizes()[0] if mesh else 0.0)

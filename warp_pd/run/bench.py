@@ -259,7 +259,7 @@ def arithmetic_rate(device: Any, bits: int) -> float:
     for _ in range(4):
         wp.synchronize_device(device)
         begin = perf_counter()
-        wp.launch(kernel.kernel, dim=threads, inputs=[rounds, 0, out], device=device)
+        wp.launch(kernel, dim=threads, inputs=[rounds, 0, out], device=device)
         wp.synchronize_device(device)
         best = max(best, 8.0 * rounds * threads / (perf_counter() - begin))
     return best
