@@ -7,13 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import GENT, NEO, jittered, square
+from point_laws import tiny
 from resumed_runs import require_same_when_stopped
+from visco_laws import LAWS as VISCOUS
 
 from warp_pd import (
     Bimodular,
     BondAssociated,
     BondBased,
     BoundaryForce,
+    CriticalEnergy,
     CriticalStretch,
     Explicit,
     Fixed,
@@ -50,6 +53,15 @@ def torn_strip(solver, stretch, along, force=None):
     sheet = square(13).cut((-0.01, 0.051), (0.03, 0.051))
     motion = Motion(sheet.edges("top"), [0.0, 1.0], x=0.0, y=[0.0, along], z=0.0)
     return scene(sheet, solver, force, loads=[Fixed(sheet.edges("bottom")), motion], damage=CriticalStretch(stretch))
+
+
+def flying_apart(law):
+    """A viscous sheet that tears."""
+    sheet = square(7)
+    return scene(
+        sheet, Explicit(2e-3, frames=6, safety=0.5), law, loads=[Fixed(sheet.edges("left"))],
+        initial_velocity=300.0 * sheet.positions * [1.0, 0.0, 0.0], damage=CriticalEnergy(20.0),
+    )  # fmt: skip
 
 
 RELAXED = {
@@ -127,6 +139,11 @@ STEPPED = {
     "neural, fused": lambda: scene(
         square(9), Explicit(0.02, frames=4), Neural(NEO, evaluation="fused"), loads=held(square(9), Pressure(5.0))
     ),
+    "torch": lambda: scene(
+        square(9), Explicit(0.02, frames=4), Neural(NEO, network=tiny()), loads=held(square(9), Pressure(5.0))
+    ),
+    "visco": lambda: flying_apart(VISCOUS["stress-free"]),
+    "visco bonds": lambda: flying_apart(VISCOUS["published"]),
 }  # fmt: skip
 
 
@@ -137,9 +154,11 @@ def stops(simulation):
 
 def require_damage(case, result):
     """In a case with rupture bonds broke before the last restart file, and after it."""
+    damage = [row.get("mean_damage") for row in result.history]
     if "rupture" in case:
-        damage = [row["mean_damage"] for row in result.history]
         assert 0.0 < damage[-2] < damage[-1]
+    if "visco" in case:
+        assert damage[-1] > 0.0
 
 
 @pytest.mark.parametrize("case", RELAXED)
