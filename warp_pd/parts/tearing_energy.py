@@ -18,22 +18,24 @@ from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, SEVERED, damage_field
+from ..kernels.damage_field import NEAR, damage_field
 from .rupture import CriticalStretch, Damaged
 
-# Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
-DEFAULT_LENGTH = 2.0
+# Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
+DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
-# A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
+# A tear begins at 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
 # horizon. Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
-BIAS = 0.16
+BIAS = 0.28
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
+# Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
+SEVERED = 0.96
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
-# Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
-SWEEPS, MAX_SWEEPS = 1.3, 64
+# Sweeps of a step: LEAST_SWEEPS + SWEEPS (length / spacing)^2, at most MAX_SWEEPS, as the next step goes on.
+LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Mean damage that a run may gain before a note says so.
@@ -52,10 +54,13 @@ class TearingEnergy(Rupture):
 
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
-        length: Length of the field [m]; by default two horizons, or what follows from the strength.
-        strength: Energy density at which intact material begins to tear [J/m^3], in place of the length. If the
-            spacing cannot resolve the length that follows, it is two horizons, and a note says what spacing would.
-        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear, in place of both [-].
+        length: Length of the field [m]; by default what follows from the strength, or else four spacings of the sheet,
+            and at least 1.25 horizons.
+        strength: Energy density at which intact material begins to tear [J/m^3]. Alone it gives the length; if the
+            spacing cannot resolve that, it is the default length, and a note says what spacing would. Together with
+            a length it is a constant of its own, at most 3 Gc / (16 length).
+        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear [-], in place of the
+            strength.
         spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
         cut_profile: Whether cuts of the sheet have the damage of a crack around them from the start. Without it they
             are notches, and a tear must begin first, at 1.2 to 1.3 Gc.
@@ -63,7 +68,7 @@ class TearingEnergy(Rupture):
             step, which is slow and must give the same.
 
     Raises:
-        InputError: for values that are not positive, or more than one of length, strength and stretch_at_break.
+        InputError: for values that are not positive, or both strength and stretch_at_break.
     """
 
     energy: float
@@ -82,8 +87,8 @@ class TearingEnergy(Rupture):
         given = {name: value for name, value in given.items() if value is not None}
         for name, value in given.items():
             positive(f"TearingEnergy.{name}", value)
-        if len(given) > 1:
-            raise InputError(f"TearingEnergy: expected one of length, strength and stretch_at_break, got {given}")
+        if "strength" in given and "stretch_at_break" in given:
+            raise InputError(f"TearingEnergy: expected strength or stretch_at_break, got {given}")
         if self.stretch_at_break is not None and self.stretch_at_break <= 1.0:
             raise InputError(
                 f"TearingEnergy.stretch_at_break = {self.stretch_at_break!r}: expected a stretch greater than 1"
@@ -122,9 +127,13 @@ class DamageField(Damaged):
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
         horizon = law.families.horizon
-        self._resolved = DEFAULT_LENGTH * horizon
+        self._resolved = max(DEFAULT_LENGTH * context.sheet.spacing, LEAST_DEFAULT * horizon)
         self.length = self._length(rupture, law)
-        self.limit = 3.0 * rupture.energy / (16.0 * self.length * self._bias(self.length))
+        # Energy density of the field [J/m^3].
+        self._unit = 3.0 * rupture.energy / (8.0 * self.length * self._bias(self.length))
+        self.limit = self._strength()
+        self._fastest = self._unit / self.limit
+        weak = self._fastest > 2.0
         sheet, real = context.sheet, context.types.real
         n = sheet.size
         spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
@@ -144,24 +153,45 @@ class DamageField(Damaged):
         self._count = context.array("listed_count", self.owner, wp.int32, shape=1, per="once")
         self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
         self._couplings = put("field_couplings", couplings, per="bond")
-        self._scale = put("driving_scale", law.families.reference_area / (areas * 2.0 * self.limit))
-        self._limits = put("limit_energy", 2.0 * self.limit * sheet.thickness * areas)
-        self._severed_at = put("severed_at", np.maximum(SEVERED, profile + GROWN))
+        self._scale = put("driving_scale", law.families.reference_area / (areas * self._unit))
+        self._limits = put("limit_energy", self._unit * sheet.thickness * areas)
+        severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
+        self._in_cut = put("in_cut", profile + GROWN > severed_at, wp.uint8)
+        self._severed_at = context.array(
+            "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True
+        )
+        self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
-        self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS)))
+        self.sweeps = 2 * round(0.5 * min(LEAST_SWEEPS + SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
         self.fracture = context.array("fracture", self.owner, wp.float64, shape=n)
         apart = profile - profile[neighbours]
         self._fracture_at_start = float(
-            (2.0 * self.limit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))).sum()
+            (self._unit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))).sum()
         )
         self._profile_mean = float(profile.mean())
         self.kernels = damage_field(
-            context.layout, self.spared is not None, rupture.screened, self.released is not None, law.earlier_energy,
+            context.layout, self.spared is not None, rupture.screened, self.released is not None, weak,
+            law.earlier_energy,
         )  # fmt: skip
-        law.soften(self.field)
+        self._softening = self.field
+        if weak:
+            self._softening = context.array("softening", self.owner, real, self._softened(profile), restart=True)
+        law.soften(self._softening)
+
+    def assign(self, damage: np.ndarray) -> None:
+        """Give all points a damage, (N,)."""
+        self.field.assign(damage)
+        if self._softening is not self.field:
+            self._softening.assign(self._softened(damage))
+
+    def _softened(self, damage: np.ndarray) -> np.ndarray:
+        """1 - sqrt(g) of a damage, see kernels/damage_field.py."""
+        steepness = self._fastest
+        part = steepness * damage * (1.0 + min(1.0, 1.5 * (steepness - 2.0) - 0.5) * damage)
+        return np.asarray(1.0 - (1.0 - damage) / np.sqrt((1.0 - damage) ** 2 + part))
 
     def _length(self, rupture: TearingEnergy, law: BuiltLaw) -> float:
         """The length of the field [m].
@@ -180,15 +210,35 @@ class DamageField(Damaged):
         wanted = self.wanted_length()
         return self._resolved if wanted is None else max(wanted, self._resolved)
 
+    def _given_strength(self) -> float | None:
+        """The strength that the user gives [J/m^3]; None without one."""
+        if self.rupture.stretch_at_break is None:
+            return self.rupture.strength
+        # Uniaxial tension is the least energy of all widths.
+        widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
+        stretches = np.full_like(widths, self.rupture.stretch_at_break)
+        return float(np.nanmin(self.law.energy_density(stretches, widths)))
+
+    def _strength(self) -> float:
+        """Energy density at which intact material begins to tear [J/m^3].
+
+        Raises:
+            InputError: for a strength that is greater than the length allows.
+        """
+        strength = self._given_strength()
+        if self.rupture.length is None or strength is None:
+            return 0.5 * self._unit
+        if strength > 0.5 * self._unit:
+            raise InputError(
+                f"TearingEnergy.strength = {strength:.4g} J/m^3 at a length of {self.length:.3g} m: expected at most "
+                f"{0.5 * self._unit:.4g} J/m^3, or a shorter length"
+            )
+        return strength
+
     def wanted_length(self) -> float | None:
-        """The length that follows from the strength [m]; None without one."""
-        strength = self.rupture.strength
-        if self.rupture.stretch_at_break is not None:
-            # Uniaxial tension is the least energy of all widths.
-            widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
-            stretches = np.full_like(widths, self.rupture.stretch_at_break)
-            strength = float(np.nanmin(self.law.energy_density(stretches, widths)))
-        if strength is None:
+        """The length that follows from the strength [m]; None without one, or where a length is given."""
+        strength = self._given_strength()
+        if strength is None or self.rupture.length is not None:
             return None
         # length * bias(length) = whole
         whole, part = 3.0 * self.rupture.energy / (16.0 * strength), BIAS * self.law.families.horizon**2
@@ -236,7 +286,12 @@ class DamageField(Damaged):
         """Add the launches of a phase."""
         super().add(phase, stage)
         if phase is Phase.START:
+            stage.launch(
+                self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours,
+                damage=self.field, awake=self._awake,
+            )  # fmt: skip
             self._add_list(stage)
+            stage.launch(self.owner, self.kernels.empty, 1, count=self._count)
         if phase is Phase.FRAME:
             stage.launch(
                 self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
@@ -251,15 +306,16 @@ class DamageField(Damaged):
         for _ in range(self.sweeps):
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
-                driving=self._driving, source=source, target=target, **shared,
+                driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
             )  # fmt: skip
             source, target = target, source
         given.pop("horizon")
         stage.launch(
             self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
-            damage=self.field, before=self._before,
-            **given, **shared,
+            fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
+            awake=self._awake, softening=self._softening, **given, **shared,
         )  # fmt: skip
+        stage.launch(self.owner, k.empty, 1, count=self._count, only_if=self._count, grouped=True)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments of all launches on listed points."""
@@ -271,16 +327,15 @@ class DamageField(Damaged):
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
         k, n, given = self.kernels, self.context.sheet.size, self.arguments()
-        stage.launch(self.owner, k.empty, 1, count=self._count)
         stage.launch(
             self.owner, k.wake, n, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
-            neighbours=self._neighbours, damage=self.field,
-            listed=self._listed, count=self._count,
+            awake=self._awake, listed=self._listed, count=self._count,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
         stage.launch(
-            self.owner, k.drive, self._threads, scale=self._scale, neighbours=self._neighbours, damage=self.field,
-            driving=self._driving, before=self._before, **self._shared(),
+            self.owner, k.drive, self._threads, scale=self._scale, fastest=self._fastest,
+            in_cut=self._in_cut, awake=self._awake, damage=self.field,
+            severed_at=self._severed_at, driving=self._driving, before=self._before, **self._shared(),
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
 
@@ -299,9 +354,9 @@ class DamageField(Damaged):
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
         most = float(driving.max(initial=0.0))
-        if most > 0.5:
+        if most * self._fastest > 1.0:
             raise InputError(
-                f"damage = TearingEnergy: the sheet starts with {most * 2.0 * self.limit:.3g} J/m^3, above the "
+                f"damage = TearingEnergy: the sheet starts with {most * self._unit:.3g} J/m^3, above the "
                 f"strength of {self.limit:.3g} J/m^3 that {self._said_length()} stands for; expected a shorter length "
                 f"or a larger energy"
             )
