@@ -175,12 +175,12 @@ def damage_field(
         i: int,
     ):
         """Whether PASSED members of the undamaged family that are no part of a cut are severed."""
-        found = 0
+        found = wp.int32(0)
         for k in range(family.members):
             if bit_of(f.initial(family, i, k // word_size), k % word_size):
                 m = f.neighbour(family, i, k)
                 if in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m]:
-                    found += 1
+                    found += wp.int32(1)
         return found >= PASSED
 
     @kernel(per="list", gathers=("displacement", "damage", "severed_at"))
