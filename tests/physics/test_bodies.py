@@ -51,10 +51,9 @@ class Ground(Plane):
     distance = any_half_space
 
 
-@pytest.mark.parametrize("precision", [32, 64])
 @pytest.mark.parametrize("spin", [0.0, 3.0])
 @pytest.mark.parametrize("speed", [0.0, 0.8])
-def test_points_that_a_plane_passes_over_are_those_that_it_does_not_touch(precision, spin, speed):
+def test_points_that_a_plane_passes_over_are_those_that_it_does_not_touch(spin, speed):
     """Told by their height alone, from a floor that rises and turns; the same bits."""
     sheet = square(9)
     start = np.column_stack([np.zeros((sheet.size, 2)), 0.002 + 0.3 * sheet.points[:, 0]])
@@ -68,7 +67,7 @@ def test_points_that_a_plane_passes_over_are_those_that_it_does_not_touch(precis
     for shape in (Plane((0.0, 0.1, 1.0)), Ground((0.0, 0.1, 1.0))):
         body = RigidBody(shape, path, friction=0.3)
         result = run(
-            sheet, Explicit(0.03, frames=3), precision=precision, contact=body, initial_displacement=start,
+            sheet, Explicit(0.03, frames=3), precision=32, contact=body, initial_displacement=start,
             initial_velocity=velocity,
         )  # fmt: skip
         frames.append((result.frame, result.history))
@@ -78,8 +77,7 @@ def test_points_that_a_plane_passes_over_are_those_that_it_does_not_touch(precis
     assert rows == wanted and vector(rows[-1], "body_force")[2] != 0.0
 
 
-@pytest.mark.parametrize("precision", [32, 64])
-@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize(("friction", "precision"), [(0.0, 64), (0.5, 64), (0.5, 32)])
 def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision, friction):
     solver = Explicit(0.05, frames=10, safety=0.1)
     body = RigidBody(Sphere(0.03), falling(spin=(0.0, 30.0, 0.0)), friction=friction)
@@ -121,9 +119,12 @@ def test_heat_of_friction_does_not_depend_on_the_step():
 
 def test_both_precisions_agree():
     bodies = [
-        run(square(15), Explicit(0.03, frames=6, safety=0.2), precision=p, contact=RigidBody(Sphere(0.03), falling()))
+        run(
+            square(15), Explicit(0.03, frames=6, safety=0.2), precision=p,
+            contact=RigidBody(Sphere(0.03), falling(), friction=0.5),
+        )
         for p in (32, 64)
-    ]
+    ]  # fmt: skip
     one, other = (vector(result.history[-1], "body_velocity") for result in bodies)
     np.testing.assert_allclose(one, other, atol=2e-3)
 
@@ -139,14 +140,13 @@ def test_a_body_that_nothing_touches_flies_as_it_should():
     assert max(abs(e - energy[0]) for e in energy) < 1e-6 * energy[0]
 
 
-@pytest.mark.parametrize("precision", [32, 64])
 @pytest.mark.parametrize("share", [0.99, 1.01, 1.5])
-def test_a_block_on_an_incline_sticks_and_slides_at_the_angle_of_friction(precision, share):
+def test_a_block_on_an_incline_sticks_and_slides_at_the_angle_of_friction(share):
     friction, duration = 0.5, 0.02
     angle = np.arctan(share * friction)
     load = (DENSITY * GRAVITY * np.sin(angle), 0.0, -DENSITY * GRAVITY * np.cos(angle))
     result = run(
-        square(7, 0.02), Explicit(duration, frames=2, safety=0.5), precision=precision, loads=[BodyForce(load)],
+        square(7, 0.02), Explicit(duration, frames=2, safety=0.5), precision=32, loads=[BodyForce(load)],
         contact=RigidBody(Plane(), BodyPath.still((0.0, 0.0, 0.0)), friction=friction),
     )  # fmt: skip
     speed = result.frame.velocity[:, 0].mean()
