@@ -24,12 +24,15 @@ m = 2 is the g above. The energy of a tear and the profile around it stay the sa
 d, so that they know one g alone.
 
 Points may change that are damaged, that have a damaged neighbour, or whose energy is above the limit. They are listed
-in every step; a GPU lists them in any order, on which no result depends.
+in every step; a GPU lists them in any order, on which no result depends. The threads of a CPU have no atomics: each
+lists what it finds apart, and one of them puts that together.
 
 Bonds break for good where d has reached `severed_at` at an end, or at a common member nearer to the line between the
 ends than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. A point is severed where d is
 what a crack between two rows has at these rows. Around a cut that is there from the start nothing breaks before d has
-grown, or a tear that began there has severed PASSED members: its own bonds are severed.
+grown: its own bonds are severed. A point that a tear has passed, with damage near `severed_at` and the fraction PASSED
+of its members severed, is severed too, or it would hang between the faces as a strand; ahead of the end of a cut, where
+half of the members belong to the cut, PASSED_END is enough.
 """
 
 import functools
@@ -40,12 +43,19 @@ import warp as wp
 
 from .bits import bit_of
 from .effects import Kernel, kernel
+from .factories import constants_of
 from .families import WORD, Layout, family_functions
 from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import degradation, stiffness_left
 
-NEAR, PASSED = 0.55, 3
+NEAR = 0.55
+# What is severed where a tear has passed: see above.
+NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
+# Points of a thread of a CPU that lists them.
+TOGETHER = 256
+# What `driving` is at points that are not listed, for processes that have them as ghost points.
+UNLISTED = -2.0
 
 
 @dataclass(frozen=True)
@@ -53,8 +63,9 @@ class DamageFieldKernels:
     """Kernels of one configuration.
 
     Attributes:
-        empty: Empties the list.
+        empty: Empties the list, on a GPU.
         wake: Lists the points whose damage may change, and some others.
+        pack: Puts the lists of all threads together, on a CPU.
         drive: Fills `driving` with y of listed points, or -1 where nothing can happen, and `before` with their damage.
         sweep: One sweep over the listed points.
         finish: Breaks bonds of listed points, wakes the neighbours of new damage, and sums the energy that is released.
@@ -65,6 +76,7 @@ class DamageFieldKernels:
 
     empty: Kernel
     wake: Kernel
+    pack: Kernel
     drive: Kernel
     sweep: Kernel
     finish: Kernel
@@ -75,12 +87,13 @@ class DamageFieldKernels:
 
 @functools.cache
 def damage_field(
-    layout: Layout, spared: bool, screened: bool, tracked: bool, weak: bool, earlier_energy: wp.Function
+    layout: Layout, atomics: bool, spared: bool, screened: bool, tracked: bool, weak: bool, earlier_energy: wp.Function
 ) -> DamageFieldKernels:
     """Kernels of the field.
 
     Args:
         layout: Layout of the families.
+        atomics: Whether the device has atomics: a GPU.
         spared: Whether some points stay undamaged.
         screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
             otherwise all points are listed.
@@ -89,12 +102,13 @@ def damage_field(
         earlier_energy: Warp function of the force law's energy of a family a moment ago.
     """
     types = layout.types
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
     f = family_functions(layout)
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
     left, fall, curvature = degradation(layout.bits, weak)
     energy_of_step = energy_over_step(layout, earlier_energy)
+    together = 1 if atomics else TOGETHER
 
     @wp.func
     def stretched(
@@ -152,47 +166,65 @@ def damage_field(
         longest: real,
         spared_mask: wp.array(dtype=wp.uint8),
         awake: wp.array(dtype=wp.uint8),
+        start: int,
+        stop: int,
         first: int,
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
+        found: wp.array(dtype=wp.int32),
     ):
-        i = wp.tid() + first
-        if wp.static(spared):
-            if spared_mask[i] != wp.uint8(0):
-                return
-        if wp.static(screened):
-            if awake[i] == wp.uint8(0):
-                if not stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i):
-                    return
-        listed[wp.atomic_add(count, 0, 1)] = i
+        thread = wp.tid() + first
+        place = thread * wp.static(together)
+        for i in range(start + place, wp.min(start + place + wp.static(together), stop)):
+            wakes = bool(True)
+            if wp.static(spared):
+                wakes = spared_mask[i] == wp.uint8(0)
+            if wp.static(screened):
+                if wakes and awake[i] == wp.uint8(0):
+                    wakes = stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i)
+            if wakes:
+                if wp.static(atomics):
+                    listed[wp.atomic_add(count, 0, 1)] = i
+                else:
+                    listed[place] = i
+                    place += 1
+        if wp.static(not atomics):
+            found[thread] = place - thread * wp.static(together)
+
+    @kernel(per="once")
+    def pack(
+        found: wp.array(dtype=wp.int32), first: int, listed: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32)
+    ):
+        total = wp.int32(0)
+        for thread in range(found.shape[0]):
+            for k in range(found[thread]):
+                listed[total] = listed[thread * wp.static(together) + k]
+                total += 1
+        count[0] = total
 
     @wp.func
-    def tear_has_passed(
-        family: Family,
-        in_cut: wp.array(dtype=wp.uint8),
-        damage: wp.array(dtype=real),
-        severed_at: wp.array(dtype=real),
-        i: int,
-    ):
-        """Whether PASSED members of the undamaged family that are no part of a cut are severed."""
+    def fraction_severed(family: Family, damage: wp.array(dtype=real), severed_at: wp.array(dtype=real), i: int):
+        """Fraction of the members of the undamaged family that are severed."""
         found = wp.int32(0)
+        members = wp.int32(0)
         for k in range(family.members):
             if bit_of(f.initial(family, i, k // word_size), k % word_size):
                 m = f.neighbour(family, i, k)
-                if in_cut[m] == wp.uint8(0) and damage[m] >= severed_at[m]:
-                    found += 1
-        return found >= PASSED
+                members += wp.int32(1)
+                if damage[m] >= severed_at[m]:
+                    found += wp.int32(1)
+        return real(found) / real(wp.max(members, 1))
 
     @kernel(per="list", gathers=("displacement", "damage", "severed_at"))
     def drive(
         family: Family,
         displacement: wp.array(dtype=vec3),
         intact: wp.array2d(dtype=wp.uint32),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         scale: wp.array(dtype=real),
         fastest: real,
-        in_cut: wp.array(dtype=wp.uint8),
+        ahead: wp.array(dtype=wp.uint8),
         awake: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
@@ -210,8 +242,9 @@ def damage_field(
             )
             driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
             before[i] = damage[i]
-            if in_cut[i] != wp.uint8(0) and damage[i] < severed_at[i]:
-                if tear_has_passed(family, in_cut, damage, severed_at, i):
+            if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
+                enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
+                if fraction_severed(family, damage, severed_at, i) >= enough:
                     severed_at[i] = damage[i]
 
     @kernel(per="list", gathers=("source",))
@@ -302,7 +335,7 @@ def damage_field(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_volume: real,
         spared_mask: wp.array(dtype=wp.uint8),
@@ -380,7 +413,7 @@ def damage_field(
         i = wp.tid() + first
         out[i] = wp.float32(damage[i])
 
-    return DamageFieldKernels(empty, wake, drive, sweep, finish, rouse, fracture_energy, shown)
+    return DamageFieldKernels(empty, wake, pack, drive, sweep, finish, rouse, fracture_energy, shown)
 
 
 @functools.cache
@@ -394,3 +427,40 @@ def soften(bits: int, value: Any) -> Kernel:
         values[i] = value(left(damage[i])) * values[i]
 
     return soften
+
+
+@functools.cache
+def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
+    """Kernels of one of several processes, which sweeps over ghost points as their owners do.
+
+    Returns:
+        One that takes own points off the list, before others are listed; one that lists ghost points like their owners,
+        after `driving` and `damage` have come from there, by one thread of a CPU.
+    """
+    real = numeric(bits).real
+
+    @kernel()
+    def unlist(first: int, driving: wp.array(dtype=real)):
+        driving[wp.tid() + first] = real(UNLISTED)
+
+    @kernel(per="list")
+    def list_ghosts(
+        driving: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        own_begin: int,
+        own_end: int,
+        stride: int,
+        first: int,
+        other: wp.array(dtype=real),
+        before: wp.array(dtype=real),
+        listed: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+    ):
+        for n in range(wp.tid() + first, damage.shape[0] - own_end + own_begin, stride):
+            i = wp.where(n < own_begin, n, n + own_end - own_begin)
+            other[i] = damage[i]
+            before[i] = damage[i]
+            if driving[i] != real(UNLISTED):
+                listed[wp.atomic_add(count, 0, 1)] = i
+
+    return unlist, list_ghosts

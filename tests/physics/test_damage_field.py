@@ -22,6 +22,8 @@ from warp_pd import (
     Visco,
     Yeoh,
 )
+from warp_pd.device import graph
+from warp_pd.device.graph import CpuLaunch
 from warp_pd.families import unpack
 from warp_pd.geometry.couplings import gradient_couplings
 from warp_pd.materials import energy_density
@@ -138,6 +140,13 @@ def test_couplings_are_exact_for_linear_fields(sheet):
             assert w == 0.0 or w in weights[:, m][neighbours[:, m] == i]
 
 
+@pytest.mark.parametrize("sheet", [jittered(15), square(9)], ids=["cloud", "lattice"])
+def test_couplings_of_some_points_are_theirs_among_all(sheet):
+    some = np.random.default_rng(0).permutation(sheet.size)[:40]
+    for found, whole in zip(gradient_couplings(sheet, some), gradient_couplings(sheet), strict=True):
+        np.testing.assert_array_equal(found, whole[:, some])
+
+
 def test_damage_never_heals():
     sheet = square(9)
     built = build(sheet, damage=TearingEnergy(5.0))
@@ -192,6 +201,30 @@ def test_a_run_resumed_in_the_middle_of_a_tear_is_the_same(tmp_path):
     whole = require_same_when_stopped(lambda: torn_strip(law), tmp_path, (30, 45))
     field = array(whole.built, "damage_field").numpy()
     assert ((field > 0.1) & (field < 0.7)).any() and (field > 0.8).any()
+
+
+def test_each_point_is_listed_once_by_any_number_of_threads():
+    """Those of a CPU have no atomics; a list that two of them share loses points, now and then."""
+    built = build(square(301), damage=TearingEnergy(10.0, screened=False))
+    built.context.compile()
+    listing = [item for item in built.context.stages["start"] if item.name in ("wake", "pack")]
+    launches = [CpuLaunch(item, built.context.device, split_from=0.0, parts=8) for item in listing]
+    for _ in range(50):
+        for launch in launches:
+            launch.run()
+        count = int(array(built, "listed_count").numpy()[0])
+        listed = array(built, "listed_points").numpy()[:count]
+        np.testing.assert_array_equal(np.sort(listed), np.arange(301**2))
+
+
+def test_two_runs_are_equal_however_launches_are_divided(monkeypatch):
+    law = BondAssociated(TensionField(NEO), horizon=2.015)
+    one = torn_strip(law).run(device="cpu")
+    monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
+    other = torn_strip(law).run(device="cpu")
+    assert one.history == other.history and one.history[-1]["largest_damage"] > 0.8
+    for name in ("displacement", "damage_field", "intact_bonds", "released"):
+        np.testing.assert_array_equal(array(one.built, name).numpy(), array(other.built, name).numpy())
 
 
 def test_spared_points_stay_undamaged_and_keep_their_bonds():

@@ -259,10 +259,13 @@ class Rupture(Part, Protocol):
     Attributes:
         spared: Points whose bonds never break, such as those in a clamp; None if all bonds may break.
         is_field: Whether a damage field of the points takes stiffness from families.
+        layers: Of several processes each has so many layers of points more around its halo, from neighbour to
+            neighbour of the triangles.
     """
 
     argument: ClassVar[str] = "damage"
     is_field: ClassVar[bool] = False
+    layers: ClassVar[int] = 0
     spared: Any
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:

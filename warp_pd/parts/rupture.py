@@ -6,7 +6,7 @@ A criterion of your own inherits from BondCriterion and gives its device functio
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,12 +39,8 @@ class BondCriterion(Rupture):
         return None
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion for the points that are here."""
-        if self.spared is None:
-            return self
-        points = point_indices(f"{type(self).__name__}.spared", self.spared, sheet.size)
-        here: Any = replace(self, spared=partition.here(points)[1])  # type: ignore[type-var]
-        return here  # type: ignore[no-any-return]
+        """The same criterion: it finds the spared points that are here when it is built."""
+        return self
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The device function of the criterion, and its struct filled in; see kernels/rupture.py."""
@@ -172,11 +168,9 @@ class Damaged(BuiltRupture):
         sheet = context.sheet
         self.spared: Array | None = None
         if rupture.spared is not None:
-            mask = np.zeros(sheet.size, np.uint8)
-            # Of several processes one may have none of them.
-            here = context.partition is not None
-            mask[rupture.spared if here else point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
-            self.spared = context.array("spared", owner, wp.uint8, mask)
+            mask = np.zeros(context.whole.size, np.uint8)
+            mask[point_indices(f"{owner}.spared", rupture.spared, len(mask))] = 1
+            self.spared = context.array("spared", owner, wp.uint8, context.here(mask))
         tracked = context.features.tracked and law.has_energy
         self.released: Array | None = None
         if tracked:
@@ -269,6 +263,9 @@ class BreakingBonds(Damaged):
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that break bonds."""
         size, arguments, exceeding = self.context.sheet.size, self.arguments(), None
+        if self.tracked_energy is None:
+            # The kernel then has no energy that reads them, and does not know how many there are.
+            arguments["constants"] = self.context.types.parameters()
         if self._screen is not None:
             blocks = -(-size // SCREENED)
             exceeding = self.context.array("exceeding", self.owner, wp.uint8, shape=blocks, per="block")

@@ -13,12 +13,13 @@ from ..device.checks import InputError, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..families.partition import Partition
-from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings
+from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, damage_field
+from ..kernels.damage_field import NEAR, TOGETHER, damage_field
+from .damage_ghosts import LAYERS, DamageGhosts
 from .rupture import AT_REST, CriticalStretch, Damaged
 
 # Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
@@ -85,6 +86,7 @@ class TearingEnergy(Rupture):
     screened: bool = True
 
     is_field: ClassVar[bool] = True
+    layers: ClassVar[int] = LAYERS
 
     def __post_init__(self) -> None:
         positive("TearingEnergy.energy", self.energy)
@@ -102,12 +104,8 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.screened", self.screened, (True, False))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion for the points that are here.
-
-        Raises:
-            InputError: always: several processes cannot yet run it.
-        """
-        raise InputError("damage = TearingEnergy: several processes cannot yet run it; expected CriticalStretch")
+        """The same criterion: it finds the points that are here when it is built."""
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The field on a device.
@@ -142,52 +140,63 @@ class DamageField(Damaged):
         self.limit = self._strength()
         self._fastest = self._unit / self.limit
         weak = self._fastest > 2.0
-        sheet, real = context.sheet, context.types.real
+        sheet, whole, real = context.sheet, context.whole, context.types.real
         n = sheet.size
         spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
+        finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         areas = law.represented_areas()
-        neighbours, couplings = gradient_couplings(sheet)
+        self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
+        self._own = slice(0, n) if self._ghosts is None else self._ghosts.own
+        if self._ghosts is None:
+            neighbours, couplings = gradient_couplings(sheet)
+        else:
+            areas, (neighbours, couplings) = self._ghosts.areas(areas), self._ghosts.couplings()
         couplings *= 2.0 * self.length**2 / areas
-        profile = self._profile(sheet)
+        profile, ahead = self._profile(whole)
+        self._profile_mean, profile = float(profile.mean()), context.here(profile)
 
         def put(name: str, values: np.ndarray, dtype: Any = real, per: str = "point") -> Array:
             return context.array(name, self.owner, dtype, values, per=per)
 
-        self.field = context.array("damage_field", self.owner, real, profile, restart=True)
+        self.field = context.array("damage_field", self.owner, real, profile, restart=True, own_exchange=True)
         self._least = profile
-        self._other = put("damage_after_sweep", profile)
+        self._other = context.array("damage_after_sweep", self.owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", self.owner, real, shape=n)
-        self._driving = context.array("driving", self.owner, real, shape=n)
+        self._driving = context.array("driving", self.owner, real, shape=n, own_exchange=True)
         self._listed = context.array("listed_points", self.owner, wp.int32, shape=n, per="table")
         self._count = context.array("listed_count", self.owner, wp.int32, shape=1, per="once")
+        self._found: Array | None = None
+        if not context.device.is_cuda:
+            threads = -(-(self._own.stop - self._own.start) // TOGETHER)
+            self._found = context.array("listed_by_threads", self.owner, wp.int32, shape=threads, per="table")
         self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
         self._couplings = put("field_couplings", couplings, per="bond")
         self._scale = put("driving_scale", law.families.reference_area / (areas * self._unit))
         self._limits = put("limit_energy", self._unit * sheet.thickness * areas)
         severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
-        self._in_cut = put("in_cut", profile + GROWN > severed_at, wp.uint8)
+        self._ahead = put("ahead_of_cut", context.here(ahead) & (profile + GROWN > severed_at), wp.uint8)
         self._severed_at = context.array(
-            "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True
+            "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True, own_exchange=True
         )
         self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
-        self.sweeps = 2 * round(0.5 * min(LEAST_SWEEPS + SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS))
+        self.sweeps = 2 * round(0.5 * min(LEAST_SWEEPS + SWEEPS * (self.length / finest) ** 2, MAX_SWEEPS))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
-        self.fracture = context.array("fracture", self.owner, wp.float64, shape=n)
         apart = profile - profile[neighbours]
-        self._fracture_at_start = float(
-            (self._unit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))).sum()
-        )
-        self._profile_mean = float(profile.mean())
+        stored = self._unit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
+        self.fracture = context.array("fracture", self.owner, wp.float64, stored)
+        self._fracture_at_start = context.total(self.fracture)
         self.kernels = damage_field(
-            context.layout, self.spared is not None, rupture.screened, self.released is not None, weak,
-            law.earlier_energy,
+            context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
+            self.released is not None, weak, law.earlier_energy,
         )  # fmt: skip
         self._softening = self.field
         if weak:
-            self._softening = context.array("softening", self.owner, real, self._softened(profile), restart=True)
+            self._softening = context.array(
+                "softening", self.owner, real, self._softened(profile), restart=True, own_exchange=True
+            )
         law.soften(self._softening)
         self.memory = [*self.memory, self.field, self._severed_at, *([self._softening] if weak else [])]
 
@@ -258,23 +267,26 @@ class DamageField(Damaged):
         """Energy that a tear takes over the one that the field is given."""
         return 1.0 + BIAS * (self.law.families.horizon / length) ** 2
 
-    def _profile(self, sheet: Sheet) -> np.ndarray:
-        """Damage at the start, (N,): that of cracks where the sheet has cuts."""
-        damage = np.zeros(sheet.size)
+    def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+        """Damage at the start, (N,), that of cracks where the sheet is cut; and which points are beyond their ends."""
+        damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
         segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
         if len(segments):
             apart = distance_from_segments(sheet.points, segments, 2.0 * self.length)
             damage = np.minimum(np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2, MOST_AT_START)
+            from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), self.length)
+            ahead = from_end <= apart * (1.0 + 1e-9)
         if self.rupture.spared is not None:
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
-        return damage
+        return damage, ahead
 
     def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
         """Members whose bonds tell where energy is high, and the squared stretches between which it is low.
 
         On a lattice the shortest bonds in four directions are enough: one of them is within 22.5 degrees of any other.
         """
-        stiffest = 1.0 if self.context.sheet.stiffness is None else float(self.context.sheet.stiffness.max())
+        stiffness = self.context.whole.stiffness
+        stiffest = 1.0 if stiffness is None else float(stiffness.max())
         allowed = SCREEN * self.limit / stiffest
         steps, shorter = law.families.steps, np.geomspace(1.0, 1e-3, 400)
         over = ~(law.energy_density(shorter, shorter) <= allowed)
@@ -298,7 +310,7 @@ class DamageField(Damaged):
         if phase is Phase.START:
             self._add_rousing(stage)
             self._add_list(stage)
-            stage.launch(self.owner, self.kernels.empty, 1, count=self._count)
+            self._add_empty(stage)
         if phase is Phase.FRAME:
             stage.launch(
                 self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
@@ -313,7 +325,7 @@ class DamageField(Damaged):
     def prepare_at_rest(self) -> None:
         """Compose the stages of alternate minimisation."""
         damage = self.context.stage("damage", AT_REST)
-        damage.launch(self.owner, self.kernels.empty, 1, count=self._count)
+        self._add_empty(damage)
         self._add_rousing(damage)
         self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
         self._add_severing(self.context.stage("rupture", AT_REST))
@@ -357,8 +369,16 @@ class DamageField(Damaged):
         """Add the launches that list points, and sweep over them."""
         k, shared = self.kernels, self._shared()
         self._add_list(stage)
+        if self._ghosts is not None:
+            self._ghosts.add_exchange(stage, self.field, self._driving, self._severed_at)
+            self._ghosts.add_listing(
+                stage, self._threads, driving=self._driving, damage=self.field, other=self._other, before=self._before,
+                listed=self._listed, count=self._count,
+            )  # fmt: skip
         source, target = self.field, self._other
-        for _ in range(sweeps):
+        for number in range(sweeps):
+            if self._ghosts is not None and number and number % LAYERS == 0:
+                self._ghosts.add_exchange(stage, source)
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
                 driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
@@ -374,26 +394,40 @@ class DamageField(Damaged):
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
             awake=self._awake, softening=self._softening, **given, **self._shared(),
         )  # fmt: skip
-        stage.launch(self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=True)
+        self._add_empty(stage)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments of all launches on listed points."""
         return {
             "listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count,
-            "grouped": True,
+            # A graph that holds exchanges has no conditions.
+            "grouped": self._ghosts is None,
         }  # fmt: skip
+
+    def _add_empty(self, stage: Stage) -> None:
+        """Add the launch that empties the list, with the rest of its group; `pack` begins a new one."""
+        if self._found is None:
+            stage.launch(
+                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=self._ghosts is None
+            )
 
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
-        k, n, given = self.kernels, self.context.sheet.size, self.arguments()
+        k, given, own = self.kernels, self.arguments(), self._own
+        listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
+        if self._ghosts is not None:
+            self._ghosts.add_unlisting(stage, self._driving)
         stage.launch(
-            self.owner, k.wake, n, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
-            awake=self._awake, listed=self._listed, count=self._count,
+            self.owner, k.wake, own.stop - own.start if self._found is None else len(self._found),
+            start=own.start, stop=own.stop, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
+            awake=self._awake, found=self._found, **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
+        if self._found is not None:
+            stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
         stage.launch(
             self.owner, k.drive, self._threads, scale=self._scale, fastest=self._fastest,
-            in_cut=self._in_cut, awake=self._awake, damage=self.field,
+            ahead=self._ahead, awake=self._awake, damage=self.field,
             severed_at=self._severed_at, driving=self._driving, before=self._before, **self._shared(),
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
@@ -412,7 +446,7 @@ class DamageField(Damaged):
         """
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
-        most = float(driving.max(initial=0.0))
+        most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
         if most * self._fastest > 1.0:
             raise InputError(
                 f"damage = TearingEnergy: the sheet starts with {most * self._unit:.3g} J/m^3, above the "
