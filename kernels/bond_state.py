@@ -12,6 +12,7 @@ import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
+from .factories import constants_of
 from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
 from .stiffness_left import stiffness_left
@@ -65,10 +66,14 @@ def bond_state(layout: Layout) -> BondState:
 
 
 @functools.cache
-def gather_pairs(layout: Layout) -> Pointwise:
+def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
     """Pointwise stage that sums bond_force [members, points], both ends of a bond, to the internal force [N].
 
     In a softened layout each family has lost stiffness by the damage of its point, see kernels/damage_field.py.
+
+    Args:
+        layout: Layout of the families.
+        softens: Whether `bond_force` of a softened layout is still that of the undamaged families.
     """
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)
@@ -93,7 +98,7 @@ def gather_pairs(layout: Layout) -> Pointwise:
                     m = f.neighbour(a.family, i, k)
                     own = a.bond_force[k, i]
                     others = a.bond_force[f.reverse(a.family, i, k), m]
-                    if wp.static(layout.softened):
+                    if wp.static(layout.softened and softens):
                         own = left(a.damage[i]) * own
                         others = left(a.damage[m]) * others
                     pull += own - others
@@ -112,15 +117,15 @@ def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
             energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
     """
     types = layout.types
-    real, vec3, parameters = types.real, types.vec3, types.parameters
-    Family = family_functions(layout).struct
+    real, vec3 = types.real, types.vec3
+    Family, Constants = family_functions(layout).struct, constants_of(family_energy)
 
     @kernel(gathers=("displacement",))
     def strain_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_volume: real,
         first: int,

@@ -96,3 +96,10 @@ def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: flo
         apart = np.linalg.norm(points[at] - start - fraction[:, None] * along, axis=1)
         nearest[at] = np.minimum(nearest[at], apart)
     return nearest
+
+
+def loose_ends(segments: np.ndarray) -> np.ndarray:
+    """Ends that belong to one segment alone [m], shape (E, dimensions), for segments of shape (S, 2, dimensions)."""
+    ends = segments.reshape(-1, segments.shape[-1])
+    _, first, count = np.unique(np.round(ends, 12), axis=0, return_index=True, return_counts=True)
+    return np.asarray(ends[first[count == 1]])

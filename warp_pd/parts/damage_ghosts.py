@@ -6,6 +6,8 @@ them wrong, from the outside, and after LAYERS sweeps the halo is still right.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -54,7 +56,7 @@ class DamageGhosts:
         own = self.own
         stage.launch(self.owner, self._unlist, own.stop - own.start, begin=own.start, driving=driving)
 
-    def add_listing(self, stage: Stage, threads: int, **arrays: Array) -> None:
+    def add_listing(self, stage: Stage, threads: int, **arrays: Any) -> None:
         """Add the launch that lists ghost points, by so many threads of a GPU; arrays as of the kernel."""
         # Warp's atomics are none between the threads of a CPU.
         threads = threads if self.context.device.is_cuda else 1

@@ -26,6 +26,8 @@ from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, cr
 
 # Beyond it the squares of stretches overflow in float32.
 MAX_STRETCH = 1e12
+# When static solvers run the stages of rupture.
+AT_REST = "whenever the sheet is in static equilibrium"
 
 
 class BondCriterion(Rupture):
@@ -158,6 +160,7 @@ class Damaged(BuiltRupture):
         spared: Whether a point is spared, (N,) uint8, or None.
         released: Energy lost with broken bonds [J], (N,) float64; None where it is not summed up.
         tracked_energy: Warp function of the energy that is lost, or None.
+        memory: The bits of intact bonds.
     """
 
     def __init__(self, owner: str, rupture: Rupture, context: Context, law: BuiltLaw) -> None:
@@ -173,6 +176,8 @@ class Damaged(BuiltRupture):
         if tracked:
             self.released = context.array("released", "energy balance", wp.float64, shape=sheet.size, restart=True)
         self.tracked_energy = law.earlier_energy if tracked else None
+        assert law.intact is not None
+        self.memory: Sequence[Array] = [law.intact]
         self.damage = context.array("damage", owner, wp.float32, shape=sheet.size)
         self.intact_faces = context.array("intact_faces", owner, wp.uint8, shape=len(sheet.triangles), per="face")
         self._triangles = context.array("triangles", owner, wp.vec3i, sheet.triangles, per="table")
@@ -187,6 +192,16 @@ class Damaged(BuiltRupture):
     def add_breaking(self, stage: Stage) -> None:
         """Add the launch that breaks bonds."""
         raise NotImplementedError(f"{type(self).__name__}.add_breaking: a criterion needs a kernel")
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stage that breaks bonds in static equilibrium."""
+        self.add_breaking(self.context.stage("rupture", AT_REST))
+
+    def break_at_rest(self, again: bool) -> bool:
+        """Break what exceeds the criterion; whether anything did."""
+        before = self.memory[0].numpy().copy()
+        self.context.run("rupture")
+        return bool((self.memory[0].numpy() != before).any())
 
     def arguments(self) -> dict[str, Any]:
         """Arguments common to the kernels that break bonds."""
@@ -248,6 +263,9 @@ class BreakingBonds(Damaged):
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that break bonds."""
         size, arguments, exceeding = self.context.sheet.size, self.arguments(), None
+        if self.tracked_energy is None:
+            # The kernel then has no energy that reads them, and does not know how many there are.
+            arguments["constants"] = self.context.types.parameters()
         if self._screen is not None:
             blocks = -(-size // SCREENED)
             exceeding = self.context.array("exceeding", self.owner, wp.uint8, shape=blocks, per="block")

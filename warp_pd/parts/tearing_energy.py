@@ -13,14 +13,14 @@ from ..device.checks import InputError, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..families.partition import Partition
-from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings
+from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, TOGETHER, damage_field
 from .damage_ghosts import LAYERS, DamageGhosts
-from .rupture import CriticalStretch, Damaged
+from .rupture import AT_REST, CriticalStretch, Damaged
 
 # Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
@@ -39,6 +39,11 @@ SCREEN = 0.8
 LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
+# Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
+# of a step; largest number of looks at one displacement.
+SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 4, 50
+# Relative residual down to which the displacement follows the damage while this changes.
+CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.
 MUCH_DAMAGE = 0.3
 
@@ -119,7 +124,10 @@ class DamageField(Damaged):
         length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3].
         sweeps: Sweeps in a step.
+        memory: The bits of intact bonds, the field, and what follows from them in the course of a tear.
     """
+
+    close_enough = CLOSE_ENOUGH
 
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
@@ -144,13 +152,14 @@ class DamageField(Damaged):
         else:
             areas, (neighbours, couplings) = self._ghosts.areas(areas), self._ghosts.couplings()
         couplings *= 2.0 * self.length**2 / areas
-        profile = self._profile(whole)
+        profile, ahead = self._profile(whole)
         self._profile_mean, profile = float(profile.mean()), context.here(profile)
 
         def put(name: str, values: np.ndarray, dtype: Any = real, per: str = "point") -> Array:
             return context.array(name, self.owner, dtype, values, per=per)
 
         self.field = context.array("damage_field", self.owner, real, profile, restart=True, own_exchange=True)
+        self._least = profile
         self._other = context.array("damage_after_sweep", self.owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", self.owner, real, shape=n)
         self._driving = context.array("driving", self.owner, real, shape=n, own_exchange=True)
@@ -165,7 +174,7 @@ class DamageField(Damaged):
         self._scale = put("driving_scale", law.families.reference_area / (areas * self._unit))
         self._limits = put("limit_energy", self._unit * sheet.thickness * areas)
         severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
-        self._in_cut = put("in_cut", profile + GROWN > severed_at, wp.uint8)
+        self._ahead = put("ahead_of_cut", context.here(ahead) & (profile + GROWN > severed_at), wp.uint8)
         self._severed_at = context.array(
             "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True, own_exchange=True
         )
@@ -189,6 +198,7 @@ class DamageField(Damaged):
                 "softening", self.owner, real, self._softened(profile), restart=True, own_exchange=True
             )
         law.soften(self._softening)
+        self.memory = [*self.memory, self.field, self._severed_at, *([self._softening] if weak else [])]
 
     def assign(self, damage: np.ndarray) -> None:
         """Give all points a damage, (N,)."""
@@ -257,16 +267,18 @@ class DamageField(Damaged):
         """Energy that a tear takes over the one that the field is given."""
         return 1.0 + BIAS * (self.law.families.horizon / length) ** 2
 
-    def _profile(self, sheet: Sheet) -> np.ndarray:
-        """Damage at the start, (N,): that of cracks where the sheet has cuts."""
-        damage = np.zeros(sheet.size)
+    def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+        """Damage at the start, (N,), that of cracks where the sheet is cut; and which points are beyond their ends."""
+        damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
         segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
         if len(segments):
             apart = distance_from_segments(sheet.points, segments, 2.0 * self.length)
             damage = np.minimum(np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2, MOST_AT_START)
+            from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), self.length)
+            ahead = from_end <= apart * (1.0 + 1e-9)
         if self.rupture.spared is not None:
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
-        return damage
+        return damage, ahead
 
     def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
         """Members whose bonds tell where energy is high, and the squared stretches between which it is low.
@@ -296,10 +308,7 @@ class DamageField(Damaged):
         """Add the launches of a phase."""
         super().add(phase, stage)
         if phase is Phase.START:
-            stage.launch(
-                self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours,
-                damage=self.field, awake=self._awake,
-            )  # fmt: skip
+            self._add_rousing(stage)
             self._add_list(stage)
             self._add_empty(stage)
         if phase is Phase.FRAME:
@@ -309,8 +318,57 @@ class DamageField(Damaged):
             )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that find the damage of a step."""
-        k, shared, given = self.kernels, self._shared(), self.arguments()
+        """Add the launches that find the damage of a step, and break bonds."""
+        self._add_sweeps(stage, self.sweeps)
+        self._add_severing(stage)
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stages of alternate minimisation."""
+        damage = self.context.stage("damage", AT_REST)
+        self._add_empty(damage)
+        self._add_rousing(damage)
+        self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
+        self._add_severing(self.context.stage("rupture", AT_REST))
+
+    def break_at_rest(self, again: bool) -> bool:
+        """Minimise the energy by the damage at the present displacement, and break bonds where it has passed.
+
+        The damage is at least what it was at the last loads, or when a bond of the point broke. Sweeps begin there,
+        as they only raise it.
+
+        Returns:
+            Whether the damage changed by more than SETTLED, or a bond broke.
+        """
+        intact, field = self.memory[0].numpy().copy(), self.field.numpy().copy()
+        if not again:
+            self._least = field.copy()
+        self.field.assign(self._least)
+        # Sweeps leave the outermost ghost points wrong.
+        before, own = self._least, self._own
+        for _ in range(MAX_REPEATS):
+            self.context.run("damage")
+            now = self.field.numpy().copy()
+            if not self.context.communicator.any(bool(np.abs(now - before)[own].max() > 0.1 * SETTLED)):
+                break
+            before = now
+        self.context.run("rupture")
+        broken = (self.memory[0].numpy() != intact).any(axis=0)
+        self._least[broken] = now[broken]
+        changed = bool(np.abs(now - field)[own].max() > SETTLED or broken[own].any())
+        # Where nothing changed the displacement is in equilibrium with the damage that was.
+        self.assign(now if self.context.communicator.any(changed) else field)
+        return changed
+
+    def _add_rousing(self, stage: Stage) -> None:
+        """Add the launch that finds what is awake."""
+        stage.launch(
+            self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours, damage=self.field,
+            awake=self._awake,
+        )  # fmt: skip
+
+    def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
+        """Add the launches that list points, and sweep over them."""
+        k, shared = self.kernels, self._shared()
         self._add_list(stage)
         if self._ghosts is not None:
             self._ghosts.add_exchange(stage, self.field, self._driving, self._severed_at)
@@ -319,7 +377,7 @@ class DamageField(Damaged):
                 listed=self._listed, count=self._count,
             )  # fmt: skip
         source, target = self.field, self._other
-        for number in range(self.sweeps):
+        for number in range(sweeps):
             if self._ghosts is not None and number and number % LAYERS == 0:
                 self._ghosts.add_exchange(stage, source)
             stage.launch(
@@ -327,11 +385,15 @@ class DamageField(Damaged):
                 driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
             )  # fmt: skip
             source, target = target, source
+
+    def _add_severing(self, stage: Stage) -> None:
+        """Add the launch that breaks bonds of listed points."""
+        given = self.arguments()
         given.pop("horizon")
         stage.launch(
-            self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
+            self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
             fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
-            awake=self._awake, softening=self._softening, **given, **shared,
+            awake=self._awake, softening=self._softening, **given, **self._shared(),
         )  # fmt: skip
         self._add_empty(stage)
 
@@ -366,7 +428,7 @@ class DamageField(Damaged):
             stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
         stage.launch(
             self.owner, k.drive, self._threads, scale=self._scale, fastest=self._fastest,
-            in_cut=self._in_cut, awake=self._awake, damage=self.field,
+            ahead=self._ahead, awake=self._awake, damage=self.field,
             severed_at=self._severed_at, driving=self._driving, before=self._before, **self._shared(),
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
