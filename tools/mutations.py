@@ -6,9 +6,9 @@
     python tools/mutations.py page      # the section of docs/reliability.md
 
 A change is picked by a seed: a constant by 4 %, a sign, a comparison turned, a term or a factor left out. It is made in
-a copy of the tree, in a process of its own, and counts as found if a test fails or does not end in time. Left out by
+a copy of the tree, in a new process, and counts as found if a test fails or does not end in time. Left out by
 rule: indices, texts, errors, defaults, pictures, tolerances and sizes of blocks. What Warp cannot compile counts for
-nothing. A survivor is tried with more tests; one that changes no behaviour gets a `reason` in docs/mutations.json.
+nothing. A survivor is tried with more tests; one that changes no result gets a `reason` in docs/mutations.json.
 
 No kept tool fits. mutatest changes bytecode and mutmut switches between mutants in one source, while Warp compiles the
 source of a function; cosmic-ray has one command for all tests, changes constants by 1 alone and leaves out no terms.
@@ -28,7 +28,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import zip_longest
+from itertools import accumulate, zip_longest
 from multiprocessing import get_context
 from pathlib import Path
 from types import CodeType
@@ -45,93 +45,80 @@ NUMBERS = {
 SEED = 35
 # Pictures, progress and messages; the training of networks, whose result is tested.
 NOT_PHYSICS = re.compile(
-    r"plot|colour|picture|notebook|progress|view|background|info|peak_flops|training|torch_|report|command"
+    "plot|colour|picture|notebook|progress|view|background|info|peak|training|torch|report|command"
 )
 TUNING = re.compile(r"(?i)toleran|tiny|small|block|most|limit|guess|safety|margin|shrink|restart|factor|\beps")
-NOT_INSIDE = re.compile(
-    r"(check|log_|expect|range$|InputError|required|positive|said|print|isinstance|launch_bounds|len$)"
-)
+CHECKS = re.compile("check|log_|expect|range$|InputError|required|positive|said|print|isinstance|launch_bounds|len$")
 TURNED = {ast.Lt: ">", ast.Gt: "<", ast.LtE: ">", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="}
-NO_KERNEL = re.compile(r"Warp\w*Error|Error while parsing|SyntaxError|Couldn't find|Could not find")
-COPIED = ("warp_pd", "kernels", "scenes", "tests", "tools", "docs", "pyproject.toml", "README.md")
-# Seconds of tests that a change gets, and survivors of these.
-SOON, LATE = 40.0, 240.0
-
-
-# What is changed --------------------------------------------------------------------------------------------
+NO_KERNEL = re.compile("Warp[A-Za-z]*Error|Error while parsing|SyntaxError|Couldn't find|Could not find")
+# Seconds of tests that a change gets, and the survivors of these at their second trial.
+SOON, LATE = 15.0, 240.0
 
 
 class Mutation(NamedTuple):
-    """A change of one expression: where, in which function, and the text that takes the place of a span."""
+    """The bytes of a file from `begin` to `end` become `text`; `row` tells it in the results."""
 
-    file: str
-    function: str
-    kind: str
     begin: int
     end: int
     text: str
     row: Row
 
 
-def found_in(file: str) -> Iterator[Mutation]:
+def mutations_in(file: str) -> list[Mutation]:
     """Mutations of a file."""
-    source = (ROOT / file).read_text()
-    begins = [0]
-    for line in source.splitlines(keepends=True):
-        begins.append(begins[-1] + len(line.encode()))
-    encoded = source.encode()
+    source = (ROOT / file).read_bytes()
+    begins = [0, *accumulate(map(len, source.splitlines(keepends=True)))]
+    found = []
 
-    def span(node: Any) -> tuple[int, int]:
-        return begins[node.lineno - 1] + node.col_offset, begins[node.end_lineno - 1] + node.end_col_offset
+    def span(node: Any) -> slice:
+        return slice(begins[node.lineno - 1] + node.col_offset, begins[node.end_lineno - 1] + node.end_col_offset)
 
     def text(node: ast.AST) -> str:
-        begin, end = span(node)
-        return f"({encoded[begin:end].decode()})"
+        return f"({source[span(node)].decode()})"
 
-    def walk(node: ast.AST, names: tuple[str, ...]) -> Iterator[Mutation]:
-        for kind, new in changes(node, text, source):
-            begin, end = span(node)
-            row = {"file": file, "line": node.lineno, "function": ".".join(names), "kind": kind}  # type: ignore[attr-defined]
-            told = {"before": " ".join(text(node)[1:-1].split()), "after": " ".join(new.split())}
-            yield Mutation(file, row["function"], kind, begin, end, new, row | told)
+    def walk(node: Any, function: str) -> None:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            names = (*names, node.name)
+            function = f"{function}.{node.name}".lstrip(".")
+        for kind, new in changes(node, text):
+            place, before = span(node), text(node)[1:-1]
+            if not (kind == "constant" and TUNING.search(source.splitlines()[node.lineno - 1].decode())):
+                row = {"file": file, "line": node.lineno, "function": function, "kind": kind}
+                row |= {"before": " ".join(before.split()), "after": " ".join(new.split())}
+                found.append(Mutation(place.start, place.stop, new, row))
         for child in parts_of(node, text):
-            yield from walk(child, names)
+            walk(child, function)
 
-    yield from walk(ast.parse(source), ())
+    walk(ast.parse(source), "")
+    return found
 
 
 def parts_of(node: ast.AST, text: Any) -> Iterable[ast.AST]:
     """Parts of an expression or a statement that may be changed."""
-    if isinstance(node, ast.Raise | ast.Assert | ast.JoinedStr):
-        return ()
-    if isinstance(node, ast.Call) and NOT_INSIDE.match(text(node.func)[1:-1].rsplit(".", 1)[-1]):
-        return ()
-    if isinstance(node, ast.FunctionDef | ast.ClassDef):
-        return node.body
-    if isinstance(node, ast.Subscript):
-        return (node.value,)
-    if isinstance(node, ast.AnnAssign):
-        # A default of a dataclass is a choice.
-        return () if node.value is None or isinstance(node.value, ast.Constant) else (node.value,)
+    match node:
+        case ast.Raise() | ast.Assert() | ast.JoinedStr() | ast.AnnAssign(value=None | ast.Constant()):
+            return ()
+        case ast.Call(func=function) if CHECKS.match(text(function)[1:-1].rsplit(".", 1)[-1]):
+            return ()
+        case ast.FunctionDef(body=body) | ast.ClassDef(body=body):
+            return body
+        case ast.Subscript(value=value) | ast.AnnAssign(value=value):
+            return (value,)  # type: ignore[return-value]
     return ast.iter_child_nodes(node)
 
 
-def changes(node: ast.AST, text: Any, source: str) -> Iterator[tuple[str, str]]:
+def changes(node: ast.AST, text: Any) -> Iterator[tuple[str, str]]:
     """Kinds of changes of an expression or a statement, and its new texts."""
     match node:
         case ast.Constant(value=float(value)) if 1e-3 < abs(value) < 1e6:
-            if not TUNING.search(source.splitlines()[node.lineno - 1]):
-                yield "constant", repr(1.04 * value)
-        case ast.UnaryOp(op=ast.USub()) if not isinstance(node.operand, ast.Constant):
-            yield "sign", text(node.operand)
-        case ast.AugAssign(op=ast.Add()) if not isinstance(node.value, ast.Constant | ast.List | ast.JoinedStr):
-            yield "sign", f"{text(node.target)[1:-1]} -= {text(node.value)}"
-        case ast.Compare(ops=[one]) if type(one) in TURNED and "bits" not in text(node):
-            yield "comparison", f"({text(node.left)} {TURNED[type(one)]} {text(node.comparators[0])})"
-        case ast.BinOp(left=left, right=right, op=op) if not any(map(counts, (left, right))):
-            if re.search(r"tid\(\)|perf_counter", text(node)):
+            yield "constant", repr(1.04 * value)
+        case ast.UnaryOp(op=ast.USub(), operand=operand) if not isinstance(operand, ast.Constant):
+            yield "sign", text(operand)
+        case ast.AugAssign(op=ast.Add(), target=target, value=value) if not counts(value):
+            yield "sign", f"{text(target)[1:-1]} -= {text(value)}"
+        case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in TURNED and "bits" not in text(node):
+            yield "comparison", f"({text(left)} {TURNED[type(op)]} {text(right)})"
+        case ast.BinOp(left=left, right=right, op=op):
+            if counts(left) or counts(right) or re.search(r"tid\(\)|perf_counter", text(node)):
                 return
             if isinstance(op, ast.Add | ast.Sub):
                 yield "sign", f"({text(left)} {'-' if isinstance(op, ast.Add) else '+'} {text(right)})"
@@ -148,31 +135,27 @@ def counts(node: ast.AST) -> bool:
 
 def mutations(folder: str) -> Iterator[Mutation]:
     """Mutations of a folder in the order of the seed: of each file in turn one, of each kind in turn."""
+
+    def in_turn(lists: Iterable[Iterable[Mutation]]) -> list[Mutation]:
+        return [mutation for group in zip_longest(*lists) for mutation in group if mutation]
+
     rng = random.Random(f"{SEED} {folder}")
     files = [path for path in sorted((ROOT / folder).rglob("*.py")) if not NOT_PHYSICS.search(path.stem)]
     orders = []
     for path in rng.sample(files, len(files)):
+        found = mutations_in(str(path.relative_to(ROOT)))
         kinds: dict[str, list[Mutation]] = {}
-        found = list(found_in(str(path.relative_to(ROOT))))
         for mutation in rng.sample(found, len(found)):
-            kinds.setdefault(mutation.kind, []).append(mutation)
+            kinds.setdefault(mutation.row["kind"], []).append(mutation)
         orders.append(in_turn([kinds[name] for name in rng.sample(sorted(kinds), len(kinds))]))
     yield from in_turn(orders)
 
 
-def in_turn(lists: Iterable[Iterable[Mutation]]) -> Iterator[Mutation]:
-    """The first of each list, the second of each, and so on."""
-    yield from (mutation for group in zip_longest(*lists) for mutation in group if mutation)
-
-
-# Which tests run which functions ----------------------------------------------------------------------------
-
-
 class Reach:
-    """Plugin of pytest that notes the functions that are called, and those of the kernels that are loaded."""
+    """Plugin of pytest that notes the functions of a tree that are called, and those of kernels that are loaded."""
 
-    def __init__(self, tree: Path, out: Path) -> None:
-        self.tree, self.out = tree, out
+    def __init__(self, tree: Path) -> None:
+        self.tree, self.out = tree, tree / "reached.json"
         self.seen: dict[int, CodeType] = {}
 
     def pytest_sessionstart(self) -> None:
@@ -193,7 +176,7 @@ class Reach:
         threading.settrace(called)
 
     def pytest_sessionfinish(self) -> None:
-        """Write the functions of the package among them."""
+        """Write them."""
         sys.settrace(None)
         codes = [code for code in self.seen.values() if code.co_filename.startswith(str(self.tree))]
         names = {(c.co_filename[len(str(self.tree)) + 1 :], c.co_qualname.replace(".<locals>", "")) for c in codes}
@@ -202,11 +185,11 @@ class Reach:
 
 
 def pytest(files: Sequence[str], tree: Path, seconds: float, plugins: Sequence[object] = ()) -> tuple[str, float]:
-    """Output of pytest in a tree, and its seconds; it ends when it has used many times the seconds it should take.
+    """Output of pytest in a tree, and its seconds on a core; it ends after some times what it should take.
 
     A fork has Warp, SciPy and the like loaded; the package is loaded anew from the tree.
     """
-    import h5py  # noqa: F401
+    import h5py, hypothesis, matplotlib.figure, meshio, scipy.interpolate, scipy.optimize, scipy.sparse.linalg  # noqa: E401, F401, I001
 
     out = tree / "mutations.log"
     process = get_context("fork").Process(target=_pytest, args=(files, tree, out, seconds, plugins))
@@ -227,80 +210,88 @@ def _pytest(files: Sequence[str], tree: Path, out: Path, seconds: float, plugins
     resource.setrlimit(resource.RLIMIT_CPU, (int(30.0 + 4.0 * seconds),) * 2)
     os.dup2(os.open(out, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
     os.dup2(1, 2)
-    for name in [name for name in sys.modules if name.split(".")[0] in ("warp_pd", "study", "references")]:
+    for name in [name for name in sys.modules if name.split(".")[0] in ("warp_pd", "study")]:
         del sys.modules[name]
     os.chdir(tree)
-    os.environ["PYTHONPATH"] = sys.path[0] = str(tree)
-    os.environ["COLUMNS"] = "200"
+    os.environ |= {"PYTHONPATH": str(tree), "COLUMNS": "200"}
+    sys.path[0] = str(tree)
     import pytest as runner
 
     options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow and not gpu"]
     sys.exit(runner.main([*options, *files], plugins=[*plugins]))
 
 
-def reach(options: argparse.Namespace) -> None:
-    """Run each file of tests once and note what it reaches, in `work`/reach."""
-    tree = plant(options.work / "tree-reach")
-    (options.work / "reach").mkdir(parents=True, exist_ok=True)
-    folders = (*(f"tests/unit/{Path(name).name}" for name in NUMBERS), "tests/physics", "tests/unit", "tests/scenes")
-    for path in dict.fromkeys(path for folder in folders for path in sorted((ROOT / folder).rglob("test_*.py"))):
-        file = str(path.relative_to(ROOT))
-        out = options.work / "reach" / (file.replace("/", "+") + ".json")
-        if out.exists():
-            continue
-        part = tree / "reached.json"
-        said, seconds = pytest([file], tree, 40.0, [Reach(tree, part)])
-        functions = json.loads(part.read_text()) if part.exists() else []
-        part.unlink(missing_ok=True)
-        write_atomically(out, json.dumps({"file": file, "seconds": seconds, "functions": functions}))
-        print(f"{file}: {seconds:.0f} s, {len(functions)} functions, {said.strip().splitlines()[-1]}", flush=True)
-
-
-def tests_of(mutation: Mutation, work: Path) -> list[tuple[str, float]]:
-    """Files of tests that reach a change with their seconds, the likeliest to notice first."""
-    found = []
-    stem, folder = Path(mutation.file).stem, Path(mutation.file).parent.name
-    for path in (work / "reach").glob("*.json"):
-        run = json.loads(path.read_text())
-        reached = {name for file, name in run["functions"] if file == mutation.file}
-        # Outside functions any of the file will do.
-        if mutation.function in reached or (reached and not mutation.function):
-            near = (stem in run["file"]) + (f"unit/{folder}/" in run["file"]) - 3 * ("test_effects" in run["file"])
-            found.append((-near, run["seconds"], run["file"]))
-    return [(file, seconds) for _, seconds, file in sorted(found)]
-
-
-# The campaign -----------------------------------------------------------------------------------------------
-
-
 def plant(tree: Path) -> Path:
     """A copy of the tree, with kernels and scenes in the package."""
     shutil.rmtree(tree, ignore_errors=True)
     tree.mkdir(parents=True)
-    for name in COPIED:
+    for name in ("warp_pd", "kernels", "scenes", "tests", "tools", "docs", "pyproject.toml", "README.md"):
         (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(ROOT / name, tree / name)
     for name in ("kernels", "scenes"):
         (tree / "warp_pd" / name).symlink_to(tree / name)
     return tree
 
 
+def reach(options: argparse.Namespace) -> None:
+    """Run each file of tests once and note what it reaches, in `work`/reach."""
+    tree = plant(options.work / "tree-reach")
+    folders = (*(f"tests/unit/{Path(name).name}" for name in NUMBERS), "tests/physics", "tests/unit", "tests/scenes")
+    for path in dict.fromkeys(path for folder in folders for path in sorted((ROOT / folder).rglob("test_*.py"))):
+        file, plugin = str(path.relative_to(ROOT)), Reach(tree)
+        out = options.work / "reach" / (file.replace("/", "+") + ".json")
+        if out.exists() or options.only not in file:
+            continue
+        said, seconds = pytest([file], tree, 40.0, [plugin])
+        functions = json.loads(plugin.out.read_text()) if plugin.out.exists() else []
+        plugin.out.unlink(missing_ok=True)
+        out.parent.mkdir(exist_ok=True)
+        write_atomically(out, json.dumps({"file": file, "seconds": seconds, "functions": functions}))
+        print(f"{file}: {seconds:.0f} s, {len(functions)} functions, {said.strip().splitlines()[-1]}", flush=True)
+
+
+def tests_of(row: Row, work: Path) -> list[tuple[str, float]]:
+    """Files of tests that reach a change with their seconds, the likeliest to notice first."""
+    found = []
+    stem, folder = Path(row["file"]).stem, Path(row["file"]).parent.name
+    for path in (work / "reach").glob("*.json"):
+        run = json.loads(path.read_text())
+        reached = {name for file, name in run["functions"] if file == row["file"]}
+        # Outside functions any of the file will do. One test launches every kernel, and looks at what it touches.
+        if row["function"] in reached or (reached and not row["function"]):
+            near = (stem in run["file"]) + (f"unit/{folder}/" in run["file"]) - 3 * ("test_effects" in run["file"])
+            found.append((-near, run["seconds"], run["file"]))
+    return [(file, seconds) for _, seconds, file in sorted(found)]
+
+
 def outcome(mutation: Mutation, tree: Path, tests: Sequence[tuple[str, float]]) -> Row:
     """Make a change, run tests in order until one fails, and take the change back."""
-    path = tree / mutation.file
+    path = tree / mutation.row["file"]
     source = path.read_bytes()
     path.write_bytes(source[: mutation.begin] + mutation.text.encode() + source[mutation.end :])
     # Python tells a changed source by its size and the second of its time.
     stale = path.parent / "__pycache__" / f"{path.stem}.{sys.implementation.cache_tag}.pyc"
     stale.unlink(missing_ok=True)
     try:
-        said, seconds = pytest([file for file, _ in tests], tree, sum(s for _, s in tests))
+        said, seconds = pytest([file for file, _ in tests], tree, sum(seconds for _, seconds in tests))
     finally:
         path.write_bytes(source)
         stale.unlink(missing_ok=True)
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+?)(?: - (.*))?$", said, re.MULTILINE)
+    failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - (.*))?$", said, re.MULTILINE)
     by, why = (failed[1], (failed[2] or "")[:80]) if failed else ("", "")
     result = "survived" if not failed else "does not compile" if NO_KERNEL.search(said) else "found"
     return {"result": result, "by": by, "why": why, "seconds": seconds}
+
+
+def attempt(mutation: Mutation, tree: Path, rows: list[Row], options: argparse.Namespace, seconds: float) -> None:
+    """Try a change with tests of some seconds, at least a file of them, and keep what came."""
+    tests = tests_of(mutation.row, options.work)
+    ends = accumulate(seconds for _, seconds in tests)
+    taken = [test for test, end in zip(tests, ends, strict=True) if test == tests[0] or end < seconds]
+    row = mutation.row | {"result": "survived", "by": "", "why": "no test reaches it", "seconds": 0.0, "reason": ""}
+    row |= outcome(mutation, tree, taken) if taken else {}
+    rows.append({**row, "files": len(taken)})
+    save_rows(options.out, rows)
+    print(f"{row['file']}:{row['line']} {row['before']} -> {row['after']}: {row['result']} {row['by']}", flush=True)
 
 
 def key(row: Row) -> tuple[str, ...]:
@@ -321,57 +312,46 @@ def campaign(options: argparse.Namespace) -> None:
                 del waiting[folder]
             else:
                 tried.add(key(mutation.row))
-                attempt(mutation, tree, rows, options)
-
-
-def attempt(mutation: Mutation, tree: Path, rows: list[Row], options: argparse.Namespace) -> None:
-    """Try a change with the likeliest tests, then with more, and keep what came."""
-    tests = tests_of(mutation, options.work)
-    row = mutation.row | {"result": "survived", "by": "", "why": "no test reaches it", "seconds": 0.0}
-    ends = [sum(seconds for _, seconds in tests[: i + 1]) for i in range(len(tests))]
-    soon = [test for test, end in zip(tests, ends, strict=True) if test == tests[0] or end < SOON]
-    late = [test for test, end in zip(tests, ends, strict=True) if test not in soon and end < LATE]
-    for group in (soon, late):
-        if group and row["result"] == "survived":
-            row |= outcome(mutation, tree, group)
-    rows.append({**row, "files": len(soon) + len(late), "reason": ""})
-    save_rows(options.out, rows)
-    print(f"{row['file']}:{row['line']} {row['before']} -> {row['after']}: {row['result']} {row['by']}", flush=True)
+                attempt(mutation, tree, rows, options, SOON)
 
 
 def again(options: argparse.Namespace) -> None:
     """Try survivors without a reason once more."""
     rows, tree = load_rows(options.out), plant(options.work / "tree")
-    for row in [row for row in rows if row["result"] == "survived" and not row["reason"]]:
-        same = (mutation for mutation in found_in(row["file"]) if key(mutation.row) == key(row))
-        if (mutation := next(same, None)) is None:
+    for row in [
+        row for row in rows if row["result"] == "survived" and not row["reason"] and options.only in row["file"]
+    ]:
+        mutation = next((m for m in mutations_in(row["file"]) if key(m.row) == key(row)), None)
+        if mutation is None:
             print(f"{row['file']}: {row['before']} is not there any more")
         else:
             rows.remove(row)
-            attempt(mutation, tree, rows, options)
+            attempt(mutation, tree, rows, options, LATE)
 
 
 def page(options: argparse.Namespace) -> None:
-    """Write the section of the page, which has the survivors with their reasons."""
+    """Renew the section of the page."""
     rows = [row for row in load_rows(options.out) if row["result"] != "does not compile"]
-    same = [row for row in rows if row["reason"]]
-    lost = [row for row in rows if row["result"] == "survived" and not row["reason"]]
-    counts_of = [
-        [f for f in part if f["file"].startswith(f"{folder}/")] for folder in NUMBERS for part in (rows, same, lost)
+    lines = []
+    for folder in NUMBERS:
+        own = [row for row in rows if row["file"].startswith(f"{folder}/")]
+        same = sum(bool(row["reason"]) for row in own)
+        found = sum(row["result"] == "found" for row in own)
+        lines.append([folder, *map(str, (len(own), found, same, len(own) - found - same))])
+    lines.append(["all", *(str(sum(int(line[i]) for line in lines)) for i in range(1, 5))])
+    text = [
+        f"Made by `tools/mutations.py` on {provenance('a CPU')}; every change is in [mutations.json](mutations.json).",
+        "",
     ]
-    head = ["folder", "changes", "found", "change no behaviour", "missed"]
-    lines = [
-        [folder, str(len(all_)), str(len(all_) - len(even) - len(left)), str(len(even)), str(len(left))]
-        for folder, all_, even, left in zip(NUMBERS, counts_of[::3], counts_of[1::3], counts_of[2::3], strict=True)
-    ]
-    print(head, lines, provenance, renew, table, DOCS)
+    head = ("folder", "changes", "found", "of no effect", "missed")
+    renew(DOCS / "reliability.md", {"## Tests that notice": [*text, *table(head, lines)]})
 
 
 def main() -> None:
     """Command line of the tool."""
     parser = study_parser(__doc__, work=Path("/tmp/mutants"), out=DOCS / "mutations.json")
     parser.add_argument("what", choices=("reach", "try", "again", "page"))
-    parser.add_argument("--only", default="", help="folders whose path has this text")
+    parser.add_argument("--only", default="", help="folders or files whose path has this text")
     options = parser.parse_args()
     {"reach": reach, "try": campaign, "again": again, "page": page}[options.what](options)
 
