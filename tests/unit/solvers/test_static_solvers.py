@@ -5,6 +5,7 @@ from helpers import square
 from small_runs import cli, simulate
 
 from warp_pd import BoundaryForce, CriticalStretch, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
+from warp_pd.solvers.newton_settings import Report
 
 
 def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
@@ -20,6 +21,13 @@ def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
     stepping = {"step", "damping", "direction", "previous_force"}
     assert stepping <= fields["Relaxation"]
     assert not stepping & fields["Newton"]
+
+
+def test_the_summary_of_newton_counts_the_finest_lattice():
+    coarse = {"points": 9, "shares": [1.0], "products": 3, "residuals": [0.2]}
+    fine = {"points": 25, "shares": [0.5, 1.0], "products": 7, "residuals": [0.1, 1e-9]}
+    found = Report("multigrid", [{"lattices": [coarse, fine]}, {"lattices": [fine]}]).summary(25, 1.0)
+    assert (found["iterations"], found["products"], found["residuals"]) == (4, 14, 2 * [0.1, 1e-9])
 
 
 WRONG = [
