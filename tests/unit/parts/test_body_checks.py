@@ -38,7 +38,7 @@ def test_a_way_through_a_triangle_is_told_from_one_beside_it():
     corners = np.array([[0.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     checks = BodyChecks.__new__(BodyChecks)
     checks._intact = None
-    for beside, met in ((0.3, True), (0.7, False)):
+    for beside, met in ((0.45, True), (0.55, False)):
         begin, end = ((shift, 0.0, height) for shift, height in ((0.0, 0.2), (5.0 * beside, -0.8)))
         passed = checks._passed((corners + begin)[None], (corners + end)[None], np.array([[0, 1, 2]]))
         assert passed == met

@@ -5,6 +5,8 @@ from helpers import square
 from small_runs import cli, simulate
 
 from warp_pd import BoundaryForce, CriticalStretch, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
+from warp_pd.geometry.triangulation import Lattice
+from warp_pd.solvers.multigrid import coarser
 from warp_pd.solvers.newton_settings import Report
 
 
@@ -28,6 +30,13 @@ def test_the_summary_of_newton_counts_the_finest_lattice():
     fine = {"points": 25, "shares": [0.5, 1.0], "products": 7, "residuals": [0.1, 1e-9]}
     found = Report("multigrid", [{"lattices": [coarse, fine]}, {"lattices": [fine]}]).summary(25, 1.0)
     assert (found["iterations"], found["products"], found["residuals"]) == (4, 14, 2 * [0.1, 1e-9])
+
+
+def test_coarser_lattices_cover_the_same_rectangle():
+    found = coarser(Lattice(65, 33, 0.02, 0.03))
+    assert len(found) > 1 and (found[0].columns, found[0].rows) == (33, 17)
+    for lattice in found:
+        assert (lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)) == pytest.approx((1.28, 0.96))
 
 
 WRONG = [
