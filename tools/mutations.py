@@ -321,10 +321,10 @@ def campaign(options: argparse.Namespace) -> None:
 def again(options: argparse.Namespace) -> None:
     """Try survivors without a reason once more."""
     rows, tree = load_rows(options.out), plant(options.work / "tree")
-    for row in [
-        row for row in rows if row["result"] == "survived" and not row["reason"] and options.only in row["file"]
-    ]:
-        mutation = next((m for m in mutations_in(row["file"]) if key(m.row) == key(row)), None)
+    left = [row for row in rows if row["result"] == "survived" and not row["reason"] and options.only in row["file"]]
+    for row in left:
+        same = [m for m in mutations_in(row["file"]) if key(m.row) == key(row)]
+        mutation = min(same, key=lambda m: abs(m.row["line"] - row["line"]), default=None)
         if mutation is None:
             print(f"{row['file']}: {row['before']} is not there any more")
         else:
