@@ -9,6 +9,8 @@ and dP enters in the place of P: the family of i pulls its member k with c_k [su
 result is the change of the internal force, which is minus the Hessian of the energy times v: symmetric.
 An isotropic tension may be added to every S_ij. By itself it is the tangent of a stretched soap film, a Laplacian,
 and gives a flat or slack sheet the out-of-plane stiffness that it lacks.
+In a softened layout the damage of its point has taken stiffness from all that is stored of a family, see
+kernels/damage_field.py.
 """
 
 import functools
@@ -23,6 +25,7 @@ from .factories import FunctionFactory, PairFactory
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
+from .stiffness_left import stiffness_left
 
 # Lower bound on the eigenvalues of a diagonal block, divided by its largest one.
 MIN_STIFFNESS = 1e-6
@@ -122,6 +125,7 @@ def bond_associated_tangent(
     response_of = response(bits)
     word_size = WORD
     block_of, inverse_of = block_functions(bits)
+    left = stiffness_left(bits)
 
     @kernel(gathers=("displacement",))
     def linearise(
@@ -131,6 +135,7 @@ def bond_associated_tangent(
         constants: parameters,
         inverse_horizon: real,
         tension: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
         first: int,
         gradient: wp.array2d(dtype=mat32),
         stress: wp.array2d(dtype=vec3),
@@ -154,6 +159,8 @@ def bond_associated_tangent(
                 stress[j, i] = weight * vec3(S[0, 0] + tension[0], S[0, 1], S[1, 1] + tension[0])
                 moduli[j, i] = weight * T
         scale = family_scale(family, i, undamaged, total)
+        if wp.static(layout.softened):
+            scale = left(damage[i]) * scale
         for j in range(family.members):
             stress[j, i] = scale * stress[j, i]
             moduli[j, i] = scale * moduli[j, i]

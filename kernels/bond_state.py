@@ -65,10 +65,14 @@ def bond_state(layout: Layout) -> BondState:
 
 
 @functools.cache
-def gather_pairs(layout: Layout) -> Pointwise:
+def gather_pairs(layout: Layout, softens: bool = True) -> Pointwise:
     """Pointwise stage that sums bond_force [members, points], both ends of a bond, to the internal force [N].
 
     In a softened layout each family has lost stiffness by the damage of its point, see kernels/damage_field.py.
+
+    Args:
+        layout: Layout of the families.
+        softens: Whether `bond_force` of a softened layout is still that of the undamaged families.
     """
     vec3, real = layout.types.vec3, layout.types.real
     f = family_functions(layout)
@@ -93,7 +97,7 @@ def gather_pairs(layout: Layout) -> Pointwise:
                     m = f.neighbour(a.family, i, k)
                     own = a.bond_force[k, i]
                     others = a.bond_force[f.reverse(a.family, i, k), m]
-                    if wp.static(layout.softened):
+                    if wp.static(layout.softened and softens):
                         own = left(a.damage[i]) * own
                         others = left(a.damage[m]) * others
                     pull += own - others

@@ -11,16 +11,26 @@ one times g, and g stands where forces are gathered alone. At a fixed displaceme
 
     d_i = max(d_i earlier, min(1, (2 y_i - 1 + sum_k c_ik d_k) / (2 y_i + sum_k c_ik))),      y_i = 8 l Y_i / (3 Gc),
 
-is one sweep of Jacobi's method. c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the
-triangles, with sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a
-free edge, and exact for a linear field on any triangles.
+is one sweep of Jacobi's method; for another g it is a step of Newton's method, which comes from below.
+c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the triangles, with
+sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a free edge, and
+exact for a linear field on any triangles.
+
+A sheet whose strength is less than that has the g of Lorentz (Int. J. Fract. 207, 2017), which falls faster at first:
+
+    g(d) = (1 - d)^2 / ((1 - d)^2 + m d (1 + p d)),     m = 3 Gc / (8 l strength),     p = min(1, 1.5 (m - 2) - 0.5).
+
+m = 2 is the g above. The energy of a tear and the profile around it stay the same. Forces take 1 - sqrt(g) in place of
+d, so that they know one g alone.
 
 Points may change that are damaged, that have a damaged neighbour, or whose energy is above the limit. They are listed
-in every step; a GPU lists them in any order, on which no result depends.
+in every step; a GPU lists them in any order, on which no result depends. The threads of a CPU have no atomics: each
+lists what it finds apart, and one of them puts that together.
 
-Bonds break for good where d has reached SEVERED at an end, or at a common member nearer to the line between the ends
-than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. Around a cut that is there from the
-start nothing breaks before d has grown: its own bonds are severed.
+Bonds break for good where d has reached `severed_at` at an end, or at a common member nearer to the line between the
+ends than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. A point is severed where d is
+what a crack between two rows has at these rows. Around a cut that is there from the start nothing breaks before d has
+grown: its own bonds are severed. Points ahead of its end follow once a tear has severed PASSED of their members.
 """
 
 import functools
@@ -34,9 +44,13 @@ from .effects import Kernel, kernel
 from .families import WORD, Layout, family_functions
 from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
-from .stiffness_left import stiffness_left
+from .stiffness_left import degradation, stiffness_left
 
-SEVERED, NEAR = 0.8, 0.55
+NEAR, PASSED = 0.55, 3
+# Points of a thread of a CPU that lists them.
+TOGETHER = 256
+# What `driving` is at points that are not listed, for processes that have them as ghost points.
+UNLISTED = -2.0
 
 
 @dataclass(frozen=True)
@@ -44,36 +58,42 @@ class DamageFieldKernels:
     """Kernels of one configuration.
 
     Attributes:
-        empty: Empties the list.
+        empty: Empties the list, on a GPU.
         wake: Lists the points whose damage may change, and some others.
+        pack: Puts the lists of all threads together, on a CPU.
         drive: Fills `driving` with y of listed points, or -1 where nothing can happen, and `before` with their damage.
         sweep: One sweep over the listed points.
-        finish: Breaks bonds of listed points, and sums the energy that is released.
+        finish: Breaks bonds of listed points, wakes the neighbours of new damage, and sums the energy that is released.
+        rouse: Marks the points that are damaged, or have a damaged neighbour, as awake.
         fracture_energy: Energy of the field at each point [J].
         shown: The damage of each point in float32, for frames.
     """
 
     empty: Kernel
     wake: Kernel
+    pack: Kernel
     drive: Kernel
     sweep: Kernel
     finish: Kernel
+    rouse: Kernel
     fracture_energy: Kernel
     shown: Kernel
 
 
 @functools.cache
 def damage_field(
-    layout: Layout, spared: bool, screened: bool, tracked: bool, earlier_energy: wp.Function
+    layout: Layout, atomics: bool, spared: bool, screened: bool, tracked: bool, weak: bool, earlier_energy: wp.Function
 ) -> DamageFieldKernels:
     """Kernels of the field.
 
     Args:
         layout: Layout of the families.
+        atomics: Whether the device has atomics: a GPU.
         spared: Whether some points stay undamaged.
         screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
             otherwise all points are listed.
         tracked: Whether to sum the energy that is released.
+        weak: Whether the strength is less than 3 Gc / (16 l).
         earlier_energy: Warp function of the force law's energy of a family a moment ago.
     """
     types = layout.types
@@ -81,8 +101,9 @@ def damage_field(
     f = family_functions(layout)
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
-    left = stiffness_left(layout.bits)
+    left, fall, curvature = degradation(layout.bits, weak)
     energy_of_step = energy_over_step(layout, earlier_energy)
+    together = 1 if atomics else TOGETHER
 
     @wp.func
     def stretched(
@@ -115,11 +136,21 @@ def damage_field(
             most = wp.max(most, damage[neighbours[k, i]])
         return most > real(0.0)
 
+    @kernel(gathers=("damage",))
+    def rouse(
+        neighbours: wp.array2d(dtype=wp.int32),
+        damage: wp.array(dtype=real),
+        first: int,
+        awake: wp.array(dtype=wp.uint8),
+    ):
+        i = wp.tid() + first
+        awake[i] = wp.where(touches_damage(damage, neighbours, i), wp.uint8(1), wp.uint8(0))
+
     @kernel(per="once")
     def empty(first: int, count: wp.array(dtype=wp.int32)):
         count[0] = 0
 
-    @kernel(per="list", gathers=("displacement", "damage"))
+    @kernel(per="list", gathers=("displacement",))
     def wake(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -128,24 +159,61 @@ def damage_field(
         looked_at: wp.array(dtype=wp.int32),
         shortest: real,
         longest: real,
-        neighbours: wp.array2d(dtype=wp.int32),
         spared_mask: wp.array(dtype=wp.uint8),
-        damage: wp.array(dtype=real),
+        awake: wp.array(dtype=wp.uint8),
+        start: int,
+        stop: int,
         first: int,
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
+        found: wp.array(dtype=wp.int32),
     ):
-        i = wp.tid() + first
-        if wp.static(spared):
-            if spared_mask[i] != wp.uint8(0):
-                return
-        if wp.static(screened):
-            if not touches_damage(damage, neighbours, i):
-                if not stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i):
-                    return
-        listed[wp.atomic_add(count, 0, 1)] = i
+        thread = wp.tid() + first
+        place = thread * wp.static(together)
+        for i in range(start + place, wp.min(start + place + wp.static(together), stop)):
+            wakes = bool(True)
+            if wp.static(spared):
+                wakes = spared_mask[i] == wp.uint8(0)
+            if wp.static(screened):
+                if wakes and awake[i] == wp.uint8(0):
+                    wakes = stretched(family, displacement, intact, horizon, looked_at, shortest, longest, i)
+            if wakes:
+                if wp.static(atomics):
+                    listed[wp.atomic_add(count, 0, 1)] = i
+                else:
+                    listed[place] = i
+                    place += 1
+        if wp.static(not atomics):
+            found[thread] = place - thread * wp.static(together)
 
-    @kernel(per="list", gathers=("displacement", "damage"))
+    @kernel(per="once")
+    def pack(
+        found: wp.array(dtype=wp.int32), first: int, listed: wp.array(dtype=wp.int32), count: wp.array(dtype=wp.int32)
+    ):
+        total = wp.int32(0)
+        for thread in range(found.shape[0]):
+            for k in range(found[thread]):
+                listed[total] = listed[thread * wp.static(together) + k]
+                total += 1
+        count[0] = total
+
+    @wp.func
+    def tear_has_passed(
+        family: Family,
+        damage: wp.array(dtype=real),
+        severed_at: wp.array(dtype=real),
+        i: int,
+    ):
+        """Whether PASSED members of the undamaged family are severed."""
+        found = wp.int32(0)
+        for k in range(family.members):
+            if bit_of(f.initial(family, i, k // word_size), k % word_size):
+                m = f.neighbour(family, i, k)
+                if damage[m] >= severed_at[m]:
+                    found += wp.int32(1)
+        return found >= PASSED
+
+    @kernel(per="list", gathers=("displacement", "damage", "severed_at"))
     def drive(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -153,12 +221,15 @@ def damage_field(
         constants: parameters,
         inverse_horizon: real,
         scale: wp.array(dtype=real),
-        neighbours: wp.array2d(dtype=wp.int32),
+        fastest: real,
+        ahead: wp.array(dtype=wp.uint8),
+        awake: wp.array(dtype=wp.uint8),
         damage: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         stride: int,
         first: int,
+        severed_at: wp.array(dtype=real),
         driving: wp.array(dtype=real),
         before: wp.array(dtype=real),
     ):
@@ -167,14 +238,18 @@ def damage_field(
             y = scale[i] * earlier_energy(
                 family, intact, displacement, displacement, real(0.0), constants, inverse_horizon, i
             )
-            driving[i] = wp.where(y > real(0.5) or touches_damage(damage, neighbours, i), y, real(-1.0))
+            driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
             before[i] = damage[i]
+            if ahead[i] != wp.uint8(0) and damage[i] < severed_at[i]:
+                if tear_has_passed(family, damage, severed_at, i):
+                    severed_at[i] = damage[i]
 
     @kernel(per="list", gathers=("source",))
     def sweep(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
         driving: wp.array(dtype=real),
+        fastest: real,
         source: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
@@ -187,13 +262,13 @@ def damage_field(
             d = source[i]
             y = driving[i]
             if y >= real(0.0):
-                above = real(2.0) * y - real(1.0)
-                below = real(2.0) * y
+                above = fall(d, fastest) * y - real(1.0)
+                below = curvature(d, fastest) * y
                 for k in range(neighbours.shape[0]):
                     c = couplings[k, i]
-                    above += c * source[neighbours[k, i]]
+                    above += c * (source[neighbours[k, i]] - d)
                     below += c
-                d = wp.max(d, wp.min(above / below, real(1.0)))
+                d = wp.min(d + wp.max(above / below, real(0.0)), real(1.0))
             target[i] = d
 
     @wp.func
@@ -263,6 +338,8 @@ def damage_field(
         spared_mask: wp.array(dtype=wp.uint8),
         squared_reach: wp.array(dtype=real),
         severed_at: wp.array(dtype=real),
+        fastest: real,
+        neighbours: wp.array2d(dtype=wp.int32),
         damage: wp.array(dtype=real),
         before: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
@@ -270,10 +347,18 @@ def damage_field(
         stride: int,
         first: int,
         intact: wp.array2d(dtype=wp.uint32),
+        awake: wp.array(dtype=wp.uint8),
+        softening: wp.array(dtype=real),
         released: wp.array(dtype=wp.float64),
     ):
         for n in range(wp.tid() + first, count[0], stride):
             i = listed[n]
+            if damage[i] > real(0.0) and before[i] == real(0.0):
+                awake[i] = wp.uint8(1)
+                for k in range(neighbours.shape[0]):
+                    awake[neighbours[k, i]] = wp.uint8(1)
+            if wp.static(weak):
+                softening[i] = real(1.0) - wp.sqrt(left(damage[i], fastest))
             breaks = bool(False)
             if near_severed(family, damage, severed_at, i):
                 for word in range(family.words):
@@ -288,16 +373,16 @@ def damage_field(
                     stored = energy_of_step(
                         family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
                     )
-                    lost = (left(before[i]) - left(damage[i])) * stored
+                    lost = (left(before[i], fastest) - left(damage[i], fastest)) * stored
                     if breaks:
-                        lost = left(before[i]) * stored
+                        lost = left(before[i], fastest) * stored
             if breaks:
                 for word in range(family.words):
                     intact[word, i] = bonds_left(
                         family, intact, damage, severed_at, spared_mask, squared_reach, i, word
                     )
                 if wp.static(tracked):
-                    lost -= left(damage[i]) * energy_of_step(
+                    lost -= left(damage[i], fastest) * energy_of_step(
                         family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
                     )
             if wp.static(tracked):
@@ -325,7 +410,7 @@ def damage_field(
         i = wp.tid() + first
         out[i] = wp.float32(damage[i])
 
-    return DamageFieldKernels(empty, wake, drive, sweep, finish, fracture_energy, shown)
+    return DamageFieldKernels(empty, wake, pack, drive, sweep, finish, rouse, fracture_energy, shown)
 
 
 @functools.cache
@@ -339,3 +424,40 @@ def soften(bits: int, value: Any) -> Kernel:
         values[i] = value(left(damage[i])) * values[i]
 
     return soften
+
+
+@functools.cache
+def ghost_kernels(bits: int) -> tuple[Kernel, Kernel]:
+    """Kernels of one of several processes, which sweeps over ghost points as their owners do.
+
+    Returns:
+        One that takes own points off the list, before others are listed; one that lists ghost points like their owners,
+        after `driving` and `damage` have come from there, by one thread of a CPU.
+    """
+    real = numeric(bits).real
+
+    @kernel()
+    def unlist(first: int, driving: wp.array(dtype=real)):
+        driving[wp.tid() + first] = real(UNLISTED)
+
+    @kernel(per="list")
+    def list_ghosts(
+        driving: wp.array(dtype=real),
+        damage: wp.array(dtype=real),
+        own_begin: int,
+        own_end: int,
+        stride: int,
+        first: int,
+        other: wp.array(dtype=real),
+        before: wp.array(dtype=real),
+        listed: wp.array(dtype=wp.int32),
+        count: wp.array(dtype=wp.int32),
+    ):
+        for n in range(wp.tid() + first, damage.shape[0] - own_end + own_begin, stride):
+            i = wp.where(n < own_begin, n, n + own_end - own_begin)
+            other[i] = damage[i]
+            before[i] = damage[i]
+            if driving[i] != real(UNLISTED):
+                listed[wp.atomic_add(count, 0, 1)] = i
+
+    return unlist, list_ghosts

@@ -3,7 +3,7 @@
 Underwood's condition (HE eq. 91), density >= dt^2/4 sum_j |K_ij|, makes a unit step stable; one number for the
 three directions makes it independent of the frame (HE, after Sauve and Metzger). With dF_ij = sum_k u_k (x) g_k, an
 intersection adds at most |A| |g_k| |g_l| between its points k and l, A the 6x6 second derivative of its energy, so
-the row of k gains |A| |g_k| sum_l |g_l|.
+the row of k gains |A| |g_k| sum_l |g_l|. In a softened layout a family gives what its damage has left of that.
 """
 
 import functools
@@ -15,6 +15,7 @@ from .bond_associated import bond_associated
 from .effects import Kernel, kernel
 from .factories import FunctionFactory, PairFactory
 from .families import WORD, Layout, family_functions
+from .stiffness_left import stiffness_left
 
 
 @functools.cache
@@ -34,6 +35,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
     green, gradient, family_scale = law.green, law.gradient, law.family_scale
     response_of = response(bits)
     word_size = WORD
+    left = stiffness_left(bits)
 
     @wp.func
     def arm(family: Family, i: int, k: int, inverse: vec3):
@@ -50,6 +52,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
         constants: parameters,
         inverse_horizon: real,
         unit_stiffness: real,
+        damage: wp.array(dtype=real),
         first: int,
         row: wp.array2d(dtype=vec3),
         own: wp.array(dtype=real),
@@ -94,6 +97,8 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
                         gained = contribution * wp.sqrt(g[0] * g[0] + g[1] * g[1])
                         row[k, i] = row[k, i] + vec3(gained, real(0.0), real(0.0))
         scale = unit_stiffness * family_scale(family, i, undamaged, total)
+        if wp.static(layout.softened):
+            scale = left(damage[i]) * scale
         own[i] = scale * centre_row
         for k in range(family.members):
             row[k, i] = scale * row[k, i]

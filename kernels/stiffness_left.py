@@ -17,3 +17,58 @@ def stiffness_left(bits: int) -> wp.Function:
         return (real(1.0) - damage) * (real(1.0) - damage)
 
     return stiffness_left
+
+
+@functools.cache
+def degradation(bits: int, weak: bool) -> tuple[wp.Function, wp.Function, wp.Function]:
+    """Functions (d, m) -> g, -dg/dd and the second derivative of g, with m = -dg/dd at d = 0.
+
+    Args:
+        bits: Those of a real number.
+        weak: Whether g is that of Lorentz, which falls faster at first; otherwise it is (1 - d)^2, and m = 2.
+    """
+    real = numeric(bits).real
+
+    if not weak:
+
+        @wp.func
+        def left(d: real, m: real):
+            return (real(1.0) - d) * (real(1.0) - d)
+
+        @wp.func
+        def fall(d: real, m: real):
+            return real(2.0) * (real(1.0) - d)
+
+        @wp.func
+        def curvature(d: real, m: real):
+            return real(2.0)
+
+        return left, fall, curvature
+
+    @wp.func
+    def shape(m: real):
+        return wp.min(real(1.0), real(1.5) * (m - real(2.0)) - real(0.5))
+
+    @wp.func
+    def below(d: real, m: real):
+        return (real(1.0) - d) * (real(1.0) - d) + m * d * (real(1.0) + shape(m) * d)
+
+    @wp.func
+    def left(d: real, m: real):
+        return (real(1.0) - d) * (real(1.0) - d) / below(d, m)
+
+    @wp.func
+    def fall(d: real, m: real):
+        growth = real(1.0) + real(2.0) * shape(m)
+        return m * (real(1.0) - d) * (real(1.0) + growth * d) / (below(d, m) * below(d, m))
+
+    @wp.func
+    def curvature(d: real, m: real):
+        growth = real(1.0) + real(2.0) * shape(m)
+        bottom = below(d, m)
+        top = (real(1.0) - d) * (real(1.0) + growth * d)
+        top_slope = growth - real(1.0) - real(2.0) * growth * d
+        bottom_slope = m * (real(1.0) + real(2.0) * shape(m) * d) - real(2.0) * (real(1.0) - d)
+        return m * (real(2.0) * top * bottom_slope - top_slope * bottom) / (bottom * bottom * bottom)
+
+    return left, fall, curvature

@@ -5,8 +5,8 @@ Far ahead of the tip the sheet is in pure shear: when the crack grows by da, a p
 energy release rate is therefore exactly G = H W(stretch), whatever the length of the crack. The sheet must tear when G
 reaches the tearing energy Gc: `onset_ratio` is G / Gc when the tip has moved by `advance` spacings.
 
-`tearing_energy` is Gc [J/m^2]. The edges move apart at a
-constant speed, slow against waves, until G is `overload` times Gc. `material` is one of MATERIALS;
+`tearing_energy` is Gc [J/m^2]. The edges move apart until G is `overload` times Gc, slow against waves, and most slowly
+from 0.8 Gc on, where it may tear: while the tear runs G goes on growing. `material` is one of MATERIALS;
 `wrinkles` = "relaxed" or "resolved" says whether the sheet wrinkles below the spacing.
 """
 
@@ -78,13 +78,15 @@ def build(
     energy = positive("tearing_energy", tearing_energy)
     damage = TearingEnergy(energy, length=damage_length, spared=grips)
     last = stretch_at(sheet_material, positive("overload", overload) * energy / HEIGHT)
-    travel = 0.5 * (last - 1.0) * HEIGHT
+    first = stretch_at(sheet_material, 0.8 * min(overload, 1.0) * energy / HEIGHT)
+    times, stretches = [0.0, 0.3 * positive("duration", duration), duration], [1.0, first, last]
+    travel = [0.5 * (stretch - 1.0) * HEIGHT for stretch in stretches]
     line = TearLine(sheet)
     tip, ahead = (CUT, 0.5 * HEIGHT), (LENGTH, 0.5 * HEIGHT)
     positive("advance", advance)
 
     def stretch(built, frame):
-        return 1.0 + (last - 1.0) * min(frame.time / duration, 1.0)
+        return float(np.interp(frame.time, times, stretches))
 
     def released(built, frame):
         return float(energy_density(sheet_material, stretch(built, frame), 1.0, built.context.device)) * HEIGHT / energy
@@ -104,12 +106,12 @@ def build(
         sheet,
         force=BondAssociated(sheet_material, horizon=horizon),
         loads=[
-            Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
-            Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
+            Motion(top, times=times, x=0.0, y=travel, z=0.0),
+            Motion(bottom, times=times, x=0.0, y=[-y for y in travel], z=0.0),
         ],
         damage=damage,
         initial_displacement=rough_surface(sheet, roughness, seed, grips),
-        solver=Explicit(duration=positive("duration", duration), frames=count("frames", frames, 1), damping=damping),
+        solver=Explicit(duration=duration, frames=count("frames", frames, 1), damping=damping),
         measures=[
             Measure("stretch", "1", stretch),
             Measure("release_ratio", "1", released),

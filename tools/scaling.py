@@ -26,7 +26,18 @@ from typing import Any
 
 import warp as wp
 
-from warp_pd import BondAssociated, CriticalStretch, Explicit, Fixed, MooneyRivlin, Pressure, Result, Sheet, Simulation
+from warp_pd import (
+    BondAssociated,
+    CriticalStretch,
+    Explicit,
+    Fixed,
+    MooneyRivlin,
+    Pressure,
+    Result,
+    Sheet,
+    Simulation,
+    TearingEnergy,
+)
 
 # A quarter of the stable step of a sheet, times its intervals [s].
 STEP = 0.0125
@@ -41,7 +52,7 @@ def scene(options: argparse.Namespace, processes: int, steps: int) -> Simulation
     made = functools.partial(Sheet.filled, jitter=0.2) if options.cloud else Sheet.rectangle
     sheet = made(1.0, (rows - 1) / intervals, thickness=1e-3, density=1000.0, points=(options.points, rows))
     law = BondAssociated(MooneyRivlin(5e4, 0.0), horizon=options.horizon, weights="plain")
-    damage = CriticalStretch(5.0) if options.tears else None
+    damage = TearingEnergy(1e4) if options.field else CriticalStretch(5.0) if options.tears else None
     step = STEP / intervals
     solver = Explicit(step * steps, frames=1, step=step)
     return Simulation(sheet, law, solver, loads=[Fixed(sheet.edges("left")), Pressure(1.0)], damage=damage)
@@ -104,6 +115,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--weak", action="store_true", help="a square for each process")
     parser.add_argument("--tears", action="store_true", help="bonds can break")
+    parser.add_argument("--field", action="store_true", help="a damage field")
     parser.add_argument("--cloud", action="store_true", help="a jittered cloud")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--out", type=Path, help="folder of the files of a single run")

@@ -65,6 +65,7 @@ SCENES = (
     SceneCase("edge_notch", "Notch at an edge"),
     SceneCase("running_crack", "Crack that runs along a strip"),
     SceneCase("puncture", "Ball through a slit"),
+    SceneCase("stable_crack", "Crack that grows at rest"),
     SceneCase("bulge_test", "Bulge test"),
     SceneCase("holed_strip", "Strip with a hole"),
     SceneCase("drum", "Drum, struck", {"points": 31, "amplitude": 0.01, "duration": 1e-3, "frames": 10}),

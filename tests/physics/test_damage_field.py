@@ -22,6 +22,8 @@ from warp_pd import (
     Visco,
     Yeoh,
 )
+from warp_pd.device import graph
+from warp_pd.device.graph import CpuLaunch
 from warp_pd.families import unpack
 from warp_pd.geometry.couplings import gradient_couplings
 from warp_pd.materials import energy_density
@@ -62,10 +64,13 @@ def test_the_force_is_minus_the_gradient_of_the_energy(sheet, law):
     np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
 
 
-@pytest.mark.parametrize("sheet", [square(17), jittered(17)], ids=["lattice", "cloud"])
-def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet):
+@pytest.mark.parametrize(
+    ("sheet", "strength"), [(square(17), None), (jittered(17), None), (square(17), 30.0), (square(17), 15.0)],
+    ids=["lattice", "cloud", "weak", "weakest"],
+)  # fmt: skip
+def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet, strength):
     """A strain far above the limit in the middle; where the damage grew, no small change of it lowers the energy."""
-    built = build(sheet, damage=TearingEnergy(8.0, length=0.016), weights="corrected")
+    built = build(sheet, damage=TearingEnergy(8.0, length=0.016, strength=strength), weights="corrected")
     built.state.step.fill_(1e-12)
     x = sheet.points - 0.05
     bump = np.exp(-(x**2).sum(axis=1, keepdims=True) / 0.02**2)
@@ -80,7 +85,7 @@ def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet):
     assert 0 < len(grown) < sheet.size and 0.1 < field.max() < 0.8
 
     def energy(values):
-        built.rupture.field.assign(values)
+        built.rupture.assign(values)
         return strain_energy(built, displacement) + float(built.rupture.fracture.numpy().sum())
 
     def slope(point, size=1e-6):
@@ -89,7 +94,7 @@ def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet):
         return (energy(field + change) - energy(field - change)) / (2.0 * size)
 
     scale = built.rupture.limit * sheet.thickness * sheet.areas
-    for point in grown:
+    for point in grown[:: max(1, len(grown) // 30)]:
         assert abs(slope(point)) < 2e-4 * scale[point]
     for point in np.flatnonzero(field == 0.0)[::7]:
         assert slope(point, 1e-9) > -1e-6 * scale[point]
@@ -112,6 +117,7 @@ def test_the_energy_of_a_crack_is_its_length_times_the_tearing_energy(sheet, deg
     x = (sheet.points - sheet.points.mean(axis=0)) @ [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     on_line = np.abs(x[:, 1]) < 0.4 * sheet.spacing
     built.rupture.field.assign(np.where(on_line, 1.0, 0.0))
+    built.context.run("start")
     for _ in range(60):
         built.context.run("step")
     field = built.rupture.field.numpy()
@@ -134,6 +140,13 @@ def test_couplings_are_exact_for_linear_fields(sheet):
             assert w == 0.0 or w in weights[:, m][neighbours[:, m] == i]
 
 
+@pytest.mark.parametrize("sheet", [jittered(15), square(9)], ids=["cloud", "lattice"])
+def test_couplings_of_some_points_are_theirs_among_all(sheet):
+    some = np.random.default_rng(0).permutation(sheet.size)[:40]
+    for found, whole in zip(gradient_couplings(sheet, some), gradient_couplings(sheet), strict=True):
+        np.testing.assert_array_equal(found, whole[:, some])
+
+
 def test_damage_never_heals():
     sheet = square(9)
     built = build(sheet, damage=TearingEnergy(5.0))
@@ -141,7 +154,8 @@ def test_damage_never_heals():
     found = []
     for stretch in (1.0, 1.3, 1.6, 1.2, 1.0):
         internal_force(built, uniform(sheet, [[stretch, 0.0], [0.0, 1.0], [0.0, 0.0]]))
-        built.context.run("step")
+        for _ in range(20):
+            built.context.run("step")
         found.append(built.rupture.field.numpy().copy())
     assert (np.diff(found, axis=0) >= 0.0).all() and found[0].max() == 0.0 and found[2].max() > 0.2
     np.testing.assert_array_equal(found[2], found[4])
@@ -189,6 +203,30 @@ def test_a_run_resumed_in_the_middle_of_a_tear_is_the_same(tmp_path):
     assert ((field > 0.1) & (field < 0.7)).any() and (field > 0.8).any()
 
 
+def test_each_point_is_listed_once_by_any_number_of_threads():
+    """Those of a CPU have no atomics; a list that two of them share loses points, now and then."""
+    built = build(square(301), damage=TearingEnergy(10.0, screened=False))
+    built.context.compile()
+    listing = [item for item in built.context.stages["start"] if item.name in ("wake", "pack")]
+    launches = [CpuLaunch(item, built.context.device, split_from=0.0, parts=8) for item in listing]
+    for _ in range(50):
+        for launch in launches:
+            launch.run()
+        count = int(array(built, "listed_count").numpy()[0])
+        listed = array(built, "listed_points").numpy()[:count]
+        np.testing.assert_array_equal(np.sort(listed), np.arange(301**2))
+
+
+def test_two_runs_are_equal_however_launches_are_divided(monkeypatch):
+    law = BondAssociated(TensionField(NEO), horizon=2.015)
+    one = torn_strip(law).run(device="cpu")
+    monkeypatch.setattr(graph, "SPLIT_FROM", 0.0)
+    other = torn_strip(law).run(device="cpu")
+    assert one.history == other.history and one.history[-1]["largest_damage"] > 0.8
+    for name in ("displacement", "damage_field", "intact_bonds", "released"):
+        np.testing.assert_array_equal(array(one.built, name).numpy(), array(other.built, name).numpy())
+
+
 def test_spared_points_stay_undamaged_and_keep_their_bonds():
     sheet = square(17).cut((-0.01, 0.047), (0.04, 0.047))
     spared = sheet.where(lambda x, y: x > 0.06)
@@ -210,6 +248,7 @@ def test_both_ends_of_a_bond_agree():
     built = torn_strip(BondAssociated(TensionField(NEO)), sheet=jittered(17, share=0.3)).build("cpu")
     families, n = built.law.families, len(built.rupture.field)
     built.rupture.field.assign(np.where(np.random.default_rng(0).random(n) < 0.05, 0.9, 0.01))
+    built.context.run("start")
     built.state.step.fill_(1e-12)
     built.context.run("step")
     intact = unpack(built.law.intact.numpy().T, families.members)
@@ -224,7 +263,7 @@ def test_intact_material_begins_to_tear_at_its_strength():
     sheet, inside = square(15), lambda x, y: np.maximum(np.abs(x - 0.05), np.abs(y - 0.05)) < 0.03
     for widths in (lambda s: s**-0.5, lambda s: 1.0 + 0.0 * s, lambda s: s):
         built = build(sheet, damage=TearingEnergy(5.0, strength=300.0), weights="corrected")
-        assert built.rupture.length == pytest.approx(2.0 * 2.015 * sheet.spacing)
+        assert built.rupture.length == pytest.approx(4.0 * sheet.spacing)
         built.state.step.fill_(1e-12)
         stretches = np.linspace(1.0, 1.5, 2001)
         energies = energy_density(NEO, stretches, widths(stretches))
@@ -247,7 +286,7 @@ def test_a_stretch_at_break_is_a_strength():
 
 def test_a_strength_that_the_spacing_resolves_gives_the_length():
     built = build(square(41), damage=TearingEnergy(60.0, strength=300.0))
-    assert built.rupture.limit == pytest.approx(300.0) and built.rupture.length > 2.0 * built.law.families.horizon
+    assert built.rupture.limit == pytest.approx(300.0) and built.rupture.length > 4.0 * built.context.sheet.spacing
 
 
 def test_the_cut_of_a_sheet_breaks_no_bonds_while_nothing_pulls():
@@ -332,11 +371,23 @@ def test_other_criteria_have_no_field():
 
 @pytest.mark.parametrize("given", [
     {"energy": 0.0}, {"energy": -1.0}, {"energy": float("nan")}, {"energy": "1"}, {"length": 0.0}, {"strength": -1.0},
-    {"stretch_at_break": 0.9}, {"length": 1.0, "strength": 1.0},
+    {"stretch_at_break": 0.9}, {"stretch_at_break": 1.9, "strength": 1.0},
 ])  # fmt: skip
 def test_wrong_values_are_refused(given):
     with pytest.raises(InputError, match=r"^TearingEnergy"):
         TearingEnergy(**{"energy": 1.0, **given})
+
+
+def test_a_strength_below_that_of_the_length_is_a_constant_of_its_own():
+    """Where intact material begins to tear; the energy of a crack, and the profile around it, stay."""
+    given = {"sheet": square(41), "weights": "corrected"}
+    strong, weak = (build(damage=TearingEnergy(60.0, length=0.02, strength=s), **given).rupture for s in (None, 200.0))
+    assert strong.limit > 500.0 and weak.limit == pytest.approx(200.0)
+    assert weak.length == strong.length and len(weak.notes([{"mean_damage": 0.0}], None)) == 1
+    with pytest.raises(
+        InputError, match=r"^TearingEnergy\.strength = 600 J/m\^3 at a length of 0\.02 m: expected at most 5"
+    ):
+        build(damage=TearingEnergy(60.0, length=0.02, strength=600.0), **given)
 
 
 def test_a_length_shorter_than_the_families_is_refused():

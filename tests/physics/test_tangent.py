@@ -5,11 +5,11 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from curved_sheets import rough_motion, small_sphere, small_tube, tear
-from helpers import GENT, NEO, jittered, rough, sever, square
+from helpers import GENT, NEO, jittered, rough, sever, soften, square
 from material_kernels import evaluate, respond
 from small_runs import simulate
 
-from warp_pd import CriticalStretch, Explicit, Fixed, NeoHookean, Pressure
+from warp_pd import CriticalStretch, Explicit, Fixed, NeoHookean, Pressure, TearingEnergy
 from warp_pd.device.fields import assign
 from warp_pd.laws.bond_associated_tangent import BondAssociatedTangent
 from warp_pd.solvers.level import Level
@@ -41,6 +41,8 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     built = simulate(sheet, Explicit(1.0), loads=loads, damage=damage, **parts).build("cpu", 64)
     if crack is not None:
         tear(built) if sheet.frames is not None else sever(built, crack)
+    if built.context.features.softened:
+        soften(built)
     context, state = built.context, built.state
     with patch.object(BondAssociatedTangent, "_stores_matrix", lambda tangent: assembled):
         level = Level(context, built.law, built.law.tangent(context, True), built.external.following)
@@ -66,6 +68,8 @@ CASES = {
     "sphere": (small_sphere(), {"weights": "corrected"}),
     "broken tube": (small_tube(16, 1.5), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
     "broken cloud": (jittered(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
+    "softened lattice": (square(11), {"damage": TearingEnergy(10.0), "weights": "corrected"}),
+    "softened and broken cloud": (jittered(11), {"crack": CRACK, "damage": TearingEnergy(10.0)}),
 }  # fmt: skip
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_pd import Explicit, InputError
+from warp_pd import BondAssociated, Explicit, InputError, NeoHookean, Newton, Simulation
 from warp_pd.__main__ import build_scene, load_scene, scene_names
 from warp_pd.geometry.enclosure import volume_of
+from warp_pd.scenes import stable_crack
 
 SMALL = {
     "bimodular_bar": {"points": 60},
@@ -41,6 +42,7 @@ SMALL = {
     "running_crack": {"points": 20, "frames": 60, "overload": 1.4, "damage_length": 3.2e-3},
     "puncture": {"points": 21, "slit": 0.012, "frames": 20, "damage_length": 5e-3},
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
+    "stable_crack": {"points": 16, "damage_length": 5.5e-3, "growth": 0.5, "load_steps": 3},
     "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
     "pressure_static": {"points": 21, "horizon": 2.015},
     "tension": {"points": 11},
@@ -117,6 +119,28 @@ def test_balloon_and_tube_have_the_exact_pressures():
     exact = value(tube, "exact_pressure") * angle / np.sin(angle)
     assert value(tube, "last_pressure") == pytest.approx(exact, rel=6e-3)
     assert value(tube, "end_force") == pytest.approx(value(tube, "exact_end_force"), rel=0.02)
+
+
+def test_a_crack_at_rest_follows_griffiths_curve():
+    result = ran("stable_crack")
+    assert value(result, "release_ratio") == pytest.approx(1.0, abs=0.05)
+    assert value(result, "length_error") < 0.03
+    assert result.summary["solve"]["rounds"] > 10
+
+
+def test_the_release_rate_of_the_wedged_strip_is_the_loss_of_energy_per_length_of_its_cut():
+    """Elastic strips; families at the grips make the error one of first order in the spacing."""
+    found = {}
+    for rows, columns in ((12, (18, 21)), (24, (36, 42))):
+        lengths, energies = [(c + 0.75) / (4 * rows - 1) * 4.0 * stable_crack.HEIGHT for c in columns], []
+        for length in lengths:
+            sheet, loads, _ = stable_crack.wedged_strip(rows, 2.015, length, [0.0, 1.0], [0.0, 0.06])
+            strip = Simulation(sheet, BondAssociated(NeoHookean(1e3, 1e5), horizon=2.015), Newton(), loads=loads)
+            energies.append(strip.run(device="cpu").history[-1]["strain"])
+        rate = (energies[0] - energies[1]) / (lengths[1] - lengths[0]) / stable_crack.THICKNESS
+        found[rows] = rate / stable_crack.release_rate(0.5 * sum(lengths), 0.06)
+    assert found[12] < found[24] < 1.0
+    assert found[24] + (found[24] - found[12]) * 11.0 / 12.0 == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize("name", BREAKING)

@@ -30,6 +30,7 @@ class Field:
         per: What it has an entry for, one of PER; "bond" is [members, points].
         restart: Whether a restart file keeps it; such names are unique in a simulation.
         halo: Whether a halo of neighbouring points needs it where several devices divide the points.
+        own_exchange: Whether its owner itself keeps it right in the whole halo.
         output: Name under which frames show it, or "" if they do not.
         density: Whether frames divide it by the volume of the point [m^3].
     """
@@ -39,6 +40,7 @@ class Field:
     per: str = "point"
     restart: bool = False
     halo: bool = False
+    own_exchange: bool = False
     output: str = ""
     density: bool = False
 

@@ -109,7 +109,7 @@ def bounds_of(points: int, processes: int) -> np.ndarray:
     return np.minimum(np.linspace(0, blocks, processes + 1).astype(np.int64) * BLOCK, points)
 
 
-def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int) -> Partition:
+def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int, layers: int = 0) -> Partition:
     """The partition of a sheet for one of several processes.
 
     Args:
@@ -117,6 +117,7 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int) -> 
         horizon: Over the spacing of the sheet [-].
         rank: Number of the process.
         processes: Number of processes.
+        layers: Of points around the halo that are here, too, from neighbour to neighbour of the triangles.
 
     Raises:
         InputError: for more processes than the sheet has blocks of points.
@@ -129,10 +130,11 @@ def partition_sheet(sheet: Sheet, horizon: float, rank: int, processes: int) -> 
             f"whole blocks of {BLOCK}"
         )
     if sheet.lattice is None:
-        return _scattered(sheet, horizon, rank, bounds)
+        return _scattered(sheet, horizon, rank, bounds, layers)
     begin, end = int(bounds[rank]), int(bounds[rank + 1])
     reach = _lattice_reach(sheet, horizon)
-    ranges = [(max(begin - k * reach, 0), min(end + k * reach, sheet.size)) for k in range(1, HALO + 1)]
+    reaches = (reach, HALO * reach + layers * (sheet.lattice.columns + 1))
+    ranges = [(max(begin - wide, 0), min(end + wide, sheet.size)) for wide in reaches]
     points, near = np.arange(*ranges[-1]), np.zeros(ranges[-1][1] - ranges[-1][0], bool)
     near[ranges[0][0] - ranges[-1][0] : ranges[0][1] - ranges[-1][0]] = True
     own = slice(begin - ranges[-1][0], end - ranges[-1][0])
@@ -146,7 +148,7 @@ def _faces(sheet: Sheet, begin: int, end: int) -> np.ndarray:
     return np.flatnonzero((lowest >= begin) & (lowest < end))
 
 
-def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> Partition:
+def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray, layers: int) -> Partition:
     """The partition of a cloud or a grid with holes: points that are near each other, whatever their order.
 
     Owned points come first here. Of a cloud the inner ones come before those near the border, and whole families before
@@ -160,6 +162,8 @@ def _scattered(sheet: Sheet, horizon: float, rank: int, bounds: np.ndarray) -> P
     own = np.flatnonzero(mine)
     faces = np.flatnonzero(mine[sheet.triangles.min(axis=1)])
     near, reached = _around(sheet, horizon, own, np.unique(sheet.triangles[faces]))
+    for _ in range(layers):
+        reached[sheet.triangles[reached[sheet.triangles].any(axis=1)]] = True
     halo = np.flatnonzero(reached & ~mine)
     apart = _apart(sheet, horizon, own, halo)
     if cloud:

@@ -40,7 +40,7 @@ class Silent:
     def row(self, now: float, dt: float) -> None:
         """Nothing is recorded."""
 
-    def progress(self, steps: int, residual: float, tolerance: float) -> None:
+    def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
         """Nothing is reported."""
 
     def keep_going(self) -> None:

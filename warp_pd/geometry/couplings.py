@@ -6,9 +6,10 @@ import numpy as np
 
 from .shape import Shape
 from .topology import directed_edges
+from .triangulation import Lattice
 
 
-def gradient_couplings(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+def gradient_couplings(shape: Shape, of: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Neighbours of every point and their couplings w_ik, with sum_ik w_ik (d_i - d_k)^2 / 2 = integral of |grad d|^2.
 
     w_ik is half the sum of the cotangents of the angles that face an edge. Where the angles are wide it would be
@@ -16,16 +17,18 @@ def gradient_couplings(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
     Args:
         shape: Points and triangles, flat or curved.
+        of: The points whose couplings are wanted, shape (N,); None: all.
 
     Returns:
         Neighbours, int32, shape (K, N), each point itself where it has fewer; couplings [-], shape (K, N), there zero.
     """
+    of = np.arange(shape.size, dtype=np.int32) if of is None else of
     if shape.whole_lattice is not None:
-        return _of_lattice(shape)
+        return _of_lattice(shape.whole_lattice, of)
     points, triangles = shape.positions, np.asarray(shape.triangles)
     size = shape.size
     if not len(triangles):
-        return np.arange(size, dtype=np.int32)[None], np.zeros((1, size))
+        return of[None], np.zeros((1, len(of)))
     edges = directed_edges(triangles)
     facing = points[np.concatenate([triangles[:, 2], triangles[:, 0], triangles[:, 1]])]
     a, b = points[edges[:, 0]] - facing, points[edges[:, 1]] - facing
@@ -35,27 +38,26 @@ def gradient_couplings(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     weights = np.maximum(0.5 * np.bincount(number, cotangent), 0.0)
     low, high = np.divmod(keys, size)
     start, end = np.concatenate([low, high]), np.concatenate([high, low])
-    return _table(size, start, end, np.concatenate([weights, weights]))
+    neighbours, table = _table(size, start, end, np.concatenate([weights, weights]))
+    return np.take(neighbours, of, axis=1), np.take(table, of, axis=1)
 
 
-def _of_lattice(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Those of a lattice: the angles that face a diagonal are right ones."""
-    lattice = shape.whole_lattice
-    assert lattice is not None
+def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Those of some points of a lattice: the angles that face a diagonal are right ones."""
     columns, rows = lattice.columns, lattice.rows
-    number = np.arange(columns * rows, dtype=np.int32).reshape(rows, columns)
-    neighbours, weights = np.tile(number, (4, 1, 1)), np.zeros((4, rows, columns))
-    across = np.full((rows, 1), lattice.dy / lattice.dx)
-    along = np.full((1, columns), lattice.dx / lattice.dy)
-    if rows > 1:
-        across[[0, -1]] *= 0.5
-    if columns > 1:
-        along[:, [0, -1]] *= 0.5
-    neighbours[0, :, :-1], weights[0, :, :-1] = number[:, 1:], across
-    neighbours[1, :, 1:], weights[1, :, 1:] = number[:, :-1], across
-    neighbours[2, :-1], weights[2, :-1] = number[1:], along
-    neighbours[3, 1:], weights[3, 1:] = number[:-1], along
-    return neighbours.reshape(4, -1), weights.reshape(4, -1)
+    row, column = np.divmod(of, columns)
+    across, along = lattice.dy / lattice.dx * _share(row, rows), lattice.dx / lattice.dy * _share(column, columns)
+    steps = [
+        (1, column < columns - 1, across), (-1, column > 0, across),
+        (columns, row < rows - 1, along), (-columns, row > 0, along),
+    ]  # fmt: skip
+    neighbours = [np.where(there, of + step, of) for step, there, _ in steps]
+    return np.array(neighbours, np.int32), np.array([np.where(there, weight, 0.0) for _, there, weight in steps])
+
+
+def _share(place: np.ndarray, places: int) -> np.ndarray:
+    """Half for the first and the last of several rows, one for the others."""
+    return np.where((places > 1) & ((place == 0) | (place == places - 1)), 0.5, 1.0)
 
 
 def _table(size: int, start: np.ndarray, end: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -94,3 +96,10 @@ def distance_from_segments(points: np.ndarray, segments: np.ndarray, within: flo
         apart = np.linalg.norm(points[at] - start - fraction[:, None] * along, axis=1)
         nearest[at] = np.minimum(nearest[at], apart)
     return nearest
+
+
+def loose_ends(segments: np.ndarray) -> np.ndarray:
+    """Ends that belong to one segment alone [m], shape (E, dimensions), for segments of shape (S, 2, dimensions)."""
+    ends = segments.reshape(-1, segments.shape[-1])
+    _, first, count = np.unique(np.round(ends, 12), axis=0, return_index=True, return_counts=True)
+    return np.asarray(ends[first[count == 1]])

@@ -184,11 +184,12 @@ class Context:
         per: str = "point",
         restart: bool = False,
         halo: bool = False,
+        own_exchange: bool = False,
         output: str = "",
         density: bool = False,
     ) -> Array:
         """Declare a field (see `Field`) and allocate it, filled with `values` or with zeros of `shape`."""
-        declared = Field(name, owner, per, restart, halo, output, density)
+        declared = Field(name, owner, per, restart, halo, own_exchange, output, density)
         return self.fields.allocate(declared, dtype, values, shape)
 
     def own(self, array: Array) -> Array:
@@ -286,6 +287,10 @@ class Context:
         found = np.asarray(whole[:, partition.points])
         found[:, ~partition.near] = 0
         return found
+
+    def here(self, values: np.ndarray) -> np.ndarray:
+        """What is here of an array of points of the whole sheet."""
+        return values if self.partition is None else self.partition.rows(values)
 
     def number(self, point: int) -> int:
         """Number of a point here in the whole sheet."""

@@ -46,7 +46,7 @@ class Exchanges:
         self._places = sorted(
             (int(s.array.ptr), int(s.array.ptr) + int(s.array.capacity), k)
             for k, s in enumerate(context.fields)
-            if s.field.per in ("point", "bond") and s.array.ptr
+            if s.field.per in ("point", "bond") and s.array.ptr and not s.field.own_exchange
         )
         self.fields: dict[int, Stored] = dict(enumerate(context.fields))
         launches = [launch for stage in self.stages for launch in stage.launches()]
@@ -119,7 +119,9 @@ class Exchanges:
 
     def _follow(self, stage: Stage, entry: Mapping[int, int]) -> tuple[dict[int, list[Stored]], dict[int, int]]:
         """Exchanges of a stage that begins with fields right to some depth, and how deep they are right at its end."""
-        depth, found = dict(entry), {}
+        depth = dict(entry)
+        found: dict[int, list[Stored]] = {}
+        written_since: dict[int, set[int]] = {}
         for place, item in enumerate(stage):
             if not isinstance(item, Launch):
                 continue
@@ -133,8 +135,13 @@ class Exchanges:
                         "which several processes cannot yet do"
                     )
                 depth[k] = _depth_of(self.fields[k])
-            if shallow:
-                found[place] = [self.fields[k] for k in sorted(shallow)]
+            for k in sorted(shallow):
+                # Each exchange has its price: the earliest that finds what is needed brings it.
+                at = next((earlier for earlier, written in written_since.items() if k not in written), place)
+                found.setdefault(at, []).append(self.fields[k])
+                written_since.setdefault(at, set())
+            for written in written_since.values():
+                written.update(access.writes)
             gives = min([*(depth[k] for k in access.reads), *(depth[k] - 1 for k in access.gathers), HALO])
             for k in access.writes:
                 depth[k] = min(depth[k], gives)

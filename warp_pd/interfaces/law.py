@@ -92,7 +92,6 @@ class BuiltLaw(BuiltPart, Protocol):
         unit_volume: Thickness times reference area [m^3].
         correction: Report on a correction of the weights, for the summary, or None.
         earlier_energy: Warp function of the energy of a family a moment ago, for laws with an energy.
-        breaks_at_rest: Whether bonds of a sheet in static equilibrium may break under Newton's method.
         coarsens: Whether there is a law on coarser sheets.
         slack_frequency: Bound on the frequencies of the fictitious mass in any state, for a law that is stiffer in
             other states than in the present one, as bonds of two moduli are; None for others.
@@ -109,7 +108,6 @@ class BuiltLaw(BuiltPart, Protocol):
     unit_volume: float
     correction: dict[str, float] | None
     earlier_energy: wp.Function | None
-    breaks_at_rest: bool
     coarsens: bool
     slack_frequency: float | None
 

@@ -60,8 +60,8 @@ class Reporter(Protocol):
         """Called when a frame has been recorded."""
         ...
 
-    def residual(self, steps: int, residual: float, tolerance: float) -> None:
-        """Called between the frames of a static solver."""
+    def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
+        """Called between the frames of a static solver; `rounds` of rupture came before at this load."""
         ...
 
     def close(self) -> None:

@@ -227,10 +227,29 @@ class BuiltRupture(BuiltPart, Protocol):
     Attributes:
         damage: Damage of each point at the last frame, 0 to 1, (N,) float32.
         intact_faces: Whether each triangle is not cut by a crack at the last frame, (F,) uint8.
+        memory: What rupture leaves for good, such as the bits of intact bonds.
+        close_enough: Relative residual of an equilibrium in which more may break; 0: that of the solver.
     """
 
     damage: Array
     intact_faces: Array
+    memory: Sequence[Array]
+    close_enough: float = 0.0
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stages of `break_at_rest`; static solvers call it once."""
+        ...
+
+    def break_at_rest(self, again: bool) -> bool:
+        """Break what exceeds the criterion at the present displacement.
+
+        Args:
+            again: Whether it broke something already at the present loads.
+
+        Returns:
+            Whether that asks for a new equilibrium.
+        """
+        ...
 
 
 @runtime_checkable
@@ -240,10 +259,13 @@ class Rupture(Part, Protocol):
     Attributes:
         spared: Points whose bonds never break, such as those in a clamp; None if all bonds may break.
         is_field: Whether a damage field of the points takes stiffness from families.
+        layers: Of several processes each has so many layers of points more around its halo, from neighbour to
+            neighbour of the triangles.
     """
 
     argument: ClassVar[str] = "damage"
     is_field: ClassVar[bool] = False
+    layers: ClassVar[int] = 0
     spared: Any
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:

@@ -15,7 +15,7 @@ from ..device.schedules import Schedule
 from .built_part import BuiltPart
 from .context import Context
 from .law import BuiltLaw
-from .part import Constraint, External
+from .part import BuiltRupture, Constraint, External
 from .phases import Phase
 
 
@@ -46,8 +46,8 @@ class FrameSink(Protocol):
         """Record a row of the history between frames, after a step of dt [s]; the host reads nothing."""
         ...
 
-    def progress(self, steps: int, residual: float, tolerance: float) -> None:
-        """Report the progress of a static solver between frames."""
+    def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
+        """Report the progress of a static solver between frames; `rounds` of rupture came before at this load."""
         ...
 
     def keep_going(self) -> None:
@@ -65,6 +65,7 @@ class System:
         external: The sum of all loads.
         parts: All parts that add launches, in the order in which they act within a phase.
         constraints: Held and moved components of points.
+        rupture: The rupture criterion on the device, or None.
     """
 
     context: Context
@@ -72,6 +73,7 @@ class System:
     external: External
     parts: tuple[BuiltPart, ...]
     constraints: tuple[Constraint, ...]
+    rupture: BuiltRupture | None
     _schedules: LaunchSequence | None = field(default=None, init=False, repr=False)
 
     def add(self, phases: Iterable[Phase], stage: Stage) -> None:

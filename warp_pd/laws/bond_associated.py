@@ -210,7 +210,7 @@ class BondAssociatedForce(FamilyLaw):
         stage.launch(
             "Relaxation", rows, self.points,
             **self.family_arguments(context.state.displacement), constants=self.constants,
-            unit_stiffness=self.unit_volume * self.inverse_horizon**2, row=self.pairs, own=own,
+            unit_stiffness=self.unit_volume * self.inverse_horizon**2, damage=self.damage, row=self.pairs, own=own,
         )  # fmt: skip
         stage.launch(
             "Relaxation", total, self.points, family=self.struct, intact=self.intact, row=self.pairs, own=own,

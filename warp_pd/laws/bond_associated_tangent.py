@@ -14,6 +14,7 @@ from ..families import Families, remaining_inverse, tilts_of, unpack
 from ..interfaces import Solve
 from ..interfaces.context import Context
 from ..kernels.bond_associated_tangent import bond_associated_tangent
+from ..kernels.bond_state import gather_pairs
 from ..kernels.lattice_matrix import lattice_matrix
 from ..materials import capabilities
 from .sparse import factorised
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 OWNER = "Newton"
 # Largest stress divided by the modulus of a sheet that counts as slack.
 SLACK_STRESS = 1e-6
+# Stiffness over modulus times thickness that a factorisation adds to every component where bonds can break: points
+# without bonds stay where they are. The force has no part in it.
+LOOSE = 1e-9
 
 
 class BondAssociatedTangent:
@@ -61,13 +65,15 @@ class BondAssociatedTangent:
         layout, functions, _ = force.key
         held = context.features.held
         self.kernels = bond_associated_tangent(layout, functions, response, held)
+        self.gather = gather_pairs(layout, softens=False)
         self._matrix = self._allocate_matrix() if self._stores_matrix() else None
         self._matrix_kernels = lattice_matrix(layout, held) if self._matrix is not None else None
 
     def _stores_matrix(self) -> bool:
         """Whether the tangent is stored as a matrix: on a CPU, where a product is four times faster."""
         sheet = self.context.sheet
-        return sheet.lattice is not None and not sheet.cuts and bool(self.context.device.is_cpu)
+        whole = sheet.lattice is not None and not sheet.cuts and self.force.intact is None
+        return whole and bool(self.context.device.is_cpu)
 
     def _allocate_matrix(self) -> tuple[Array, Array, Array]:
         """Blocks by offset and point, index shift of each offset, offset of each pair of members."""
@@ -89,7 +95,8 @@ class BondAssociatedTangent:
         held_mask = self.context.state.held_mask
         stage.launch(
             OWNER, self.kernels.linearise, n,
-            **force.family_arguments(displacement), constants=force.constants, tension=tension, **state,
+            **force.family_arguments(displacement), constants=force.constants, tension=tension, damage=force.damage,
+            **state,
         )  # fmt: skip
         unit_stiffness = force.unit_volume * force.inverse_horizon**2
         if self._matrix is not None and self._matrix_kernels is not None:
@@ -124,7 +131,7 @@ class BondAssociatedTangent:
             moduli=self.moduli, inverse_horizon=force.inverse_horizon,
             unit_force=force.unit_volume * force.inverse_horizon, bond_force=force.pairs,
         )  # fmt: skip
-        force.add_gather(stage, force.kernels.gather, force.pairs, change)
+        force.add_gather(stage, self.gather, force.pairs, change)
 
     def is_slack(self) -> bool:
         """Whether the sheet carries no stress: a flat sheet then has no out-of-plane stiffness."""
@@ -179,14 +186,26 @@ class BondAssociatedMatrix:
 
     def __init__(self, tangent: BondAssociatedTangent) -> None:
         self.tangent = tangent
-        self.coefficients, self.entries = gradient_matrix(tangent.force)
-        free = (tangent.held[:, None] >> np.arange(3)) & 1 == 0
-        self.free = free.ravel()
+        self.free = ((tangent.held[:, None] >> np.arange(3)) & 1 == 0).ravel()
+        self._intact: np.ndarray | None = None
+        self._read_bonds()
+
+    def _read_bonds(self) -> None:
+        """Find B anew if bonds broke since the last time."""
+        from scipy import sparse
+
+        intact = self.tangent.force.intact
+        if self._intact is not None and (intact is None or (intact.numpy() == self._intact).all()):
+            return
+        self._intact = np.zeros(0) if intact is None else intact.numpy().copy()
+        coefficients, self.entries = gradient_matrix(self.tangent.force)
+        self.gradients = sparse.kron(coefficients, sparse.identity(3), format="csr")[:, self.free]
 
     def matrix(self) -> csr_matrix:
         """K of the free components [N/m], shape (free, free)."""
         from scipy import sparse
 
+        self._read_bonds()
         t, (member, point) = self.tangent, self.entries
         F = t.gradient.numpy()[member, point].astype(np.float64)
         S = t.stress.numpy()[member, point].astype(np.float64)
@@ -194,12 +213,17 @@ class BondAssociatedMatrix:
         blocks = intersection_stiffness(F, S, T) * t.force.unit_volume
         count = len(member)
         A = sparse.bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(6 * count, 6 * count))
-        B = sparse.kron(self.coefficients, sparse.identity(3), format="csr")[:, self.free]
-        return (B.T @ (A.tocsr() @ B)).tocsc()
+        return (self.gradients.T @ (A.tocsr() @ self.gradients)).tocsc()
 
     def factorise(self) -> Solve | None:
         """Solver of K x = b on arrays of shape (N, 3); None if K is singular."""
-        return factorised(self.matrix(), self.free)
+        from scipy import sparse
+
+        matrix, t = self.matrix(), self.tangent
+        if t.force.intact is not None:
+            least = LOOSE * t.modulus() * self.tangent.context.sheet.thickness
+            matrix += least * sparse.identity(matrix.shape[0], format="csc")
+        return factorised(matrix, self.free)
 
 
 def intersection_stiffness(F: np.ndarray, S: np.ndarray, T: np.ndarray) -> np.ndarray:

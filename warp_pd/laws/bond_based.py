@@ -84,7 +84,6 @@ class BondBasedForce(FamilyLaw):
 
     weights = "pairwise"
     has_energy = True
-    breaks_at_rest = True
     takes_curved = True
     offered_fields = FIELDS
 

@@ -80,7 +80,6 @@ class FamilyLaw(BuiltLaw):
     owner: str
     correction: dict[str, float] | None = None
     earlier_energy: wp.Function | None = None
-    breaks_at_rest: bool = False
     coarsens: bool = False
     slack_frequency: float | None = None
     depends_on_time: bool = False

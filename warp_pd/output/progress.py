@@ -50,12 +50,15 @@ class Progress:
             text += f", damage {row['largest_damage']:.2f}"
         self._show(100.0 * report.fraction, text, every=max(1, report.frames // 10))
 
-    def residual(self, steps: int, residual: float, tolerance: float) -> None:
-        """A quasi-static run on its way, in percent of the decades to go."""
+    def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
+        """A quasi-static run on its way, in percent of the decades to go; of a tear every tenth look is said."""
         percent = 0.0
         if math.isfinite(residual) and residual > 0.0:
             percent = 100.0 * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))
-        self._show(percent, f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})", every=10)
+        text = f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})"
+        if rounds:
+            percent, text = min(percent, 99.9), f"{text}, round {rounds} of rupture"
+        self._show(percent, text, every=10)
 
     def close(self) -> None:
         """Leave the bar as it stands."""

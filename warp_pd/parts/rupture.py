@@ -6,7 +6,7 @@ A criterion of your own inherits from BondCriterion and gives its device functio
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,8 @@ from ..kernels.rupture import SCREENED, Criterion, breaking, critical_energy, cr
 
 # Beyond it the squares of stretches overflow in float32.
 MAX_STRETCH = 1e12
+# When static solvers run the stages of rupture.
+AT_REST = "whenever the sheet is in static equilibrium"
 
 
 class BondCriterion(Rupture):
@@ -37,12 +39,8 @@ class BondCriterion(Rupture):
         return None
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion for the points that are here."""
-        if self.spared is None:
-            return self
-        points = point_indices(f"{type(self).__name__}.spared", self.spared, sheet.size)
-        here: Any = replace(self, spared=partition.here(points)[1])  # type: ignore[type-var]
-        return here  # type: ignore[no-any-return]
+        """The same criterion: it finds the spared points that are here when it is built."""
+        return self
 
     def criterion(self, context: Context, law: BuiltLaw) -> tuple[Criterion, Any]:
         """The device function of the criterion, and its struct filled in; see kernels/rupture.py."""
@@ -162,6 +160,7 @@ class Damaged(BuiltRupture):
         spared: Whether a point is spared, (N,) uint8, or None.
         released: Energy lost with broken bonds [J], (N,) float64; None where it is not summed up.
         tracked_energy: Warp function of the energy that is lost, or None.
+        memory: The bits of intact bonds.
     """
 
     def __init__(self, owner: str, rupture: Rupture, context: Context, law: BuiltLaw) -> None:
@@ -169,16 +168,16 @@ class Damaged(BuiltRupture):
         sheet = context.sheet
         self.spared: Array | None = None
         if rupture.spared is not None:
-            mask = np.zeros(sheet.size, np.uint8)
-            # Of several processes one may have none of them.
-            here = context.partition is not None
-            mask[rupture.spared if here else point_indices(f"{owner}.spared", rupture.spared, sheet.size)] = 1
-            self.spared = context.array("spared", owner, wp.uint8, mask)
+            mask = np.zeros(context.whole.size, np.uint8)
+            mask[point_indices(f"{owner}.spared", rupture.spared, len(mask))] = 1
+            self.spared = context.array("spared", owner, wp.uint8, context.here(mask))
         tracked = context.features.tracked and law.has_energy
         self.released: Array | None = None
         if tracked:
             self.released = context.array("released", "energy balance", wp.float64, shape=sheet.size, restart=True)
         self.tracked_energy = law.earlier_energy if tracked else None
+        assert law.intact is not None
+        self.memory: Sequence[Array] = [law.intact]
         self.damage = context.array("damage", owner, wp.float32, shape=sheet.size)
         self.intact_faces = context.array("intact_faces", owner, wp.uint8, shape=len(sheet.triangles), per="face")
         self._triangles = context.array("triangles", owner, wp.vec3i, sheet.triangles, per="table")
@@ -193,6 +192,16 @@ class Damaged(BuiltRupture):
     def add_breaking(self, stage: Stage) -> None:
         """Add the launch that breaks bonds."""
         raise NotImplementedError(f"{type(self).__name__}.add_breaking: a criterion needs a kernel")
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stage that breaks bonds in static equilibrium."""
+        self.add_breaking(self.context.stage("rupture", AT_REST))
+
+    def break_at_rest(self, again: bool) -> bool:
+        """Break what exceeds the criterion; whether anything did."""
+        before = self.memory[0].numpy().copy()
+        self.context.run("rupture")
+        return bool((self.memory[0].numpy() != before).any())
 
     def arguments(self) -> dict[str, Any]:
         """Arguments common to the kernels that break bonds."""

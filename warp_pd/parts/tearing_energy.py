@@ -13,29 +13,37 @@ from ..device.checks import InputError, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..families.partition import Partition
-from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings
+from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
-from ..kernels.damage_field import NEAR, SEVERED, damage_field
-from .rupture import CriticalStretch, Damaged
+from ..kernels.damage_field import NEAR, TOGETHER, damage_field
+from .damage_ghosts import LAYERS, DamageGhosts
+from .rupture import AT_REST, CriticalStretch, Damaged
 
-# Length over the horizon by default: the tearing energy then comes out within 2 %, see docs/tearing-energy.md.
-DEFAULT_LENGTH = 2.0
+# Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
+DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
-# A tear takes 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
+# A tear begins at 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
 # horizon. Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
-BIAS = 0.16
+BIAS = 0.28
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
+# Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
+SEVERED = 0.96
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
-# Sweeps of a step over the squared length in spacings; and their largest number, as the next step goes on.
-SWEEPS, MAX_SWEEPS = 1.3, 64
+# Sweeps of a step: LEAST_SWEEPS + SWEEPS (length / spacing)^2, at most MAX_SWEEPS, as the next step goes on.
+LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
+# Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
+# of a step; largest number of looks at one displacement.
+SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 4, 50
+# Relative residual down to which the displacement follows the damage while this changes.
+CLOSE_ENOUGH = 1e-3
 # Mean damage that a run may gain before a note says so.
 MUCH_DAMAGE = 0.3
 
@@ -52,10 +60,13 @@ class TearingEnergy(Rupture):
 
     Attributes:
         energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
-        length: Length of the field [m]; by default two horizons, or what follows from the strength.
-        strength: Energy density at which intact material begins to tear [J/m^3], in place of the length. If the
-            spacing cannot resolve the length that follows, it is two horizons, and a note says what spacing would.
-        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear, in place of both [-].
+        length: Length of the field [m]; by default what follows from the strength, or else four spacings of the sheet,
+            and at least 1.25 horizons.
+        strength: Energy density at which intact material begins to tear [J/m^3]. Alone it gives the length; if the
+            spacing cannot resolve that, it is the default length, and a note says what spacing would. Together with
+            a length it is a constant of its own, at most 3 Gc / (16 length).
+        stretch_at_break: Stretch of uniaxial tension at which intact material begins to tear [-], in place of the
+            strength.
         spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
         cut_profile: Whether cuts of the sheet have the damage of a crack around them from the start. Without it they
             are notches, and a tear must begin first, at 1.2 to 1.3 Gc.
@@ -63,7 +74,7 @@ class TearingEnergy(Rupture):
             step, which is slow and must give the same.
 
     Raises:
-        InputError: for values that are not positive, or more than one of length, strength and stretch_at_break.
+        InputError: for values that are not positive, or both strength and stretch_at_break.
     """
 
     energy: float
@@ -75,6 +86,7 @@ class TearingEnergy(Rupture):
     screened: bool = True
 
     is_field: ClassVar[bool] = True
+    layers: ClassVar[int] = LAYERS
 
     def __post_init__(self) -> None:
         positive("TearingEnergy.energy", self.energy)
@@ -82,8 +94,8 @@ class TearingEnergy(Rupture):
         given = {name: value for name, value in given.items() if value is not None}
         for name, value in given.items():
             positive(f"TearingEnergy.{name}", value)
-        if len(given) > 1:
-            raise InputError(f"TearingEnergy: expected one of length, strength and stretch_at_break, got {given}")
+        if "strength" in given and "stretch_at_break" in given:
+            raise InputError(f"TearingEnergy: expected strength or stretch_at_break, got {given}")
         if self.stretch_at_break is not None and self.stretch_at_break <= 1.0:
             raise InputError(
                 f"TearingEnergy.stretch_at_break = {self.stretch_at_break!r}: expected a stretch greater than 1"
@@ -92,12 +104,8 @@ class TearingEnergy(Rupture):
         one_of("TearingEnergy.screened", self.screened, (True, False))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Rupture:
-        """The same criterion for the points that are here.
-
-        Raises:
-            InputError: always: several processes cannot yet run it.
-        """
-        raise InputError("damage = TearingEnergy: several processes cannot yet run it; expected CriticalStretch")
+        """The same criterion: it finds the points that are here when it is built."""
+        return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltRupture:
         """The field on a device.
@@ -116,52 +124,93 @@ class DamageField(Damaged):
         length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3].
         sweeps: Sweeps in a step.
+        memory: The bits of intact bonds, the field, and what follows from them in the course of a tear.
     """
+
+    close_enough = CLOSE_ENOUGH
 
     def __init__(self, rupture: TearingEnergy, context: Context, law: BuiltLaw) -> None:
         super().__init__("TearingEnergy", rupture, context, law)
         self.rupture = rupture
         horizon = law.families.horizon
-        self._resolved = DEFAULT_LENGTH * horizon
+        self._resolved = max(DEFAULT_LENGTH * context.sheet.spacing, LEAST_DEFAULT * horizon)
         self.length = self._length(rupture, law)
-        self.limit = 3.0 * rupture.energy / (16.0 * self.length * self._bias(self.length))
-        sheet, real = context.sheet, context.types.real
+        # Energy density of the field [J/m^3].
+        self._unit = 3.0 * rupture.energy / (8.0 * self.length * self._bias(self.length))
+        self.limit = self._strength()
+        self._fastest = self._unit / self.limit
+        weak = self._fastest > 2.0
+        sheet, whole, real = context.sheet, context.whole, context.types.real
         n = sheet.size
         spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
+        finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         areas = law.represented_areas()
-        neighbours, couplings = gradient_couplings(sheet)
+        self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
+        self._own = slice(0, n) if self._ghosts is None else self._ghosts.own
+        if self._ghosts is None:
+            neighbours, couplings = gradient_couplings(sheet)
+        else:
+            areas, (neighbours, couplings) = self._ghosts.areas(areas), self._ghosts.couplings()
         couplings *= 2.0 * self.length**2 / areas
-        profile = self._profile(sheet)
+        profile, ahead = self._profile(whole)
+        self._profile_mean, profile = float(profile.mean()), context.here(profile)
 
         def put(name: str, values: np.ndarray, dtype: Any = real, per: str = "point") -> Array:
             return context.array(name, self.owner, dtype, values, per=per)
 
-        self.field = context.array("damage_field", self.owner, real, profile, restart=True)
-        self._other = put("damage_after_sweep", profile)
+        self.field = context.array("damage_field", self.owner, real, profile, restart=True, own_exchange=True)
+        self._least = profile
+        self._other = context.array("damage_after_sweep", self.owner, real, profile, own_exchange=True)
         self._before = context.array("damage_before", self.owner, real, shape=n)
-        self._driving = context.array("driving", self.owner, real, shape=n)
+        self._driving = context.array("driving", self.owner, real, shape=n, own_exchange=True)
         self._listed = context.array("listed_points", self.owner, wp.int32, shape=n, per="table")
         self._count = context.array("listed_count", self.owner, wp.int32, shape=1, per="once")
+        self._found: Array | None = None
+        if not context.device.is_cuda:
+            threads = -(-(self._own.stop - self._own.start) // TOGETHER)
+            self._found = context.array("listed_by_threads", self.owner, wp.int32, shape=threads, per="table")
         self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
         self._couplings = put("field_couplings", couplings, per="bond")
-        self._scale = put("driving_scale", law.families.reference_area / (areas * 2.0 * self.limit))
-        self._limits = put("limit_energy", 2.0 * self.limit * sheet.thickness * areas)
-        self._severed_at = put("severed_at", np.maximum(SEVERED, profile + GROWN))
+        self._scale = put("driving_scale", law.families.reference_area / (areas * self._unit))
+        self._limits = put("limit_energy", self._unit * sheet.thickness * areas)
+        severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
+        self._ahead = put("ahead_of_cut", context.here(ahead) & (profile + GROWN > severed_at), wp.uint8)
+        self._severed_at = context.array(
+            "severed_at", self.owner, real, np.maximum(severed_at, profile + GROWN), restart=True, own_exchange=True
+        )
+        self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
-        self.sweeps = 2 * max(1, round(0.5 * min(SWEEPS * (self.length / spacing.min()) ** 2, MAX_SWEEPS)))
+        self.sweeps = 2 * round(0.5 * min(LEAST_SWEEPS + SWEEPS * (self.length / finest) ** 2, MAX_SWEEPS))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
-        self.fracture = context.array("fracture", self.owner, wp.float64, shape=n)
         apart = profile - profile[neighbours]
-        self._fracture_at_start = float(
-            (2.0 * self.limit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))).sum()
-        )
-        self._profile_mean = float(profile.mean())
+        stored = self._unit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
+        self.fracture = context.array("fracture", self.owner, wp.float64, stored)
+        self._fracture_at_start = context.total(self.fracture)
         self.kernels = damage_field(
-            context.layout, self.spared is not None, rupture.screened, self.released is not None, law.earlier_energy,
+            context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
+            self.released is not None, weak, law.earlier_energy,
         )  # fmt: skip
-        law.soften(self.field)
+        self._softening = self.field
+        if weak:
+            self._softening = context.array(
+                "softening", self.owner, real, self._softened(profile), restart=True, own_exchange=True
+            )
+        law.soften(self._softening)
+        self.memory = [*self.memory, self.field, self._severed_at, *([self._softening] if weak else [])]
+
+    def assign(self, damage: np.ndarray) -> None:
+        """Give all points a damage, (N,)."""
+        self.field.assign(damage)
+        if self._softening is not self.field:
+            self._softening.assign(self._softened(damage))
+
+    def _softened(self, damage: np.ndarray) -> np.ndarray:
+        """1 - sqrt(g) of a damage, see kernels/damage_field.py."""
+        steepness = self._fastest
+        part = steepness * damage * (1.0 + min(1.0, 1.5 * (steepness - 2.0) - 0.5) * damage)
+        return np.asarray(1.0 - (1.0 - damage) / np.sqrt((1.0 - damage) ** 2 + part))
 
     def _length(self, rupture: TearingEnergy, law: BuiltLaw) -> float:
         """The length of the field [m].
@@ -180,15 +229,35 @@ class DamageField(Damaged):
         wanted = self.wanted_length()
         return self._resolved if wanted is None else max(wanted, self._resolved)
 
+    def _given_strength(self) -> float | None:
+        """The strength that the user gives [J/m^3]; None without one."""
+        if self.rupture.stretch_at_break is None:
+            return self.rupture.strength
+        # Uniaxial tension is the least energy of all widths.
+        widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
+        stretches = np.full_like(widths, self.rupture.stretch_at_break)
+        return float(np.nanmin(self.law.energy_density(stretches, widths)))
+
+    def _strength(self) -> float:
+        """Energy density at which intact material begins to tear [J/m^3].
+
+        Raises:
+            InputError: for a strength that is greater than the length allows.
+        """
+        strength = self._given_strength()
+        if self.rupture.length is None or strength is None:
+            return 0.5 * self._unit
+        if strength > 0.5 * self._unit:
+            raise InputError(
+                f"TearingEnergy.strength = {strength:.4g} J/m^3 at a length of {self.length:.3g} m: expected at most "
+                f"{0.5 * self._unit:.4g} J/m^3, or a shorter length"
+            )
+        return strength
+
     def wanted_length(self) -> float | None:
-        """The length that follows from the strength [m]; None without one."""
-        strength = self.rupture.strength
-        if self.rupture.stretch_at_break is not None:
-            # Uniaxial tension is the least energy of all widths.
-            widths = np.geomspace(1.0 / self.rupture.stretch_at_break, 1.0, 2000)
-            stretches = np.full_like(widths, self.rupture.stretch_at_break)
-            strength = float(np.nanmin(self.law.energy_density(stretches, widths)))
-        if strength is None:
+        """The length that follows from the strength [m]; None without one, or where a length is given."""
+        strength = self._given_strength()
+        if strength is None or self.rupture.length is not None:
             return None
         # length * bias(length) = whole
         whole, part = 3.0 * self.rupture.energy / (16.0 * strength), BIAS * self.law.families.horizon**2
@@ -198,23 +267,26 @@ class DamageField(Damaged):
         """Energy that a tear takes over the one that the field is given."""
         return 1.0 + BIAS * (self.law.families.horizon / length) ** 2
 
-    def _profile(self, sheet: Sheet) -> np.ndarray:
-        """Damage at the start, (N,): that of cracks where the sheet has cuts."""
-        damage = np.zeros(sheet.size)
+    def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
+        """Damage at the start, (N,), that of cracks where the sheet has cuts; and which points are beyond their ends."""
+        damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
         segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
         if len(segments):
             apart = distance_from_segments(sheet.points, segments, 2.0 * self.length)
             damage = np.minimum(np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2, MOST_AT_START)
+            from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), self.length)
+            ahead = from_end <= apart * (1.0 + 1e-9)
         if self.rupture.spared is not None:
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
-        return damage
+        return damage, ahead
 
     def _looked_at(self, law: BuiltLaw) -> tuple[np.ndarray, float, float]:
         """Members whose bonds tell where energy is high, and the squared stretches between which it is low.
 
         On a lattice the shortest bonds in four directions are enough: one of them is within 22.5 degrees of any other.
         """
-        stiffest = 1.0 if self.context.sheet.stiffness is None else float(self.context.sheet.stiffness.max())
+        stiffness = self.context.whole.stiffness
+        stiffest = 1.0 if stiffness is None else float(stiffness.max())
         allowed = SCREEN * self.limit / stiffest
         steps, shorter = law.families.steps, np.geomspace(1.0, 1e-3, 400)
         over = ~(law.energy_density(shorter, shorter) <= allowed)
@@ -236,7 +308,9 @@ class DamageField(Damaged):
         """Add the launches of a phase."""
         super().add(phase, stage)
         if phase is Phase.START:
+            self._add_rousing(stage)
             self._add_list(stage)
+            self._add_empty(stage)
         if phase is Phase.FRAME:
             stage.launch(
                 self.owner, self.kernels.fracture_energy, self.context.sheet.size, neighbours=self._neighbours,
@@ -244,43 +318,117 @@ class DamageField(Damaged):
             )  # fmt: skip
 
     def add_breaking(self, stage: Stage) -> None:
-        """Add the launches that find the damage of a step."""
-        k, shared, given = self.kernels, self._shared(), self.arguments()
+        """Add the launches that find the damage of a step, and break bonds."""
+        self._add_sweeps(stage, self.sweeps)
+        self._add_severing(stage)
+
+    def prepare_at_rest(self) -> None:
+        """Compose the stages of alternate minimisation."""
+        damage = self.context.stage("damage", AT_REST)
+        self._add_empty(damage)
+        self._add_rousing(damage)
+        self._add_sweeps(damage, SWEEPS_AT_REST * self.sweeps)
+        self._add_severing(self.context.stage("rupture", AT_REST))
+
+    def break_at_rest(self, again: bool) -> bool:
+        """Minimise the energy by the damage at the present displacement, and break bonds where it has passed.
+
+        The damage is at least what it was at the last loads, or when a bond of the point broke. Sweeps begin there,
+        as they only raise it.
+
+        Returns:
+            Whether the damage changed by more than SETTLED, or a bond broke.
+        """
+        intact, field = self.memory[0].numpy().copy(), self.field.numpy().copy()
+        if not again:
+            self._least = field.copy()
+        self.field.assign(self._least)
+        before = self._least
+        for _ in range(MAX_REPEATS):
+            self.context.run("damage")
+            now = self.field.numpy().copy()
+            if not self.context.communicator.any(bool(np.abs(now - before).max() > 0.1 * SETTLED)):
+                break
+            before = now
+        self.context.run("rupture")
+        broken = (self.memory[0].numpy() != intact).any(axis=0)
+        self._least[broken] = now[broken]
+        changed = bool(np.abs(now - field).max() > SETTLED or broken.any())
+        # Where nothing changed the displacement is in equilibrium with the damage that was.
+        self.assign(now if self.context.communicator.any(changed) else field)
+        return changed
+
+    def _add_rousing(self, stage: Stage) -> None:
+        """Add the launch that finds what is awake."""
+        stage.launch(
+            self.owner, self.kernels.rouse, self.context.sheet.size, neighbours=self._neighbours, damage=self.field,
+            awake=self._awake,
+        )  # fmt: skip
+
+    def _add_sweeps(self, stage: Stage, sweeps: int) -> None:
+        """Add the launches that list points, and sweep over them."""
+        k, shared = self.kernels, self._shared()
         self._add_list(stage)
+        if self._ghosts is not None:
+            self._ghosts.add_exchange(stage, self.field, self._driving, self._severed_at)
+            self._ghosts.add_listing(
+                stage, self._threads, driving=self._driving, damage=self.field, other=self._other, before=self._before,
+                listed=self._listed, count=self._count,
+            )  # fmt: skip
         source, target = self.field, self._other
-        for _ in range(self.sweeps):
+        for number in range(sweeps):
+            if self._ghosts is not None and number and number % LAYERS == 0:
+                self._ghosts.add_exchange(stage, source)
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
-                driving=self._driving, source=source, target=target, **shared,
+                driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
             )  # fmt: skip
             source, target = target, source
+
+    def _add_severing(self, stage: Stage) -> None:
+        """Add the launch that breaks bonds of listed points."""
+        given = self.arguments()
         given.pop("horizon")
         stage.launch(
-            self.owner, k.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
-            damage=self.field, before=self._before,
-            **given, **shared,
+            self.owner, self.kernels.finish, self._threads, squared_reach=self._reach, severed_at=self._severed_at,
+            fastest=self._fastest, neighbours=self._neighbours, damage=self.field, before=self._before,
+            awake=self._awake, softening=self._softening, **given, **self._shared(),
         )  # fmt: skip
+        self._add_empty(stage)
 
     def _shared(self) -> dict[str, Any]:
         """Arguments of all launches on listed points."""
         return {
             "listed": self._listed, "count": self._count, "stride": self._threads, "only_if": self._count,
-            "grouped": True,
+            # A graph that holds exchanges has no conditions.
+            "grouped": self._ghosts is None,
         }  # fmt: skip
+
+    def _add_empty(self, stage: Stage) -> None:
+        """Add the launch that empties the list, with the rest of its group; `pack` begins a new one."""
+        if self._found is None:
+            stage.launch(
+                self.owner, self.kernels.empty, 1, count=self._count, only_if=self._count, grouped=self._ghosts is None
+            )
 
     def _add_list(self, stage: Stage) -> None:
         """Add the launches that list points, and find what drives their damage."""
-        k, n, given = self.kernels, self.context.sheet.size, self.arguments()
-        stage.launch(self.owner, k.empty, 1, count=self._count)
+        k, given, own = self.kernels, self.arguments(), self._own
+        listing: dict[str, Any] = {"listed": self._listed, "count": self._count}
+        if self._ghosts is not None:
+            self._ghosts.add_unlisting(stage, self._driving)
         stage.launch(
-            self.owner, k.wake, n, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
-            neighbours=self._neighbours, damage=self.field,
-            listed=self._listed, count=self._count,
+            self.owner, k.wake, own.stop - own.start if self._found is None else len(self._found),
+            start=own.start, stop=own.stop, looked_at=self._looked, shortest=self._shortest, longest=self._longest,
+            awake=self._awake, found=self._found, **listing,
             **{name: given[name] for name in ("family", "displacement", "intact", "horizon", "spared_mask")},
         )  # fmt: skip
+        if self._found is not None:
+            stage.launch(self.owner, k.pack, 1, found=self._found, **listing)
         stage.launch(
-            self.owner, k.drive, self._threads, scale=self._scale, neighbours=self._neighbours, damage=self.field,
-            driving=self._driving, before=self._before, **self._shared(),
+            self.owner, k.drive, self._threads, scale=self._scale, fastest=self._fastest,
+            ahead=self._ahead, awake=self._awake, damage=self.field,
+            severed_at=self._severed_at, driving=self._driving, before=self._before, **self._shared(),
             **{name: given[name] for name in ("family", "displacement", "intact", "constants", "inverse_horizon")},
         )  # fmt: skip
 
@@ -298,10 +446,10 @@ class DamageField(Damaged):
         """
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
-        most = float(driving.max(initial=0.0))
-        if most > 0.5:
+        most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
+        if most * self._fastest > 1.0:
             raise InputError(
-                f"damage = TearingEnergy: the sheet starts with {most * 2.0 * self.limit:.3g} J/m^3, above the "
+                f"damage = TearingEnergy: the sheet starts with {most * self._unit:.3g} J/m^3, above the "
                 f"strength of {self.limit:.3g} J/m^3 that {self._said_length()} stands for; expected a shorter length "
                 f"or a larger energy"
             )

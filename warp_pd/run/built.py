@@ -36,7 +36,6 @@ class Built(System):
         energy: Energies, work and losses of the history.
         sums: Sums of the history.
         contacts: Contacts on the device; `contact` is the first one, or None.
-        rupture: The rupture criterion on the device, or None.
     """
 
     simulation: Scene
@@ -45,7 +44,6 @@ class Built(System):
     energy: EnergyBalance
     sums: Sums
     contact: BuiltContact | None
-    rupture: BuiltRupture | None
     contacts: tuple[BuiltContact, ...] = ()
 
     @property
@@ -104,8 +102,8 @@ def compose(
     bodies = body_checks(context, law, contacts)
     acting = (law, solver, moved, Ticking(context), *built, external, *bodies, checks := FrameChecks(context))
     made = Built(
-        context, law, external, acting, constraints, scene, solver, checks, energy, Sums(context, (*acting, energy)),
-        contacts[0] if contacts else None, cast(BuiltRupture | None, _built(scene.damage, parts, built)), contacts,
+        context, law, external, acting, constraints, cast(BuiltRupture | None, _built(scene.damage, parts, built)),
+        scene, solver, checks, energy, Sums(context, (*acting, energy)), contacts[0] if contacts else None, contacts,
     )  # fmt: skip
     _check_columns(scene, made)
     _require_divisible(made)

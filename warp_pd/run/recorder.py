@@ -114,12 +114,12 @@ class Recorder:
         """Count the seconds of the steps from now on."""
         self._clock = perf_counter()
 
-    def progress(self, steps: int, residual: float, tolerance: float) -> None:
+    def progress(self, steps: int, residual: float, tolerance: float, rounds: int = 0) -> None:
         """Report a static solver on its way; stops it if the user asked for that."""
         if self.built.context.communicator.any(self.stop_asked):
             raise KeyboardInterrupt
         if self.reporter is not None:
-            self.reporter.residual(steps, residual, tolerance)
+            self.reporter.residual(steps, residual, tolerance, rounds)
 
     def ask_to_stop(self) -> None:
         """Let the run end at the next frame, or in the middle of a long one."""

@@ -62,7 +62,8 @@ def partition_of(scene: Scene, communicator: Communicator) -> Partition:
         InputError: for more processes than the sheet can be divided into.
     """
     scene.check()
-    return partition_sheet(scene.sheet.unstretched(), scene.force.horizon, communicator.rank, communicator.size)
+    layers = 0 if scene.damage is None else scene.damage.layers
+    return partition_sheet(scene.sheet.unstretched(), scene.force.horizon, communicator.rank, communicator.size, layers)
 
 
 def _context_here(whole: Context, partition: Partition) -> Context:
@@ -107,11 +108,9 @@ def shared_state(scene: Scene, context: Context, constant: np.ndarray | None, en
     n, real, vec3 = sheet.size, types.real, types.vec3
     mass = sheet.areas * sheet.thickness * sheet.density
     u: np.ndarray | None = context.initial_displacement
-    v = None if scene.initial_velocity is None else scene.initial("initial_velocity")
+    v = None if scene.initial_velocity is None else context.here(scene.initial("initial_velocity"))
     if scene.initial_displacement is None and context.placement is None:
         u = None
-    if context.partition is not None and v is not None:
-        v = context.partition.rows(v)
     return State(
         displacement=context.array(
             "displacement", OWNER, vec3, u, shape=n, restart=True, halo=True, output="displacement"

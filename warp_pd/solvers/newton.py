@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, below_one, count, one_of, positive
+from ..device.checks import below_one, count, one_of, positive
 from ..device.schedules import Schedule
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
@@ -115,8 +115,6 @@ class BuiltNewton(BuiltSolver):
             InputError: for parts that Newton's method does not know.
         """
         system.refuse_phases("Newton", NOT_DONE)
-        if system.law.intact is not None and not system.law.breaks_at_rest:
-            raise InputError("damage: expected None with the solver Newton, but for the law BondBased; take Relaxation")
         self.search = Search(self.solver, system, self.tangent)
 
     def run(self, sink: FrameSink) -> str:
@@ -134,7 +132,7 @@ class BuiltNewton(BuiltSolver):
             "jumped over a maximum of the load (a limit point), or buckled; prescribe a displacement (Motion) or the "
             "volume (EnclosedVolume) to see what lies between"
             for jump in self.search.jumps
-        ]
+        ] + self.search.rupture.notes()
 
     def host_state(self) -> dict[str, Any]:
         """Where the search stands."""

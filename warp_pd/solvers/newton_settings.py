@@ -51,8 +51,9 @@ class Report:
 
     Attributes:
         preconditioner: The one in use.
-        load_steps: One entry per attempted load step: share (load factor), converged, and per lattice, coarsest
-            first: points, relative residuals, accepted fractions of the steps, products with the stiffness.
+        load_steps: One entry per attempted load step: share (load factor), converged, rounds of rupture, and per
+            lattice, coarsest first: points, relative residuals, accepted fractions of the steps, products with the
+            stiffness.
     """
 
     preconditioner: str
@@ -67,6 +68,7 @@ class Report:
             "preconditioner": self.preconditioner,
             "iterations": sum(len(level["shares"]) for level in finest),
             "products": sum(level["products"] for level in finest),
+            "rounds": sum(step["rounds"] for step in self.load_steps),
             "residuals": [r for level in finest for r in level["residuals"]],
             "reached": reached,
             "seconds": self.seconds,

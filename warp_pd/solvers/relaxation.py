@@ -16,14 +16,14 @@ from ..device.fields import Array, assign
 from ..device.graph import LaunchSequence
 from ..device.launches import Stage
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, System
+from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.context import Context
 from ..interfaces.phases import STEP, Phase
 from ..kernels.adaptive_damping import adaptive_damping
 from ..kernels.residual import residual
 from .integrator import add_motion
 from .stable_step import BLOCK, StableStep
-from .static_rupture import MAX_ROUNDS, MIN_LOAD, StaticRupture
+from .static_rupture import MIN_LOAD, StaticRupture
 
 OWNER = "Relaxation"
 CHECK_EVERY = 50
@@ -200,6 +200,10 @@ class BuiltRelaxation(BuiltSolver):
         """The present step [s]; 0 before the first."""
         return self._dt
 
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """Tears that ran through."""
+        return self.rupture.notes()
+
     def host_state(self) -> dict[str, Any]:
         """The step, the largest load, and the noise of the next estimate."""
         return {"dt": self._dt, "largest": self._largest, "noise": self.stable_step.host_state()}
@@ -230,12 +234,13 @@ class Relaxing:
         load_steps, duration = self.solver.load_steps, self.solver.duration
         for index in range(round(sink.time / duration * load_steps) + 1, load_steps + 1):
             before = self.done
-            good = self._remember()
+            good, broken = self._remember(), self.built.rupture.remember()
             converged = self._load_step(index)
             sink.residual = self.entries[-1]["residuals"][-1]
             sink.solve = {
                 "solver": "Relaxation",
                 "iterations": self.earlier + self.done,
+                "rounds": sum(entry["rounds"] for entry in self.entries),
                 "residuals": [r for entry in self.entries for r in entry["residuals"]],
                 "reached": (index if converged else index - 1) / load_steps,
                 "seconds": perf_counter() - self.begin,
@@ -246,6 +251,7 @@ class Relaxing:
                 # where --resume goes on.
                 if index > 1:
                     self._restore(good)
+                    self.built.rupture.restore(broken)
                 else:
                     sink.frame(sink.frame_index + 1, 0.0, self.done - before, built.dt)
                 return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
@@ -254,18 +260,23 @@ class Relaxing:
 
     def _load_step(self, index: int) -> bool:
         """Apply a load step and relax, break, relax; whether it reached equilibrium with nothing left to break."""
-        entry: dict[str, Any] = {"share": index / self.solver.load_steps, "steps": self.done, "residuals": []}
+        share = index / self.solver.load_steps
+        entry: dict[str, Any] = {"share": share, "steps": self.done, "rounds": 0, "residuals": []}
         self.entries.append(entry)
         self._advance_clock(index)
-        converged = self._relax(entry, ramp=True)
-        rounds = 0
-        while converged and self.built.rupture.breaks() and rounds < MAX_ROUNDS:
-            rounds += 1
-            converged = self._relax(entry, ramp=False)
-        entry.update(steps=self.done - entry["steps"], rounds=rounds, converged=converged and rounds < MAX_ROUNDS)
+        rupture, tolerance = self.built.rupture, self.tolerance
+        converged = self._relax(entry, tolerance, ramp=True)
+        while converged and not rupture.goes_on(entry):
+            breaks = rupture.breaks(entry["rounds"])
+            if not breaks and entry["residuals"][-1] <= tolerance:
+                break
+            entry["rounds"] += breaks
+            converged = self._relax(entry, max(tolerance, rupture.close_enough) if breaks else tolerance, ramp=False)
+        converged = converged and not rupture.goes_on(entry)
+        entry.update(steps=self.done - entry["steps"], converged=converged)
         return bool(entry["converged"])
 
-    def _relax(self, entry: dict[str, Any], ramp: bool) -> bool:
+    def _relax(self, entry: dict[str, Any], tolerance: float, ramp: bool) -> bool:
         """Steps until the residual is small; whether it became so. The residual is looked at once at least."""
         start, solver = self.done, self.solver
         ramp_steps = solver.ramp_steps if ramp else 0
@@ -279,10 +290,10 @@ class Relaxing:
             self.residual_launches.run()
             residual = self.built.residual()
             entry["residuals"].append(residual)
-            self.sink.progress(self.done, residual, self.tolerance)
+            self.sink.progress(self.done, residual, tolerance, entry["rounds"])
             if not math.isfinite(residual):
                 return False
-            if residual <= self.tolerance and self.done - start >= ramp_steps:
+            if residual <= tolerance and self.done - start >= ramp_steps:
                 self.built.settled()
                 return True
         return False
@@ -293,9 +304,7 @@ class Relaxing:
 
     def _kept(self) -> dict[str, Array]:
         context = self.built.context
-        arrays = {
-            "displacement": context.state.displacement, "intact": self.built.law.intact, "time": context.clock.time,
-        }  # fmt: skip
+        arrays = {"displacement": context.state.displacement, "time": context.clock.time}
         return {name: array for name, array in arrays.items() if array is not None}
 
     def _remember(self) -> dict[str, np.ndarray]:

@@ -20,7 +20,7 @@ from .level import OWNER, Level
 from .linear import LinearSolver
 from .multigrid import Hierarchy, coarse_points, coarser
 from .newton_settings import NewtonSettings, Report
-from .static_rupture import MAX_ROUNDS, StaticRupture
+from .static_rupture import StaticRupture
 
 # A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
 MAX_MULTIGRID_HORIZON = 2.5
@@ -79,8 +79,8 @@ class Search:
     def _preconditioner(self, tangent: Tangent) -> str:
         wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
         sheet, held = context.sheet, context.held
-        narrow = law.horizon_ratio <= MAX_MULTIGRID_HORIZON
-        lattices = coarser(sheet.lattice) if sheet.lattice is not None and not sheet.cuts and narrow else []
+        smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and not sheet.cuts and law.intact is None
+        lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth else []
         possible = bool(lattices) and law.coarsens
         if sheet.lattice is not None and possible:
             nearest = coarse_points(lattices[-1], sheet.lattice)
@@ -121,7 +121,7 @@ class Search:
             return self._load_step(factor, sink)[0]
         self.set_loads(factor)
         assign(self.levels[0].displacement, guess)
-        return bool(self._descend(0, factor, sink)["converged"])
+        return bool(self._descend(0, factor, sink, self.tolerance)["converged"])
 
     def set_loads(self, factor: float) -> None:
         """Set the loads of the sheet itself to a load factor."""
@@ -136,7 +136,7 @@ class Search:
             self._begin -= sink.solve["seconds"]
             self.report.load_steps += sink.solve["load_steps"]
         reached = sink.time / self.settings.duration
-        intact = self._keep(reached)
+        broken = self._keep(reached)
         while reached < 1.0 - 1e-9:
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
@@ -144,14 +144,13 @@ class Search:
             if converged:
                 self._compare(reached, factor)
                 reached = factor
-                intact = self._keep(reached)
+                broken = self._keep(reached)
                 if factor == goal:
                     self._record(sink, reached)
                 continue
             wp.copy(finest.displacement, self.good)
             self._earlier_factor = self._kept_factor = None
-            if self.rupture.intact is not None:
-                self.rupture.intact.assign(intact)
+            self.rupture.restore(broken)
             self._cutbacks += 1
             self._size *= 0.5
             if self._cutbacks > self.settings.most_cuts:
@@ -173,8 +172,8 @@ class Search:
             self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
         self._moved = [*self._moved, (length, far)][-COMPARED:]
 
-    def _keep(self, reached: float) -> np.ndarray | None:
-        """Remember the state as the last good load step; its intact bonds, if any can break."""
+    def _keep(self, reached: float) -> Sequence[np.ndarray]:
+        """Remember the state as the last good load step; what rupture has left until then."""
         # A run that went on from a load step has that and the one before it already.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
@@ -183,22 +182,33 @@ class Search:
         wp.copy(self.good, self.levels[0].displacement)
         if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
-        return None if self.rupture.intact is None else self.rupture.intact.numpy().copy()
+        return self.rupture.remember()
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
-        """Equilibrium at a load factor in which nothing breaks; whether found, and the residual."""
+        """Equilibrium at a load factor in which nothing breaks; whether found, and the residual.
+
+        With a damage field this is alternate minimisation of the energy by displacement and damage.
+        """
         s0, s1 = self._earlier_factor, self._kept_factor
         if s0 is not None and s1 is not None and self.hierarchy is None:
             # On along the line through the last two load steps; what is held goes where it belongs all the same.
             u0, u1 = (array.numpy().astype(np.float64) for array in (self.earlier, self.good))
             assign(self.levels[0].displacement, u1 + (factor - s1) / (s1 - s0) * (u1 - u0))
         converged, residual = self._load_step(factor, sink)
-        rounds = 0
-        while converged and self.rupture.breaks():
-            rounds += 1
-            self._kept_factor = None
-            converged, residual = self._load_step(factor, sink)
-            converged = converged and rounds < MAX_ROUNDS
+        entry = self.report.load_steps[-1]
+        while converged:
+            breaks = self.rupture.breaks(entry["rounds"])
+            if not breaks and residual <= self.tolerance:
+                break
+            if breaks:
+                entry["rounds"] += 1
+                self._kept_factor = None
+            tolerance = max(self.tolerance, self.rupture.close_enough) if breaks else self.tolerance
+            found, whole = self._descend(0, factor, sink, tolerance, entry["rounds"]), entry["lattices"][-1]
+            for name in ("residuals", "shares", "products"):
+                whole[name] += found[name]
+            converged, residual = found["converged"] and not self.rupture.goes_on(entry), found["residuals"][-1]
+            whole["converged"] = entry["converged"] = converged
         return converged, residual
 
     def _summary(self, reached: float) -> dict[str, Any]:
@@ -214,7 +224,7 @@ class Search:
 
     def _load_step(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
         """Equilibrium at a load factor, from the last good load step; whether found, and the residual."""
-        entry: dict[str, Any] = {"share": factor, "converged": False, "lattices": []}
+        entry: dict[str, Any] = {"share": factor, "converged": False, "rounds": 0, "lattices": []}
         self.report.load_steps.append(entry)
         last = len(self.levels) - 1
         if self.hierarchy:
@@ -226,19 +236,19 @@ class Search:
             if index < last and self.hierarchy and entry["lattices"][-1]["converged"]:
                 self.hierarchy.start(index)
                 self._prescribe(index, factor)
-            found = self._descend(index, factor, sink)
+            tolerance = self.tolerance if index == 0 else max(self.tolerance, COARSE_TOLERANCE)
+            found = self._descend(index, factor, sink, tolerance)
             entry["lattices"].append(found)
             if not found["converged"] and index > 0:
                 wp.copy(level.displacement, level.base)
         entry["converged"] = found["converged"]
         return found["converged"], found["residuals"][-1]
 
-    def _descend(self, index: int, factor: float, sink: FrameSink) -> dict[str, Any]:
-        """Newton steps on a lattice at a load factor, as an entry of the report."""
-        tolerance = self.tolerance if index == 0 else max(self.tolerance, COARSE_TOLERANCE)
+    def _descend(self, index: int, factor: float, sink: FrameSink, tolerance: float, rounds: int = 0) -> dict[str, Any]:
+        """Newton steps on a lattice at a load factor, after some rounds of rupture, as an entry of the report."""
 
         def told(steps: int, residual: float) -> None:
-            sink.progress(steps, residual, tolerance)
+            sink.progress(steps, residual, tolerance, rounds)
 
         return Descent(
             self.settings, self.levels[index], self.solvers[index], partial(self.linearise, index),

@@ -36,6 +36,11 @@ def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
     assert exchanged("loads") == ["exchange displacement"]
     # The energy that breaking releases needs the velocities around a point; broken bonds follow from displacements.
     assert exchanged("torn") == ["exchange displacement, velocity"]
+    # Displacements and velocities are needed by different launches of a field: one exchange brings both.
+    of_field = ["exchange displacement, velocity", "exchange damage_field, driving, severed_at"]
+    assert exchanged("field") == of_field
+    # More sweeps than there are layers of ghost points.
+    assert exchanged("field hole") == [*of_field, "exchange damage_field"]
     # Bonds that break by their work follow from forces, which the halo does not have.
     assert any("intact_bonds" in name for name in exchanged("energy"))
 

@@ -56,6 +56,23 @@ def test_families_here_are_those_of_the_whole_sheet(name):
     assert (partition.points[part.triangles] == sheet.triangles[partition.faces]).all()
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_layers_around_a_halo_are_those_of_the_triangles(name):
+    sheet = sheet_of(name, 33)
+    for rank in range(3):
+        plain, wide = (partition_sheet(sheet, 2.015, rank, 3, layers) for layers in (0, 3))
+        here, within = np.zeros(sheet.size, bool), np.zeros(sheet.size, bool)
+        here[plain.points], within[wide.points] = True, True
+        for _ in range(3):
+            corners = sheet.triangles[here[sheet.triangles].any(axis=1)]
+            here[corners] = True
+        # Of a lattice they are whole rows.
+        assert within[here].all() and (sheet.lattice is not None or not within[~here].any())
+        assert within.sum() < sheet.size or rank == 1
+        for one, other in ((plain.owned, wide.owned), (plain.near, wide.near), (plain.inner, wide.inner)):
+            np.testing.assert_array_equal(plain.points[one], wide.points[other])
+
+
 def test_more_processes_than_blocks_are_refused():
     sheet = Sheet.rectangle(1.0, 1.0, points=20, **SIZE)
     with pytest.raises(InputError, match=r"^processes = 3: expected at most 2 on a sheet of 400 points"):

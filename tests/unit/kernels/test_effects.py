@@ -10,12 +10,15 @@ import importlib.util
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import warp as wp
 from curved_sheets import small_tube
 from helpers import NEO, play_gpu, square, tune_paths
+from shared_scenes import composed
+from shared_scenes import scene as shared
 
 import warp_pd
 from warp_pd import (
@@ -118,6 +121,7 @@ def further():
         "curved relaxed": Simulation(small_tube(), law, Relaxation(), loads=[Fixed([0]), Pressure(2.0)]),
         "curved bonds": Simulation(small_tube(), bonds, Explicit(1.0)),
         "damage field": Simulation(plane, law, Explicit(1.0), damage=TearingEnergy(1.0, spared=plane.edges("left"))),
+        "damage field of a process": SimpleNamespace(build=lambda _, bits: composed(shared("field", 17), 1, 2, bits)),
         "newton multigrid": Simulation(plane, law, Newton(preconditioner="multigrid"), loads=[*dead, Pressure(2.0)]),
         "relaxed bonds": Simulation(plane, bonds, Relaxation(), loads=in_plane),
         "relaxed pressure and dead loads": Simulation(plane, law, Relaxation(), loads=[*dead, *loads(plane)[1:]]),
@@ -333,9 +337,10 @@ def _kernels_of_the_package():
 
 def test_every_kernel_is_looked_at(recorded):
     seen = {launch.name for _, launch in recorded}
-    # What no stage runs: linear iterations that Warp's solver asks for, `warp-pd bench`, the training of a network, the
-    # set-up of families, and the check that bodies begin outside the sheet.
+    # What a GPU alone runs, and what no stage does: linear iterations that Warp's solver asks for, `warp-pd bench`, the
+    # training of a network, the set-up of families, and the check that bodies begin outside the sheet.
     elsewhere = {
+        "empty",
         "combine", "scale_blocks", "multiply_adds", "samples", "list_near_points", "find_reverse_members",
         "mark_common_members", "sum_intersection_shapes", "find_distances",
     }  # fmt: skip

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 import shared_scenes
+from helpers import StopAt
 from shared_scenes import DURATION, SCENES, arrays_of, scene, started
 
 from warp_pd import InputError
@@ -22,7 +23,10 @@ pytest.importorskip("torch.distributed")
 
 FILE = Path(shared_scenes.__file__)
 # Processes, and the scenes that so many run: more kinds are in `shared_scenes`.
-RUNS = {2: ("torn", "cloud"), 3: ("loads", "relaxed", "scattered"), 4: ("torn", "energy")}
+RUNS = {
+    2: ("torn", "cloud", "field hole"), 3: ("loads", "relaxed", "scattered", "field cloud"),
+    4: ("torn", "energy", "field"),
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +58,10 @@ def test_several_processes_leave_the_same_bits(processes, alone, tmp_path):
         assert np.abs(arrays["displacement"]).max() > 0.05
 
 
-def test_the_scenes_that_are_compared_tear(alone):
-    names, *rows = (line.split(",") for line in arrays_of(alone("torn"))[1].splitlines())
-    assert float(rows[-1][names.index("mean_damage")]) > 0.01
+@pytest.mark.parametrize("name", ["torn", "field"])
+def test_the_scenes_that_are_compared_tear(name, alone):
+    names, *rows = (line.split(",") for line in arrays_of(alone(name))[1].splitlines())
+    assert float(rows[-1][names.index("mean_damage")]) - float(rows[0][names.index("mean_damage")]) > 0.01
 
 
 def command(processes, folder, *more):
@@ -104,6 +109,19 @@ def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_p
         np.testing.assert_array_equal(values, others[field], err_msg=field)
     assert history == other_history
     assert json.loads((killed / "summary.json").read_text())["status"] == "finished"
+
+
+def test_a_tear_of_a_field_goes_on_in_another_number_of_processes(alone, tmp_path):
+    made = scene("field").run(device="cpu", out=tmp_path / "field", usd=False, writers=[StopAt(2)])
+    assert made.status == "interrupted"
+    before = arrays_of(tmp_path / "field")[0]["damage_field"]
+    done = started(3, FILE, "cpu", tmp_path, "field", "--resume")
+    assert done.returncode == 0, done.stderr
+    (arrays, history, _), (others, other_history, _) = map(arrays_of, (alone("field"), tmp_path / "field"))
+    for field, values in arrays.items():
+        np.testing.assert_array_equal(values, others[field], err_msg=field)
+    assert history == other_history
+    assert ((before > 0.1) & (before < 0.7)).any() and (others["damage_field"] > before + 0.1).sum() > 20
 
 
 BROKEN = """

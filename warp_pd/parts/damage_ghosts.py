@@ -1,0 +1,71 @@
+"""The ghost points of a damage field on several processes.
+
+A step exchanges the damage and what drives it once. The sweeps then run over ghost points, too: each makes one layer of
+them wrong, from the outside, and after LAYERS sweeps the halo is still right.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from ..device.fields import Array, to_host
+from ..device.launches import Call, Stage
+from ..geometry.couplings import gradient_couplings
+from ..interfaces.context import Context
+from ..kernels.damage_field import ghost_kernels
+
+# Layers of ghost points around the halo, and the number of sweeps after which the damage is exchanged again.
+LAYERS = 8
+
+
+class DamageGhosts:
+    """What the field of one of several processes does besides.
+
+    Attributes:
+        own: Points that this process owns.
+    """
+
+    def __init__(self, owner: str, context: Context) -> None:
+        assert context.partition is not None
+        self.owner, self.context, self.partition = owner, context, context.partition
+        self.own = self.partition.owned
+        self._unlist, self._list = ghost_kernels(context.bits)
+
+    def areas(self, represented: np.ndarray) -> np.ndarray:
+        """Areas that the bonds of each point stand for [m^2], (N,): those of ghost points are their owners'."""
+        known = np.where(self.partition.near, represented, self.context.sheet.areas)
+        areas = self.context.array("represented_area", self.owner, wp.float64, known)
+        self._exchange(areas).function()
+        return to_host(areas)
+
+    def couplings(self) -> tuple[np.ndarray, np.ndarray]:
+        """Neighbours and couplings of the points here, as of `gradient_couplings`; those elsewhere are left out."""
+        neighbours, couplings = gradient_couplings(self.context.whole, self.partition.points)
+        there, places = self.partition.here(neighbours.ravel())
+        found = np.tile(np.arange(neighbours.shape[1], dtype=np.int32), (len(neighbours), 1))
+        found.flat[there] = places
+        left = np.zeros(couplings.shape)
+        left.flat[there] = couplings.ravel()[there]
+        return found, left
+
+    def add_unlisting(self, stage: Stage, driving: Array) -> None:
+        """Add the launch that takes the own points off the list."""
+        own = self.own
+        stage.launch(self.owner, self._unlist, own.stop - own.start, begin=own.start, driving=driving)
+
+    def add_listing(self, stage: Stage, threads: int, **arrays: Array) -> None:
+        """Add the launch that lists ghost points, by so many threads of a GPU; arrays as of the kernel."""
+        # Warp's atomics are none between the threads of a CPU.
+        threads = threads if self.context.device.is_cuda else 1
+        stage.launch(
+            self.owner, self._list, threads, stride=threads, own_begin=self.own.start, own_end=self.own.stop, **arrays
+        )
+
+    def add_exchange(self, stage: Stage, *arrays: Array) -> None:
+        """Add the exchange of arrays of points."""
+        stage.call(self._exchange(*arrays))
+
+    def _exchange(self, *arrays: Array) -> Call:
+        stored = [next(s for s in self.context.fields if s.array is array) for array in arrays]
+        return self.context.communicator.exchange(stored, self.partition)
