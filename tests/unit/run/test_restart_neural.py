@@ -25,3 +25,11 @@ def test_restart_goes_on_bit_for_bit_and_refuses_other_weights(tmp_path):
     resumed = simulation(0).run(**options, out=tmp_path, resume=True)
     assert resumed.status == "finished" and np.abs(complete.frame.displacement).max() > 0.0
     assert (resumed.frame.displacement == complete.frame.displacement).all()
+
+
+def test_functions_of_users_are_told_apart_by_what_they_give():
+    def fingerprint(scale):
+        law = Neural(NEO, network=lambda features: scale * features[:, :2])
+        return Simulation(square(9), force=law, solver=Explicit(0.02)).build("cpu").law.fingerprint()
+
+    assert fingerprint(1.0) == fingerprint(1.0) != fingerprint(1.5)

@@ -28,8 +28,10 @@ def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
 def test_the_summary_of_newton_counts_the_finest_lattice():
     coarse = {"points": 9, "shares": [1.0], "products": 3, "residuals": [0.2]}
     fine = {"points": 25, "shares": [0.5, 1.0], "products": 7, "residuals": [0.1, 1e-9]}
-    found = Report("multigrid", [{"lattices": [coarse, fine]}, {"lattices": [fine]}]).summary(25, 1.0)
-    assert (found["iterations"], found["products"], found["residuals"]) == (4, 14, 2 * [0.1, 1e-9])
+    steps = [{"lattices": [coarse, fine], "rounds": 2}, {"lattices": [fine], "rounds": 1}]
+    found = Report("multigrid", steps).summary(25, 1.0)
+    assert (found["iterations"], found["products"], found["rounds"]) == (4, 14, 3)
+    assert found["residuals"] == 2 * [0.1, 1e-9]
 
 
 def test_coarser_lattices_cover_the_same_rectangle():
