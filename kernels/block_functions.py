@@ -9,7 +9,7 @@ import warp as wp
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .entries import entry_of
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 
@@ -140,7 +140,7 @@ def block_functions(
 ) -> BlockFunctions:
     """The functions, for the arguments of `block_force`."""
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
     law = bond_associated(layout, material, "variational").mechanics
@@ -149,6 +149,7 @@ def block_functions(
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     inverse_shape = kinematics(bits).inverse_shape
     stress_near, stress_on_members = near(bits), law.stress_on_members
+    Constants = constants_of(stress_near)
     by_row, curved = layout.kind != "cloud", layout.curved
     compact = layout.compact != ""
     by_missing = not (curved or compact)
@@ -258,7 +259,7 @@ def block_functions(
     @wp.func
     def answer(
         family: Family,
-        constants: parameters,
+        constants: Constants,
         i: int,
         k: int,
         intact_here: bool,

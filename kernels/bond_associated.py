@@ -35,7 +35,7 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state, energy_of_families, gather_pairs
 from .effects import Kernel
-from .factories import PairFactory
+from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .pointwise import Pointwise
@@ -107,10 +107,10 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
-    parameters = types.parameters
     f = family_functions(layout)
     Family = f.struct
     _, energy = material(bits)
+    Constants = constants_of(energy)
     published = form == "published"
     word_size = WORD
     bonds = bond_state(layout)
@@ -322,7 +322,7 @@ def bond_associated(layout: Layout, material: PairFactory, form: str) -> BondAss
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         i: int,
     ):

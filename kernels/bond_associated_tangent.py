@@ -21,7 +21,7 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .numeric import numeric
@@ -115,7 +115,7 @@ def bond_associated_tangent(
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
-    mat32, mat33, parameters = types.mat32, types.mat33, types.parameters
+    mat32, mat33 = types.mat32, types.mat33
     f = family_functions(layout)
     Family = f.struct
     law = bond_associated(layout, material, "variational").mechanics
@@ -123,6 +123,7 @@ def bond_associated_tangent(
     green, family_scale, add_to_members = law.green, law.family_scale, law.add_to_members
     gradient_of, level, curved = law.gradient, kinematics(bits).level, layout.curved
     response_of = response(bits)
+    Constants = constants_of(response_of)
     word_size = WORD
     block_of, inverse_of = block_functions(bits)
     left = stiffness_left(bits)
@@ -132,7 +133,7 @@ def bond_associated_tangent(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         tension: wp.array(dtype=real),
         damage: wp.array(dtype=real),

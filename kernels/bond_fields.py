@@ -8,7 +8,7 @@ from .bits import without_lowest_bit
 from .bond_associated import bond_associated
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import Layout, family_functions
 from .principal_fields import Wanted, image_of, showing, tensors
 from .visco import overstressed
@@ -43,6 +43,7 @@ def bond_fields(
     from_frame = family_functions(layout).from_frame
     law = bond_associated(layout, material, form).mechanics
     stress, _ = material(bits)
+    Constants = constants_of(stress)
     with_overstress = overstressed(bits) if viscous else None
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
@@ -54,7 +55,7 @@ def bond_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         factors: wp.array(dtype=real),
         prony: wp.array(dtype=parameters),

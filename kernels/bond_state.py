@@ -12,6 +12,7 @@ import warp as wp
 
 from .bits import bit_of, lowest_bit, without_lowest_bit
 from .effects import Kernel, kernel
+from .factories import constants_of
 from .families import WORD, Layout, family_functions
 from .pointwise import Pointwise, pointwise
 from .stiffness_left import stiffness_left
@@ -116,15 +117,15 @@ def energy_of_families(layout: Layout, family_energy: wp.Function) -> Kernel:
             energy divided by (thickness x reference area), for the displacement a time `back` ago [J/m^3].
     """
     types = layout.types
-    real, vec3, parameters = types.real, types.vec3, types.parameters
-    Family = family_functions(layout).struct
+    real, vec3 = types.real, types.vec3
+    Family, Constants = family_functions(layout).struct, constants_of(family_energy)
 
     @kernel(gathers=("displacement",))
     def strain_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_volume: real,
         first: int,

@@ -30,7 +30,9 @@ lists what it finds apart, and one of them puts that together.
 Bonds break for good where d has reached `severed_at` at an end, or at a common member nearer to the line between the
 ends than NEAR spacings: no fit of a deformation gradient then spans the faces of a tear. A point is severed where d is
 what a crack between two rows has at these rows. Around a cut that is there from the start nothing breaks before d has
-grown: its own bonds are severed. Points ahead of its end follow once a tear has severed PASSED of their members.
+grown: its own bonds are severed. A point that a tear has passed, with damage near `severed_at` and the fraction PASSED
+of its bonds broken, is severed too, or it would hang between the faces as a strand; ahead of the end of a cut, where
+half of the members belong to the cut, PASSED_END is enough.
 """
 
 import functools
@@ -41,12 +43,15 @@ import warp as wp
 
 from .bits import bit_of
 from .effects import Kernel, kernel
+from .factories import constants_of
 from .families import WORD, Layout, family_functions
 from .numeric import numeric
 from .rupture import energy_over_step, reference_and_deformed
 from .stiffness_left import degradation, stiffness_left
 
-NEAR, PASSED = 0.55, 3
+NEAR = 0.55
+# What is severed where a tear has passed: see above.
+NEARLY, PASSED, PASSED_END = 0.9, 0.4, 0.25
 # Points of a thread of a CPU that lists them.
 TOGETHER = 256
 # What `driving` is at points that are not listed, for processes that have them as ghost points.
@@ -97,7 +102,7 @@ def damage_field(
         earlier_energy: Warp function of the force law's energy of a family a moment ago.
     """
     types = layout.types
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3, Constants = types.real, types.vec3, constants_of(earlier_energy)
     f = family_functions(layout)
     Family, word_size = f.struct, WORD
     bond_vectors = reference_and_deformed(layout)
@@ -198,27 +203,23 @@ def damage_field(
         count[0] = total
 
     @wp.func
-    def tear_has_passed(
-        family: Family,
-        damage: wp.array(dtype=real),
-        severed_at: wp.array(dtype=real),
-        i: int,
-    ):
-        """Whether PASSED members of the undamaged family are severed."""
-        found = wp.int32(0)
+    def fraction_broken(family: Family, intact: wp.array2d(dtype=wp.uint32), i: int):
+        """Fraction of the bonds of a point that are broken."""
+        broken = wp.int32(0)
+        members = wp.int32(0)
         for k in range(family.members):
             if bit_of(f.initial(family, i, k // word_size), k % word_size):
-                m = f.neighbour(family, i, k)
-                if damage[m] >= severed_at[m]:
-                    found += wp.int32(1)
-        return found >= PASSED
+                members += wp.int32(1)
+                if not bit_of(intact[k // word_size, i], k % word_size):
+                    broken += wp.int32(1)
+        return real(broken) / real(wp.max(members, 1))
 
-    @kernel(per="list", gathers=("displacement", "damage", "severed_at"))
+    @kernel(per="list", gathers=("displacement",))
     def drive(
         family: Family,
         displacement: wp.array(dtype=vec3),
         intact: wp.array2d(dtype=wp.uint32),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         scale: wp.array(dtype=real),
         fastest: real,
@@ -240,8 +241,9 @@ def damage_field(
             )
             driving[i] = wp.where(y * fastest > real(1.0) or awake[i] != wp.uint8(0), y, real(-1.0))
             before[i] = damage[i]
-            if ahead[i] != wp.uint8(0) and damage[i] < severed_at[i]:
-                if tear_has_passed(family, damage, severed_at, i):
+            if damage[i] < severed_at[i] and damage[i] > real(NEARLY) * severed_at[i]:
+                enough = wp.where(ahead[i] != wp.uint8(0), real(PASSED_END), real(PASSED))
+                if fraction_broken(family, intact, i) >= enough:
                     severed_at[i] = damage[i]
 
     @kernel(per="list", gathers=("source",))
@@ -332,7 +334,7 @@ def damage_field(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_volume: real,
         spared_mask: wp.array(dtype=wp.uint8),

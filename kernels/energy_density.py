@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .factories import PairFactory
+from .factories import PairFactory, constants_of
 from .numeric import numeric
 
 
@@ -16,13 +16,14 @@ def energy_density(functions: PairFactory) -> wp.Kernel:
         functions: Factory of (stress, energy).
     """
     types = numeric(64)
-    mat22, parameters = types.mat22, types.parameters
+    mat22 = types.mat22
     _, energy = functions(64)
+    Constants = constants_of(energy)
 
     def energy_at(
         first: wp.array(dtype=wp.float64),
         second: wp.array(dtype=wp.float64),
-        constants: parameters,
+        constants: Constants,
         out: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()

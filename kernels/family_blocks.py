@@ -20,7 +20,7 @@ import warp as wp
 
 from .block_functions import block_functions, opaque, putting, synchronize
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 
 # Maximum threads per block, and the approximate number of threads that the registers of a multiprocessor must hold, by
@@ -64,7 +64,7 @@ def block_force(
             instead of these points themselves.
     """
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
+    real, vec2, vec3 = types.real, types.vec2, types.vec3
     f = family_functions(layout)
     Family = f.struct
     breakable, curved = layout.breakable, layout.curved
@@ -74,6 +74,7 @@ def block_force(
     resident = RESIDENT_THREADS[bits] // threads
     vec4 = wp.types.vector(length=4, dtype=real)
     functions = block_functions(layout, material, near, members)
+    Constants = constants_of(near(layout.bits))
     by_missing, missing_shapes = functions.by_missing, functions.missing_shapes
     arrive, answer = functions.arrive, functions.answer
     vec6, Sums, add_products, add_parts = functions.vec6, functions.Sums, functions.add_products, functions.add_parts
@@ -90,7 +91,7 @@ def block_force(
         stop: int,
         moments: wp.array2d(dtype=vec3),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_force: real,
         blocks: int,

@@ -7,7 +7,7 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .principal_fields import Wanted, image_of, showing, tensors
@@ -26,11 +26,12 @@ def point_fields(
     Without a `material` there are stretches alone; with one its stress is that of the law `Nodal`.
     """
     types, bits = layout.types, layout.bits
-    real, vec2, vec3, mat22, parameters = types.real, types.vec2, types.vec3, types.mat22, types.parameters
+    real, vec2, vec3, mat22 = types.real, types.vec2, types.vec3, types.mat22
     f = family_functions(layout)
     Family = f.struct
     bonds, motion = bond_state(layout), kinematics(bits)
     stress = material(bits)[0] if material is not None else None
+    Constants = types.parameters if stress is None else constants_of(stress)
     stretch_of, _ = tensors(bits)
     show, image = showing(bits, wanted, width), image_of(bits)
     curved, word_size, with_stress = layout.curved, WORD, material is not None
@@ -42,7 +43,7 @@ def point_fields(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         first: int,
         stretch_1: wp.array(dtype=real),

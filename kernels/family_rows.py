@@ -21,7 +21,7 @@ import warp as wp
 from .bits import lowest_bit, number_of_bits, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .relaxing_stress import relaxing_stress
@@ -57,6 +57,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
     tilt_of, level = kinematics(bits).tilt_of, kinematics(bits).level
     (stress, energy), quick = material(bits), near is not None
     stress_near = near(bits) if near is not None else stress
+    Constants = constants_of(stress)
     damaged, curved, word_size = layout.breakable, layout.curved, WORD
     energetic, viscous, advances = what == "energy", what.startswith("viscous"), what == "viscous_step"
     relaxing = relaxing_stress(bits, advances) if viscous else None
@@ -93,7 +94,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit: real,
         step: wp.array(dtype=real),

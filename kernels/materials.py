@@ -1,7 +1,7 @@
 """Hyperelastic materials in plane stress, without rotations.
 
 A material is a pair of Warp functions of G = C - I, where C = F^T F is the right Cauchy-Green tensor of
-the sheet (2x2), and of at most four constants:
+the sheet (2x2), and of its constants, `numeric(bits).parameters` up to four, `numeric(bits).constants(count)` for more:
 
     stress(G, constants) -> S        second Piola stress of the sheet [Pa]; the first Piola stress is F S
     energy(G, constants) -> Psi      stored energy per reference volume [J/m^3]

@@ -21,7 +21,7 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_state import bond_state, energy_of_families, gather_pairs
 from .effects import Kernel, kernel
-from .factories import PairFactory
+from .factories import PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .kinematics import kinematics
 from .pointwise import Pointwise
@@ -120,12 +120,13 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
         material: Factory of (stress, energy), called with `bits`.
     """
     types, bits = layout.types, layout.bits
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3 = types.real, types.vec3
     f = family_functions(layout)
     Family = f.struct
     point = point_family(layout)
     stress_on_members = kinematics(bits).stress_on_members
     stress, energy = material(bits)
+    Constants = constants_of(energy)
 
     @wp.func
     def family_energy(
@@ -134,7 +135,7 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         back: real,
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         i: int,
     ):
@@ -155,7 +156,7 @@ def nodal(layout: Layout, material: PairFactory) -> NodalKernels:
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_force: real,
         first: int,

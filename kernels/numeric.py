@@ -20,7 +20,7 @@ class Numeric:
         mat32: Two-point tensor: columns are images of the sheet's two directions.
         mat33: Tensor in space.
         vec6: Symmetric 3x3 matrix, by rows: 11, 12, 13, 22, 23, 33.
-        parameters: Material constants, at most four.
+        parameters: Up to four constants, such as those of a material.
     """
 
     bits: int
@@ -32,6 +32,10 @@ class Numeric:
     mat33: Any
     vec6: Any
     parameters: Any
+
+    def constants(self, count: int) -> Any:
+        """Vector of the constants of a material that has `count`; up to four it is `parameters`."""
+        return wp.types.vector(length=max(count, 4), dtype=self.real)
 
 
 @functools.cache

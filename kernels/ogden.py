@@ -1,10 +1,10 @@
-"""Incompressible Ogden material in plane stress; constants mu_1, a_1, mu_2, a_2. Written in principal stretches."""
+"""Incompressible Ogden material of any number of terms in plane stress, written in principal stretches."""
 
 import functools
 
 import warp as wp
 
-from .incompressible import principal_tangent
+from .incompressible import Incompressible, principal_tangent
 from .numeric import numeric
 
 
@@ -60,10 +60,10 @@ def exponential(bits: int) -> wp.Function:
 
 
 @functools.cache
-def ogden_parts(bits: int) -> tuple[wp.Function, ...]:
+def ogden_parts(terms: int, bits: int) -> tuple[wp.Function, ...]:
     """Functions of the Ogden material: strains, principal stresses and their shear modulus h."""
     types = numeric(bits)
-    real, parameters = types.real, types.parameters
+    real, Constants = types.real, types.constants(2 * terms)
     strains, exp_minus_one = logarithmic_strains(bits), exponential(bits)
 
     @wp.func
@@ -77,20 +77,20 @@ def ogden_parts(bits: int) -> tuple[wp.Function, ...]:
         return answer
 
     @wp.func
-    def principal_stress(strain: real, middle: real, c: parameters):
+    def principal_stress(strain: real, middle: real, c: Constants):
         """S of a principal direction: sum_p mu_p (l^a - (l1 l2)^-a) / l^2."""
         total = real(0.0)
-        for p in range(2):
+        for p in range(terms):
             a = c[2 * p + 1]
             total += c[2 * p] * (exp_minus_one(a * strain) - exp_minus_one(-real(2.0) * a * middle))
         return total * wp.exp(-real(2.0) * strain)
 
     @wp.func
-    def shear(middle: real, half: real, c: parameters):
+    def shear(middle: real, half: real, c: Constants):
         """(S1 - S2) / (C1 - C2)."""
         spread = real(2.0) * half
         total = real(0.0)
-        for p in range(2):
+        for p in range(terms):
             a = c[2 * p + 1]
             term = wp.exp((a - real(4.0)) * middle) * ratio(real(0.5) * a - real(1.0), spread)
             total += c[2 * p] * (term + wp.exp(-real(4.0) * middle - real(2.0) * a * middle))
@@ -100,88 +100,89 @@ def ogden_parts(bits: int) -> tuple[wp.Function, ...]:
 
 
 @functools.cache
-def ogden(bits: int) -> tuple[wp.Function, wp.Function]:
-    """Ogden's material of two terms; constants: mu1 [Pa], a1, mu2 [Pa], a2.
+def ogden(terms: int) -> Incompressible:
+    """Functions of Ogden's material with so many terms; constants: mu_1 [Pa], a_1, mu_2 [Pa], a_2, ...
 
     Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
     """
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    strains, exp_minus_one, principal_stress, shear = ogden_parts(bits)
 
-    @wp.func
-    def stress(G: mat22, constants: parameters):
-        middle, half, mean, _radius = strains(G)
-        h = shear(middle, half, constants)
-        # The mean of the principal stresses, and the deviation from it, which is coaxial with G.
-        centre = real(0.5) * (
-            principal_stress(middle + half, middle, constants) + principal_stress(middle - half, middle, constants)
-        )
-        across = h * G[0, 1]
-        return mat22(centre + h * (G[0, 0] - mean), across, across, centre + h * (G[1, 1] - mean))
+    @functools.cache
+    def functions(bits):
+        types = numeric(bits)
+        real, mat22, Constants = types.real, types.mat22, types.constants(2 * terms)
+        strains, exp_minus_one, principal_stress, shear = ogden_parts(terms, bits)
 
-    @wp.func
-    def energy(G: mat22, constants: parameters):
-        middle, half, _mean, _radius = strains(G)
-        total = real(0.0)
-        for p in range(2):
-            a = constants[2 * p + 1]
-            if a != real(0.0):
-                total += (constants[2 * p] / a) * (
-                    exp_minus_one(a * (middle + half))
-                    + exp_minus_one(a * (middle - half))
-                    + exp_minus_one(-real(2.0) * a * middle)
-                )
-        return total
-
-    return stress, energy
-
-
-@functools.cache
-def ogden_near(bits: int) -> wp.Function:
-    """Function (G, constants, guess) -> (S, guess) of the Ogden material."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    stress, _ = ogden(bits)
-
-    @wp.func
-    def stress_near(G: mat22, constants: parameters, guess: real):
-        return stress(G, constants), guess
-
-    return stress_near
-
-
-@functools.cache
-def ogden_response(bits: int) -> wp.Function:
-    """Stress and moduli of the Ogden material."""
-    types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
-    stress, _ = ogden(bits)
-    strains, _, _, shear = ogden_parts(bits)
-    turned = principal_tangent(bits)
-
-    @wp.func
-    def own(strain: real, middle: real, c: parameters):
-        """Change of a principal stress with its own principal value."""
-        total = real(0.0)
-        for p in range(2):
-            a = c[2 * p + 1]
-            total += c[2 * p] * (
-                (real(0.5) * a - real(1.0)) * wp.exp(a * strain)
-                + (real(0.5) * a + real(1.0)) * wp.exp(-real(2.0) * a * middle)
+        @wp.func
+        def stress(G: mat22, constants: Constants):
+            middle, half, mean, _radius = strains(G)
+            h = shear(middle, half, constants)
+            # The mean of the principal stresses, and the deviation from it, which is coaxial with G.
+            centre = real(0.5) * (
+                principal_stress(middle + half, middle, constants) + principal_stress(middle - half, middle, constants)
             )
-        return total * wp.exp(-real(4.0) * strain)
+            across = h * G[0, 1]
+            return mat22(centre + h * (G[0, 0] - mean), across, across, centre + h * (G[1, 1] - mean))
 
-    @wp.func
-    def response(G: mat22, constants: parameters):
-        middle, half, _mean, _radius = strains(G)
-        N12 = real(0.0)
-        for p in range(2):
-            a = constants[2 * p + 1]
-            N12 += constants[2 * p] * real(0.5) * a * wp.exp(-real(2.0) * (a + real(2.0)) * middle)
-        return stress(G, constants), turned(
-            G, own(middle + half, middle, constants), N12, own(middle - half, middle, constants),
-            shear(middle, half, constants),
-        )  # fmt: skip
+        @wp.func
+        def energy(G: mat22, constants: Constants):
+            middle, half, _mean, _radius = strains(G)
+            total = real(0.0)
+            for p in range(terms):
+                a = constants[2 * p + 1]
+                if a != real(0.0):
+                    total += (constants[2 * p] / a) * (
+                        exp_minus_one(a * (middle + half))
+                        + exp_minus_one(a * (middle - half))
+                        + exp_minus_one(-real(2.0) * a * middle)
+                    )
+            return total
 
-    return response
+        return stress, energy
+
+    @functools.cache
+    def near(bits):
+        types = numeric(bits)
+        real, mat22, Constants = types.real, types.mat22, types.constants(2 * terms)
+        stress, _ = functions(bits)
+
+        @wp.func
+        def stress_near(G: mat22, constants: Constants, guess: real):
+            return stress(G, constants), guess
+
+        return stress_near
+
+    @functools.cache
+    def response(bits):
+        types = numeric(bits)
+        real, mat22, Constants = types.real, types.mat22, types.constants(2 * terms)
+        stress, _ = functions(bits)
+        strains, _, _, shear = ogden_parts(terms, bits)
+        turned = principal_tangent(bits)
+
+        @wp.func
+        def own(strain: real, middle: real, c: Constants):
+            """Change of a principal stress with its own principal value."""
+            total = real(0.0)
+            for p in range(terms):
+                a = c[2 * p + 1]
+                total += c[2 * p] * (
+                    (real(0.5) * a - real(1.0)) * wp.exp(a * strain)
+                    + (real(0.5) * a + real(1.0)) * wp.exp(-real(2.0) * a * middle)
+                )
+            return total * wp.exp(-real(4.0) * strain)
+
+        @wp.func
+        def stress_and_moduli(G: mat22, constants: Constants):
+            middle, half, _mean, _radius = strains(G)
+            N12 = real(0.0)
+            for p in range(terms):
+                a = constants[2 * p + 1]
+                N12 += constants[2 * p] * real(0.5) * a * wp.exp(-real(2.0) * (a + real(2.0)) * middle)
+            return stress(G, constants), turned(
+                G, own(middle + half, middle, constants), N12, own(middle - half, middle, constants),
+                shear(middle, half, constants),
+            )  # fmt: skip
+
+        return stress_and_moduli
+
+    return Incompressible(functions, near, response)

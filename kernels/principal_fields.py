@@ -17,6 +17,7 @@ A point whose bonds determine no gradient has no stretch (NaN), carries no stres
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -80,13 +81,13 @@ def wrinkle_state(width: FunctionFactory | None, bits: int) -> wp.Function:
     With a `width` it is the state of tension field theory, otherwise that of the signs of the principal stresses.
     """
     types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
+    real, mat22 = types.real, types.mat22
     taut, wrinkled, slack, relative, absolute = TAUT, WRINKLED, SLACK, RELATIVE, ABSOLUTE
     relaxed = width is not None
     strain_state = taut_strain(width, bits)[0] if width is not None else None
 
     @wp.func
-    def state_of(G: mat22, larger: real, smaller: real, constants: parameters):
+    def state_of(G: mat22, larger: real, smaller: real, constants: Any):
         answer = wp.int32(taut)
         if wp.static(relaxed):
             found, g1, g2, across = strain_state(G, constants)
@@ -113,7 +114,7 @@ def wrinkle_state(width: FunctionFactory | None, bits: int) -> wp.Function:
 def showing(bits: int, wanted: Wanted, width: FunctionFactory | None) -> wp.Function:
     """Function that turns means into the fields of point i and writes those that are wanted."""
     types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
+    real, mat22 = types.real, types.mat22
     _, principal = tensors(bits)
     state_of = wrinkle_state(width, bits)
     slack = SLACK
@@ -125,7 +126,7 @@ def showing(bits: int, wanted: Wanted, width: FunctionFactory | None) -> wp.Func
         G: mat22,
         T: mat22,
         sigma: mat22,
-        constants: parameters,
+        constants: Any,
         stretch_1: wp.array(dtype=real),
         stretch_2: wp.array(dtype=real),
         first_piola_1: wp.array(dtype=real),

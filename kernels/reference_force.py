@@ -6,7 +6,7 @@ import warp as wp
 
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
-from .factories import PairFactory
+from .factories import PairFactory, constants_of
 from .families import Layout, family_functions
 from .visco import overstressed
 
@@ -23,6 +23,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
     f = family_functions(layout)
     Family = f.struct
     stress, _ = material(bits)
+    Constants = constants_of(stress)
     with_overstress = overstressed(bits) if viscous else None
     law = bond_associated(layout, material, form).mechanics
     is_undamaged, is_intact, visit = law.is_undamaged, law.is_intact, law.visit
@@ -47,7 +48,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
             family: Family,
             intact: wp.array2d(dtype=wp.uint32),
             displacement: wp.array(dtype=vec3),
-            constants: parameters,
+            constants: Constants,
             inverse_horizon: real,
             unit_force: real,
             prony: wp.array(dtype=parameters),
@@ -82,7 +83,7 @@ def reference_force(layout: Layout, material: PairFactory, form: str, viscous: b
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_force: real,
         prony: wp.array(dtype=parameters),

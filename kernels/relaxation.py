@@ -13,7 +13,7 @@ import warp as wp
 from .bits import lowest_bit, without_lowest_bit
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .families import WORD, Layout, family_functions
 from .stiffness_left import stiffness_left
 
@@ -27,13 +27,13 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
     """
     types, bits = layout.types, layout.bits
     real, vec2, vec3 = types.real, types.vec2, types.vec3
-    parameters = types.parameters
     f = family_functions(layout)
     Family = f.struct
     law = bond_associated(layout, material, form).mechanics
     intact_members, is_undamaged, is_intact, visit = law.intact_members, law.is_undamaged, law.is_intact, law.visit
     green, gradient, family_scale = law.green, law.gradient, law.family_scale
     response_of = response(bits)
+    Constants = constants_of(response_of)
     word_size = WORD
     left = stiffness_left(bits)
 
@@ -49,7 +49,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_stiffness: real,
         damage: wp.array(dtype=real),

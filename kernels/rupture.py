@@ -16,6 +16,7 @@ import warp as wp
 
 from .bits import bit_of
 from .effects import Kernel, kernel
+from .factories import constants_of
 from .families import WORD, Layout, family_functions
 
 # Points of a block that is screened together.
@@ -212,8 +213,8 @@ def screening(layout: Layout, criterion: Criterion) -> Kernel:
 def energy_over_step(layout: Layout, earlier_energy: wp.Function) -> wp.Function:
     """Function 2 E(half a step back) - E(now) / 2 - E(a step back) / 2 of the energy of a family, see above."""
     types = layout.types
-    real, vec3, parameters = types.real, types.vec3, types.parameters
-    Family = family_functions(layout).struct
+    real, vec3 = types.real, types.vec3
+    Family, Constants = family_functions(layout).struct, constants_of(earlier_energy)
 
     @wp.func
     def energy_of_step(
@@ -222,7 +223,7 @@ def energy_over_step(layout: Layout, earlier_energy: wp.Function) -> wp.Function
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         dt: real,
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         i: int,
     ):
@@ -251,9 +252,10 @@ def breaking(
             breaking, per point; None if it is not tracked.
     """
     types = layout.types
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3 = types.real, types.vec3
     Family = family_functions(layout).struct
-    Constants = criterion.struct
+    Constants = types.parameters if earlier_energy is None else constants_of(earlier_energy)
+    Limits = criterion.struct
     remaining = remaining_bonds(layout, criterion, spared)
     tracked, block = earlier_energy is not None, SCREENED
 
@@ -265,10 +267,10 @@ def breaking(
         displacement: wp.array(dtype=vec3),
         velocity: wp.array(dtype=vec3),
         step: wp.array(dtype=real),
-        criterion: Constants,
+        criterion: Limits,
         horizon: real,
         spared_mask: wp.array(dtype=wp.uint8),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_volume: real,
         exceeding: wp.array(dtype=wp.uint8),

@@ -21,10 +21,11 @@ material from its stress. In uniaxial tension of an isotropic sheet, width and t
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory, PairFactory, constants_of
 from .incompressible import named, principal_strains, principal_tangent
 from .numeric import numeric
 
@@ -52,11 +53,10 @@ class TensionField:
 @functools.cache
 def incompressible_width(bits: int) -> wp.Function:
     """Function (g1, constants) -> g2 of incompressible isotropic materials: C22 = C33 = C11^(-1/2)."""
-    types = numeric(bits)
-    real, parameters = types.real, types.parameters
+    real = numeric(bits).real
 
     @wp.func
-    def width(g1: real, constants: parameters):
+    def width(g1: real, constants: Any):
         # s - 1 = g1 / (1 + s) with s = l1, so that no digits of a small strain are lost.
         s = wp.sqrt(real(1.0) + g1)
         return -g1 / (s * (real(1.0) + s))
@@ -73,17 +73,18 @@ def width_from_stress(functions: PairFactory) -> FunctionFactory:
 
     def width_of(bits: int) -> wp.Function:
         types = numeric(bits)
-        real, mat22, parameters = types.real, types.mat22, types.parameters
+        real, mat22 = types.real, types.mat22
         stress, _ = functions(bits)
+        Constants = constants_of(stress)
         tolerance, search = TOLERANCE[bits], SEARCH
 
         @wp.func
-        def stress_across(g1: real, g2: real, constants: parameters):
+        def stress_across(g1: real, g2: real, constants: Constants):
             S = stress(mat22(g1, real(0.0), real(0.0), g2), constants)
             return S[1, 1]
 
         @wp.func
-        def width(g1: real, constants: parameters):
+        def width(g1: real, constants: Constants):
             # A sheet whose volume does not decrease in tension is at least as wide as an incompressible one.
             s = wp.sqrt(real(1.0) + g1)
             low = -g1 / (s * (real(1.0) + s))
@@ -128,12 +129,12 @@ def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Func
     taut: (G, constants) -> the taut strain.
     """
     types = numeric(bits)
-    real, mat22, parameters = types.real, types.mat22, types.parameters
+    real, mat22 = types.real, types.mat22
     eigenvalues, width_of = principal_strains(bits), width(bits)
     is_taut, is_wrinkled, is_slack = TAUT, WRINKLED, SLACK
 
     @wp.func
-    def state_of(G: mat22, constants: parameters):
+    def state_of(G: mat22, constants: Any):
         larger, smaller = eigenvalues(G)
         state = wp.int32(is_taut)
         across = smaller
@@ -150,7 +151,7 @@ def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Func
         return state, larger, smaller, across
 
     @wp.func
-    def taut(G: mat22, constants: parameters):
+    def taut(G: mat22, constants: Any):
         state, larger, smaller, across = state_of(G, constants)
         strain = G
         if state == wp.int32(is_slack):
@@ -172,13 +173,12 @@ def relaxed_volume(volume: FunctionFactory, width: FunctionFactory) -> FunctionF
     """Factory of (G, constants) -> J^2 - 1 at the taut strain, from that of the sheet itself."""
 
     def relaxed(bits: int) -> wp.Function:
-        types = numeric(bits)
-        mat22, parameters = types.mat22, types.parameters
+        mat22 = numeric(bits).mat22
         volume_change = volume(bits)
         _, taut = taut_strain(width, bits)
 
         @wp.func
-        def relaxed_volume_change(G: mat22, constants: parameters):
+        def relaxed_volume_change(G: mat22, constants: Any):
             return volume_change(taut(G, constants), constants)
 
         return relaxed_volume_change
@@ -193,29 +193,30 @@ def tension_field(
     """Functions of the relaxed energy from those of the sheet itself, see above."""
 
     def relaxed_functions(bits):
-        types = numeric(bits)
-        mat22, parameters = types.mat22, types.parameters
+        mat22 = numeric(bits).mat22
         stress, energy = functions(bits)
+        Constants = constants_of(stress)
         _, taut = taut_strain(width, bits)
 
         @wp.func
-        def relaxed_stress(G: mat22, constants: parameters):
+        def relaxed_stress(G: mat22, constants: Constants):
             return stress(taut(G, constants), constants)
 
         @wp.func
-        def relaxed_energy(G: mat22, constants: parameters):
+        def relaxed_energy(G: mat22, constants: Constants):
             return energy(taut(G, constants), constants)
 
         return relaxed_stress, relaxed_energy
 
     def relaxed_near(bits):
         types = numeric(bits)
-        real, mat22, parameters = types.real, types.mat22, types.parameters
+        real, mat22 = types.real, types.mat22
         stress_near, eigenvalues = near(bits), principal_strains(bits)
+        Constants = constants_of(stress_near)
         _, taut = taut_strain(width, bits)
 
         @wp.func
-        def relaxed_stress_near(G: mat22, constants: parameters, guess: real):
+        def relaxed_stress_near(G: mat22, constants: Constants, guess: real):
             # Most sheets are taut: their own stress tells, if none of its principal values is negative. The search for
             # the width takes as long as all else. No sheet narrower than an incompressible one is taut.
             S = mat22()
@@ -235,13 +236,14 @@ def tension_field(
 
     def relaxed_response(bits):
         types = numeric(bits)
-        real, mat22, vec6, parameters = types.real, types.mat22, types.vec6, types.parameters
+        real, mat22, vec6 = types.real, types.mat22, types.vec6
         response_of, turned = response(bits), principal_tangent(bits)
+        Constants = constants_of(response_of)
         state_of, _ = taut_strain(width, bits)
         is_taut, is_wrinkled = TAUT, WRINKLED
 
         @wp.func
-        def relaxed_stress_and_moduli(G: mat22, constants: parameters):
+        def relaxed_stress_and_moduli(G: mat22, constants: Constants):
             state, larger, smaller, across = state_of(G, constants)
             S = mat22()
             T = vec6()

@@ -20,7 +20,7 @@ from typing import Any
 import warp as wp
 
 from .effects import Kernel, kernel
-from .factories import FunctionFactory
+from .factories import FunctionFactory, constants_of
 from .kinematics import kinematics
 from .numeric import numeric
 from .stencil import LARGE, Stencil
@@ -50,8 +50,9 @@ def undamaged_lattice_force(
         breakable: Whether families may be damaged; others leave those alone.
     """
     types = numeric(bits)
-    real, vec3, parameters = types.real, types.vec3, types.parameters
+    real, vec3 = types.real, types.vec3
     stress_near = near(bits)
+    Constants = constants_of(stress_near)
     green = kinematics(bits).green
     n, bonds = len(stencil.steps), len(stencil.part)
     full = (1 << n) - 1
@@ -119,7 +120,7 @@ def undamaged_lattice_force(
         displacement: wp.array(dtype=vec3),
         places: Places,
         turns: int,
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_force: real,
         first: int,

@@ -24,7 +24,7 @@ import warp as wp
 
 from .bond_associated import bond_associated
 from .effects import Kernel, kernel
-from .factories import PairFactory
+from .factories import PairFactory, constants_of
 from .families import Layout, family_functions
 from .incompressible import incompressible, yeoh
 from .numeric import numeric
@@ -187,13 +187,14 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
     is_undamaged, visit, green, family_scale = law.is_undamaged, law.visit, law.green, law.family_scale
     term_constants, tensor = conversions(bits)
     conjugate, energies = prony_energy(), material(64)[1]
+    Constants, Wide = constants_of(material(bits)[1]), constants_of(energies)
 
     @kernel(gathers=("displacement",))
     def stored_energy(
         family: Family,
         intact: wp.array2d(dtype=wp.uint32),
         displacement: wp.array(dtype=vec3),
-        constants: parameters,
+        constants: Constants,
         inverse_horizon: real,
         unit_volume: real,
         prony: wp.array(dtype=parameters),
@@ -217,10 +218,9 @@ def visco_energy(layout: Layout, material: PairFactory) -> Kernel:
                 G = green(H1, H2, tilt)
                 total += weight
                 wide = wp.mat22d(wp.float64(G[0, 0]), wp.float64(G[0, 1]), wp.float64(G[1, 0]), wp.float64(G[1, 1]))
-                c = wp.vec4d(
-                    wp.float64(constants[0]), wp.float64(constants[1]), wp.float64(constants[2]),
-                    wp.float64(constants[3]),
-                )  # fmt: skip
+                c = Wide()
+                for n in range(wp.static(len(Wide()))):
+                    c[n] = wp.float64(constants[n])
                 elastic += wp.float64(weight) * energies(wide, c)
                 for p in range(prony.shape[0]):
                     term = prony[p]

@@ -53,7 +53,7 @@ def build(
 
     Args:
         stretch: Stretch of the inflated balloon [-].
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
         speed: Speed of the needle [m/s].
     """
     top = positive("stretch", stretch) * RADIUS

@@ -51,7 +51,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
         boundary_force: A of the empirical force along free edges [N/m^7].
         cut: Length of the cut [m].
         speed: Speed of each leg [m/s].
@@ -102,12 +102,19 @@ def build(
         outcomes=[
             Outcome("largest_load", "N", largest("load")),
             Outcome("load_when_tear_begins", "N", when_above("load", "crack_length", 0.0)),
+            Outcome("load_while_tearing", "N", mean_load),
             Outcome("tear_begins", "s", time_above("crack_length", 0.0)),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
         section="BA 6.5",
         pictures=pictures,
     )
+
+
+def mean_load(history):
+    """Mean load while the crack grows from 5 to 15 mm [N]."""
+    rows = [row["load"] for row in history if 5e-3 < row["crack_length"] < 15e-3]
+    return float(np.mean(rows)) if len(rows) > 2 else None
 
 
 def pictures(history, folder):

@@ -1,9 +1,14 @@
-"""A ball is pushed through a clamped latex sheet with a small slit: force and depth when the slit tears open.
+"""A ball is pushed through a clamped silicone sheet with a slit: force and depth when the slit tears open.
 
-A square of 60 mm, 0.3 mm thick, mu 0.4 MPa, Gc 5 kJ/m^2, rho 1000 kg/m^3, as thin latex is; a rigid ball of 16 mm in
-diameter is lowered onto its middle, which has a slit of 4 mm. There is no closed form. What counts is that force and
-depth at puncture depend on neither the grid nor the spacing: the slit is a crack, and its energy release rate decides
-when it grows. A sheet without a crack (`slit` = 0) tears where its energy density reaches 3 Gc / (16 damage_length).
+A square of 60 mm, 0.3 mm thick, mu 0.4 MPa, Gc 1 kJ/m^2, rho 1000 kg/m^3; a rigid ball of 30 mm in diameter is lowered
+onto its middle, which has a slit of 12 mm. There is no closed form. What counts is that force and depth at puncture
+depend on neither the grid nor the spacing: the slit is a crack, and its energy release rate decides when it grows. So
+it must be long against the damage length and against Gc / mu, here 2.5 mm. Through a slit of 4 mm in latex, whose
+Gc / mu is 12 mm, the ball slips and tears nothing. A sheet without a crack (`slit` = 0) tears where its energy density
+reaches 3 Gc / (16 damage_length).
+
+The sheet snaps back when the ball is through. Only then do the energies miss their balance, by an amount that goes
+with the squared step, whatever breaks: 0.5 % at the default `safety` of tears, half of it here.
 """
 
 import math
@@ -27,19 +32,20 @@ from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, time_above, when_above, worst_balance
 
 SIZE, THICKNESS, DENSITY, MU = 0.06, 0.3e-3, 1000.0, 0.4e6
-BALL = 0.016
+BALL = 0.03
 
 
 def build(
     points: int = 61,
     horizon: float = 2.015,
-    tearing_energy: float = 5e3,
+    tearing_energy: float = 1e3,
     damage_length: float | None = None,
-    slit: float = 4e-3,
+    slit: float = 12e-3,
     speed: float = 1.0,
-    depth: float = 0.05,
+    depth: float = 0.04,
     damping: float = 50.0,
     frames: int = 100,
+    safety: float = 0.35,
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
@@ -47,7 +53,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
         slit: Length of the slit [m]; 0: there is none.
         speed: Speed of the ball, slow against waves of 20 to 100 m/s [m/s].
         depth: How far the ball is lowered [m].
@@ -71,7 +77,7 @@ def build(
         loads=[Fixed(clamp)],
         contact=RigidBall(diameter=BALL, start=(middle, middle, 0.5 * BALL), velocity=(0.0, 0.0, -speed)),
         damage=TearingEnergy(tearing_energy, damage_length, spared=clamp),
-        solver=Explicit(duration=duration, frames=count("frames", frames, 1), damping=damping),
+        solver=Explicit(duration=duration, frames=count("frames", frames, 1), damping=damping, safety=safety),
         measures=[
             Measure("depth", "m", lambda built, frame: speed * frame.time),
             Measure("crack_length", "m", lambda built, frame: line.length(frame.intact_faces)),
@@ -82,7 +88,7 @@ def build(
             Outcome("tear_begins", "s", time_above("crack_length", 0.0)),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
-        section="Latex puncture",
+        section="Silicone puncture",
         pictures=pictures,
     )
 

@@ -42,7 +42,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
         points: Points along the height: rows.
         overload: Energy release rate of the stretched strip over the tearing energy, above 1 [-].
     """

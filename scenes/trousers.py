@@ -10,6 +10,10 @@ both legs is stretched. Hence
 with the stretch and the energy density W of a leg in uniaxial tension under F, and the thickness h. (Rivlin and Thomas
 write the width 2 w of both legs together.) The tear must run at G = Gc, and go on so: `tear_ratio` is the mean of
 G / Gc while the tip moves from 0.2 to 0.6 of the way. Nothing guides the tear; only what is near the ends is spared.
+
+Finite elements of this sheet at rest (tests/references/torn.json) release 1.4 % more than the formula at G = Gc. Mass
+damping holds back the legs and the sheet that follows them: it adds to the force, at 20 /s and 20 mm/s a tenth, at the
+5 /s and 10 mm/s here about 1 %.
 """
 
 import numpy as np
@@ -33,6 +37,8 @@ from warp_pd.scenes.pure_shear_tear import even_rows
 
 WIDTH, LENGTH, CUT, THICKNESS, DENSITY, MU = 0.02, 0.06, 0.02, 1e-3, 1000.0, 1e3
 LEG = 0.5 * WIDTH
+# G by finite elements over that by the formula, when it is 4.2 J/m^2.
+MORE = 1.014
 
 
 def build(
@@ -40,10 +46,10 @@ def build(
     horizon: float = 2.015,
     tearing_energy: float = 4.0,
     damage_length: float | None = None,
-    speed: float = 0.02,
-    duration: float = 2.2,
-    damping: float = 20.0,
-    frames: int = 110,
+    speed: float = 0.01,
+    duration: float = 3.6,
+    damping: float = 5.0,
+    frames: int = 150,
     turn: float = 0.0,
     jitter: float = 0.0,
     seed: int = 0,
@@ -51,7 +57,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
         points: Points along the width of both legs.
         speed: Speed of each end [m/s].
     """
@@ -113,7 +119,7 @@ def build(
             Measure("tip", "m", lambda built, frame: line.reach(frame.intact_faces, tip, ahead)),
         ],
         outcomes=[
-            Outcome("tear_ratio", "1", tearing, 1.0, "Rivlin and Thomas 1953: G = 2 stretch F / h - 2 w W"),
+            Outcome("tear_ratio", "1", tearing, 1.0 / MORE, "finite elements; by the formula of 1953 it is 1"),
             Outcome("worst_energy_balance", "1", worst_balance),
         ],
         section="Rivlin and Thomas 1953",

@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import warp as wp
 
+from warp_pd.kernels.factories import constants_of
 from warp_pd.kernels.numeric import numeric
 from warp_pd.materials import padded_constants
 
@@ -18,11 +19,12 @@ def strain(F):
 def evaluator(material, bits):
     types = numeric(bits)
     stress, energy = material(bits)
+    Constants = constants_of(stress)
 
-    @wp.kernel(module=f"test_material_{material.__name__}_{bits}", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False)
     def evaluate(
         strain: wp.array(dtype=types.mat22),
-        constants: types.parameters,
+        constants: Constants,
         out_stress: wp.array(dtype=types.mat22),
         out_energy: wp.array(dtype=types.real),
     ):
@@ -40,7 +42,8 @@ def evaluate(material, strain, bits):
     given = wp.array(strain, dtype=types.mat22, device="cpu")
     stress = wp.zeros(n, dtype=types.mat22, device="cpu")
     energy = wp.zeros(n, dtype=types.real, device="cpu")
-    constants = types.parameters(*padded_constants(material))
+    known = padded_constants(material)
+    constants = types.constants(len(known))(*known)
     wp.launch(evaluator(material.functions, bits), dim=n, inputs=[given, constants, stress, energy], device="cpu")
     return stress.numpy().astype(float), energy.numpy().astype(float)
 
@@ -49,11 +52,12 @@ def evaluate(material, strain, bits):
 def responder(material, bits):
     types = numeric(bits)
     response = material(bits)
+    Constants = constants_of(response)
 
-    @wp.kernel(module=f"test_response_{material.__name__}_{bits}", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False)
     def respond(
         strain: wp.array(dtype=types.mat22),
-        constants: types.parameters,
+        constants: Constants,
         out_stress: wp.array(dtype=types.mat22),
         out_moduli: wp.array(dtype=types.vec6),
     ):
@@ -72,6 +76,7 @@ def respond(material, strain, bits):
     given = wp.array(strain, dtype=types.mat22, device="cpu")
     stress = wp.zeros(n, dtype=types.mat22, device="cpu")
     moduli = wp.zeros(n, dtype=types.vec6, device="cpu")
-    constants = types.parameters(*padded_constants(material))
+    known = padded_constants(material)
+    constants = types.constants(len(known))(*known)
     wp.launch(responder(material.response, bits), dim=n, inputs=[given, constants, stress, moduli], device="cpu")
     return stress.numpy().astype(float), moduli.numpy().astype(float)

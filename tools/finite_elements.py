@@ -122,6 +122,53 @@ class Compressible:
         return by_t, by_d, *np.full((3, *t.shape), np.nan)
 
 
+@dataclass(frozen=True)
+class TensionField:
+    """The incompressible neo-Hookean sheet in tension field theory, with its second derivatives, for statics.
+
+    Attributes:
+        mu: Shear modulus [Pa].
+        share: Fraction of the energy that resists compression, so that no state is without stiffness: a limit towards
+            0 is to be taken [-].
+    """
+
+    mu: float
+    share: float
+
+    def energy(self, t: Array, d: Array) -> Array:
+        """Energy per volume [J/m^3]."""
+        large, wrinkled, slack = self._state(t, d)[1:]
+        taut = 0.5 * self.mu * (t + 1.0 / d - 3.0)
+        relaxed = np.where(wrinkled, 0.5 * self.mu * (large + 2.0 * large**-0.5 - 3.0), taut)
+        return self.share * taut + (1.0 - self.share) * np.where(slack, 0.0, relaxed)
+
+    def __call__(self, t: Array, d: Array) -> tuple[Array, ...]:
+        """The response: wrinkled, the energy is one of the larger eigenvalue of C alone."""
+        radius, large, wrinkled, slack = self._state(t, d)
+        radius = np.maximum(radius, 1e-6)
+        slope = np.where(slack, 0.0, 0.5 * self.mu * (1.0 - large**-1.5))
+        curve = np.where(slack, 0.0, 0.75 * self.mu * large**-2.5)
+        by_t, by_d = 0.5 * large / radius, -0.5 / radius
+        by_td, by_dd = 0.125 * t / radius**3, -0.25 / radius**3
+        by_tt = 0.5 * by_t / radius - 0.125 * large * t / radius**3
+        wrinkles = (
+            slope * by_t, slope * by_d, curve * by_t**2 + slope * by_tt, curve * by_t * by_d + slope * by_td,
+            curve * by_d**2 + slope * by_dd,
+        )  # fmt: skip
+        taut = incompressible(self.mu)(t, d)
+        return tuple(
+            self.share * a + (1.0 - self.share) * np.where(wrinkled, b, a) for a, b in zip(taut, wrinkles, strict=True)
+        )
+
+    @staticmethod
+    def _state(t: Array, d: Array) -> tuple[Array, ...]:
+        """Half the difference of the eigenvalues of C, the larger one, and which states are wrinkled and slack."""
+        radius = np.sqrt(np.maximum(0.25 * t**2 - d, 0.0))
+        large = 0.5 * t + radius
+        wrinkled = 0.5 * t - radius < large**-0.5
+        return radius, large, wrinkled, wrinkled & (large <= 1.0)
+
+
 def neo_hookean(mu: float, bulk: float) -> Compressible:
     """The material of NN: W = mu/2 (I - 3) + K/8 (q + 1/q - 2)."""
     return Compressible(

@@ -64,6 +64,7 @@ SCENES = (
     SceneCase("trousers", "Trousers"),
     SceneCase("edge_notch", "Notch at an edge"),
     SceneCase("running_crack", "Crack that runs along a strip"),
+    SceneCase("flaw_sensitivity", "Small and large flaws"),
     SceneCase("puncture", "Ball through a slit"),
     SceneCase("stable_crack", "Crack that grows at rest"),
     SceneCase("bulge_test", "Bulge test"),

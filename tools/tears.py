@@ -2,19 +2,22 @@
 
     python tools/tears.py strips --device cuda:0 --jobs 12 --out docs/tear-strips.json      all 225, on an H200
     python tools/tears.py strips --rows 20 --energies 1 4 --grids 0 45 --horizons 2.015     a few, on a CPU
-    python tools/tears.py scenes --device cuda:0 --jobs 3 --out runs/tears.json             five minutes on an H200
+    python tools/tears.py scenes --device cuda:0 --jobs 3 --out runs/tears.json
+    python tools/tears.py scenes --only puncture --device cuda:0
+    python tools/tears.py flaws --device cuda:0
 
 `strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact. A row holds G / Gc when the tip has moved
-by 1, 3, 6 and 12 spacings. `scenes` are all others with a tear: their load or G / Gc on grids of five kinds and at
-several spacings. A file keeps the rows of earlier calls; a row of the same settings is replaced.
+by 1, 3, 6 and 12 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at four
+spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. A file keeps the rows of earlier
+calls; a row of the same settings is replaced.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,40 +39,99 @@ GRIDS: dict[str, dict[str, float]] = {
     "0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.25}
 }  # fmt: skip
 ADVANCES = (1, 3, 6, 12)
-# Scene, what is read, settings, points at which the grids are compared, all points.
-SCENES: tuple[tuple[str, str, dict[str, Any], int, tuple[int, ...]], ...] = (
-    ("trousers", "tear_ratio", {}, 40, (30, 40, 80)),
-    ("edge_notch", "onset_ratio", {}, 80, (40, 80, 120)),
-    ("double_notch", "largest_load", {"duration": 1.8, "frames": 60, "tearing_energy": 0.784}, 60, (30, 60, 120, 240)),
-    (
-        "off_plane_tear", "load_when_tear_begins",
-        {"speed": 8e-3, "travel": 0.075, "weights": "plain", "frames": 150, "tearing_energy": 2.95}, 80, (20, 40, 80),
+
+
+@dataclass(frozen=True)
+class Tear:
+    """A scene with a tear, at several spacings and on several grids.
+
+    Attributes:
+        scene: Its name.
+        number: The outcome that is read.
+        points: Numbers of points, from the coarsest; the grids are compared at the last but one.
+        settings: Other arguments. A damage length is that of the material: 3 spacings of the coarsest grid.
+    """
+
+    scene: str
+    number: str
+    points: tuple[int, ...]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def by_points(self) -> list[dict[str, Any]]:
+        """Settings of the runs at all spacings."""
+        return [{"points": points, **self.settings} for points in self.points]
+
+    def by_grid(self) -> list[dict[str, Any]]:
+        """Settings of the runs on all grids."""
+        return [{"points": self.points[-2], **self.settings, **grid} for grid in GRIDS.values()]
+
+
+# Those that have a truth for a short length take the default one, four spacings.
+TEARS = (
+    Tear("trousers", "tear_ratio", (30, 40, 60, 80)),
+    Tear("edge_notch", "onset_ratio", (60, 80, 120, 160)),
+    Tear("running_crack", "released_ratio", (40, 60, 80, 120), {"overload": 1.5}),
+    Tear(
+        "double_notch", "largest_load", (80, 112, 160, 224),
+        {"horizon": 2.015, "duration": 1.8, "frames": 300, "tearing_energy": 0.784, "damage_length": 7.5e-4},
     ),
-    ("precut_tear", "largest_pull", {"frames": 100, "tearing_energy": 2.43}, 120, (60, 120, 240)),
-    ("puncture", "puncture_force", {}, 61, (31, 61, 121, 241)),
-    (
-        "ball_penetration", "largest_ball_force",
-        {"tearing_energy": 60.0, "damage_length": 0.05, "horizon": 2.015}, 101, (51, 101, 201),
+    Tear(
+        "off_plane_tear", "load_while_tearing", (60, 84, 120, 168),
+        {
+            "horizon": 2.015, "speed": 8e-3, "travel": 0.06, "frames": 300, "tearing_energy": 2.95,
+            "damage_length": 5e-3,
+        },
     ),
-    ("running_crack", "released_ratio", {"overload": 1.5}, 80, (40, 80, 120)),
+    Tear(
+        "precut_tear", "largest_pull", (60, 84, 120, 168),
+        {"horizon": 2.015, "frames": 300, "tearing_energy": 2.43, "damage_length": 0.05},
+    ),
+    Tear("puncture", "puncture_force", (61, 85, 121, 171), {"frames": 200, "damage_length": 3e-3}),
+    Tear(
+        "ball_penetration", "largest_ball_force", (61, 85, 121, 171),
+        {"horizon": 2.015, "frames": 300, "tearing_energy": 60.0, "damage_length": 0.05},
+    ),
 )  # fmt: skip
 
 
-def strips(options: Any) -> Iterator[dict[str, Any]]:
-    """Settings of the strips."""
-    extra = dict(item.split("=", 1) for item in options.set)
+# Points, flaw and damage length [mm], and strength over that of the length, of `flaw_sensitivity`.
+FLAWS = (
+    (121, 0.0, 10.0, 1.0), (241, 1.0, 10.0, 1.0), (121, 3.0, 10.0, 1.0), (121, 10.0, 10.0, 1.0), (121, 10.0, 3.4, 1.0),
+    (121, 30.0, 3.4, 1.0), (161, 40.0, 2.5, 1.0), (241, 40.0, 1.25, 1.0), (241, 45.0, 0.9, 1.0), (541, 47.0, 0.47, 1.0),
+    (121, 0.0, 3.4, 0.3), (121, 3.0, 3.4, 0.3), (121, 10.0, 3.4, 0.3), (121, 40.0, 3.4, 0.3),
+)  # fmt: skip
+GC, WEAKENED = 4.0, "strength"
+
+
+def strips(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Runs of the strips: the scene and its settings."""
     for rows, m, energy, grid in itertools.product(options.rows, options.horizons, options.energies, options.grids):
-        yield {"points": rows, "horizon": m, "tearing_energy": energy, **GRIDS[grid], **extra}
+        yield (
+            "pure_shear_tear",
+            {"points": rows, "horizon": m, "tearing_energy": energy, **GRIDS[grid], **further(options)},
+        )
 
 
-def tears() -> Iterator[tuple[str, dict[str, Any]]]:
-    """All runs of the other scenes: the scene and its settings."""
-    for scene, _, settings, middle, points in SCENES:
-        for change in GRIDS.values():
-            yield scene, {"points": middle, **settings, **change}
-        for number in points:
-            if number != middle:
-                yield scene, {"points": number, **settings}
+def tears(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Runs of other scenes: the scene and its settings."""
+    for tear in TEARS:
+        if tear.scene in options.only:
+            for settings in tear.by_points() + tear.by_grid()[1:]:
+                yield tear.scene, {**settings, **further(options)}
+
+
+def flaws(options: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Sheets with flaws from none to a hundred damage lengths."""
+    for points, flaw, length, weaker in FLAWS:
+        settings = {"points": points, "flaw": 1e-3 * flaw, "damage_length": 1e-3 * length, "tearing_energy": GC}
+        if weaker < 1.0:
+            settings[WEAKENED] = round(weaker * 3.0 * GC / (16.0 * settings["damage_length"]), 3)
+        yield "flaw_sensitivity", {**settings, **further(options)}
+
+
+def further(options: Any) -> dict[str, str]:
+    """Arguments of all runs that the command line gives."""
+    return dict(item.split("=", 1) for item in options.set)
 
 
 def run(scene: str, settings: dict[str, Any], device: str | None) -> Row:
@@ -95,6 +157,7 @@ def found(rows: Sequence[Row], scene: str, settings: dict[str, Any]) -> Row:
 def strips_table(rows: Sequence[Row]) -> list[str]:
     """Lowest, mean and largest G / Gc at onset over grids and tearing energies."""
     lines = []
+    rows = [row for row in rows if row["scene"] == "pure_shear_tear"]
     for horizon, points in sorted({(row["settings"]["horizon"], row["settings"]["points"]) for row in rows}):
         some = [row for row in rows if (row["settings"]["horizon"], row["settings"]["points"]) == (horizon, points)]
         cells = []
@@ -110,18 +173,39 @@ def strips_table(rows: Sequence[Row]) -> list[str]:
 
 
 def scenes_table(rows: Sequence[Row]) -> list[str]:
-    """One line a scene: what is read at all spacings and on all grids, and how far the grids spread."""
+    """One line a scene: what is read at all spacings and on all grids, its last change and how far the grids spread."""
     lines = []
-    for scene, name, settings, middle, points in SCENES:
-        by_points = [found(rows, scene, {"points": n, **settings}).get(name) for n in points]
-        by_grid = [found(rows, scene, {"points": middle, **settings, **change}).get(name) for change in GRIDS.values()]
-        known = [value for value in by_grid if value is not None]
-        spread = (max(known) - min(known)) / (sum(known) / len(known)) if known and sum(known) else math.nan
+    for tear in TEARS:
+        values, on_grids = (
+            [found(rows, tear.scene, settings).get(tear.number) for settings in runs]
+            for runs in (tear.by_points(), tear.by_grid())
+        )
         lines.append([
-            scene, name, ", ".join(f"{n}: {shown(v)}" for n, v in zip(points, by_points, strict=True)),
-            ", ".join(map(shown, by_grid)), "-" if math.isnan(spread) else f"{100 * spread:.0f} %",
+            tear.scene, tear.number,
+            ", ".join(f"{n}: {shown(v)}" for n, v in zip(tear.points, values, strict=True)), apart(values[-2:]),
+            ", ".join(map(shown, on_grids)), apart(on_grids),
         ])  # fmt: skip
-    return table(["scene", "number", "points: value", f"on grids of {', '.join(GRIDS)}", "spread"], lines)
+    head = ["scene", "number", "points: value", "last change", f"on grids of {', '.join(GRIDS)}", "spread"]
+    return table(head, lines)
+
+
+def flaws_table(rows: Sequence[Row]) -> list[str]:
+    """One line a flaw: its length over that of the field, and what it breaks at over the strength and Griffith's."""
+    lines = []
+    for row in (row for row in rows if row["scene"] == "flaw_sensitivity"):
+        settings = row["settings"]
+        flaw, length = float(settings["flaw"]), float(settings["damage_length"])
+        numbers = (flaw / length, row["stress_at_break"], row["strength_ratio"], row["griffith_ratio"])
+        strength = f"{settings[WEAKENED]:g}" if WEAKENED in settings else "of the length"
+        lines.append([f"{1e3 * flaw:g}", f"{1e3 * length:g}", strength, *map(shown, numbers)])
+    head = ["flaw (mm)", "length (mm)", "strength (J/m^3)", "flaw / length", "stress at break (Pa)", "W / strength"]
+    return table([*head, "G / Gc"], lines)
+
+
+def apart(values: Sequence[float | None]) -> str:
+    """How far values lie apart, over their mean; of those that there are."""
+    known = [value for value in values if value is not None]
+    return f"{100 * (max(known) - min(known)) / abs(sum(known) / len(known)):.1f} %" if len(known) > 1 else "-"
 
 
 def shown(value: float | None) -> str:
@@ -132,25 +216,26 @@ def shown(value: float | None) -> str:
 def main() -> None:
     """Run, keep the rows, print the table."""
     parser = study_parser(__doc__, device=None, jobs=1, out=None, only_page=False, commit=None)
-    parser.add_argument("kind", choices=("strips", "scenes"))
+    parser.add_argument("kind", choices=("strips", "scenes", "flaws"))
     parser.add_argument("--rows", type=at_least_one, nargs="+", default=[20, 40, 80], help="of points in a strip")
     parser.add_argument("--horizons", type=float, nargs="+", default=[2.015, 3.15, 4.15])
     parser.add_argument("--energies", type=float, nargs="+", default=[0.5, 1.0, 2.0, 4.0, 8.0], help="Gc [J/m^2]")
     parser.add_argument("--grids", nargs="+", default=list(GRIDS), choices=list(GRIDS))
-    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="further arguments of the strips")
+    names = [tear.scene for tear in TEARS]
+    parser.add_argument("--only", nargs="+", default=names, choices=names, help="scenes to run")
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="further arguments of all runs")
     options = parser.parse_args()
     path: Path | None = options.out
     rows = [] if path is None else load_rows(path)
     if not options.only_page:
-        chosen = [("pure_shear_tear", s) for s in strips(options)] if options.kind == "strips" else list(tears())
+        chosen = [*{"strips": strips, "scenes": tears, "flaws": flaws}[options.kind](options)]
         made = provenance(device_title(options.device), options.commit)
         for (scene, settings, _), row in in_processes(run, [(*c, options.device) for c in chosen], options.jobs):
             rows = [r for r in rows if (r["scene"], r["settings"]) != (scene, settings)] + [{**row, "made": made}]
             print(json.dumps(rows[-1]), flush=True)
             if path is not None:
                 save_rows(path, rows)
-    strip_rows = [row for row in rows if row["scene"] == "pure_shear_tear"]
-    print("\n".join(strips_table(strip_rows) if options.kind == "strips" else scenes_table(rows)))
+    print("\n".join({"strips": strips_table, "scenes": scenes_table, "flaws": flaws_table}[options.kind](rows)))
 
 
 if __name__ == "__main__":

@@ -41,7 +41,8 @@ def write_run(folder):
     with VtkHdfSeries(folder / "frames.vtkhdf", surface) as series:
         for at in range(FRAMES):
             series.write(frame_of(surface, at))
-    history = [{"time": 0.01 * at, "kinetic": at**2, "load": 0.25 * at, "bad": np.nan} for at in range(FRAMES)]
+    history = [{"time": 0.01 * at, "kinetic": at**2, "load": 0.25 * at, "swing": min(at, 6 - at), "bad": np.nan}
+               for at in range(FRAMES)]  # fmt: skip
     with (folder / "history.csv").open("w", newline="") as stream:
         writer = csv.DictWriter(stream, fieldnames=list(history[0]))
         writer.writeheader()
@@ -236,6 +237,46 @@ def test_curves_follow_the_time_and_lead_to_it(page):
     over.click(position={"x": 0.5 * box["width"], "y": 20})
     page.wait_for_selector("body[data-frame='3']", state="attached")
     page.locator(".graph select").nth(0).select_option(label="bad")
+
+
+def test_curves_are_drawn_against_another_column(page):
+    """A column that goes up and down again: 0, 1, 2, 3, 2, 1, 0 at the loads 0, 0.25, ..., 1.5."""
+    graph = page.locator(".graph").nth(0)
+    against = graph.get_by_label("Column along the horizontal axis")
+    options = against.locator("option").all_inner_texts()
+    assert options == ["against time", "against kinetic", "against load", "against swing", "against bad"]
+    against.select_option("swing")
+    to_frame(page, 5)
+    assert "".join(graph.locator(".u-legend").inner_text().split()) == "swing1load1.25"
+    over = graph.locator(".u-over")
+    place = page.evaluate(
+        """() => {
+          const { plot } = window.page.state.graphs[0];
+          return [1, 0.25].map((n, k) => plot.valToPos(n, "xy"[k]));
+        }"""
+    )
+    over.click(position=dict(zip("xy", place, strict=True)))
+    page.wait_for_selector("body[data-frame='1']", state="attached")
+    against.select_option("bad")
+    against.select_option("time")
+    to_frame(page, 2)
+    assert "".join(graph.locator(".u-legend").inner_text().split()) == "time(s)0.02load0.5"
+
+
+def test_the_view_fits_what_a_frame_shows(page):
+    """In the last frame five of six columns of triangles have lost their middle; in the first the sheet is whole."""
+
+    def half():
+        return page.evaluate("() => window.page.state.view.half")
+
+    page.locator("#views button", has_text="side").click()
+    to_frame(page, 0)
+    whole = half()
+    page.locator("#views button", has_text="fit").click()
+    # Flat at first; the run goes down by 0.12 m, and the ball begins above.
+    assert half()[1] < 0.01 * whole[1] and half()[0] == pytest.approx(0.2, rel=1e-3)
+    page.locator("#views button", has_text="side").click()
+    assert half() == pytest.approx(whole)
 
 
 def test_it_plays_to_the_end(page):

@@ -9,15 +9,21 @@ from material_kernels import evaluate, respond, strain
 from warp_pd import (
     ArrudaBoyce,
     BondAssociated,
+    CriticalStretch,
     Explicit,
     Fixed,
     MooneyRivlin,
+    Motion,
     NeoHookean,
     Newton,
+    Nodal,
     Ogden,
     Pressure,
+    Prony,
     Relaxation,
     Simulation,
+    TensionField,
+    Visco,
     Yeoh,
 )
 
@@ -40,6 +46,8 @@ def isihara(i1, i2, c10, c20, c01):
     return c10 + 2 * c20 * (i1 - 3), c01 + 0 * i1
 
 
+# Treloar's rubber (Ogden, Proc. R. Soc. A 326 (1972) 565) [Pa].
+TRELOAR = Ogden(mu=(0.63e6, 0.0012e6, -0.01e6), exponents=(1.3, 5.0, -2.0))
 # A material and the derivatives of its energy by I1 and I2, of (I1, I2, *constants); None stands for Ogden's own form.
 MATERIALS = [
     (MooneyRivlin(c10=400.0, c01=100.0), mooney_rivlin),
@@ -49,6 +57,7 @@ MATERIALS = [
     (ArrudaBoyce(mu=1e3, lock=3.0), arruda_boyce),
     (Ogden(mu=(600.0, 12.0), exponents=(1.3, 5.0)), None),
     (Ogden(mu=(1000.0,), exponents=(2.0,)), None),
+    (TRELOAR, None),
     (Isihara(c10=400.0, c20=5.0, c01=100.0), isihara),
 ]
 each = pytest.mark.parametrize(("material", "slopes"), MATERIALS, ids=lambda m: getattr(m, "__name__", str(m)))
@@ -78,7 +87,7 @@ def nominal_stress(material, slopes, first, second):
 @pytest.mark.parametrize("bits", [32, 64])
 @pytest.mark.parametrize("loading", LOADINGS)
 def test_stress_is_that_of_the_closed_form(material, slopes, bits, loading):
-    stretches = np.linspace(0.6, 3.0, 13)
+    stretches = np.append(np.linspace(0.6, 3.0, 13), 7.0 if material is TRELOAR else 1.0)
     axes = [LOADINGS[loading](stretch) for stretch in stretches]
     G = np.concatenate([strain(np.diag(a)) for a in axes])
     stress, _ = evaluate(material, G, bits)
@@ -173,7 +182,7 @@ def material_pressure(material):
     return 5e-3 * evaluate(material, G, 64)[0][0, 0, 0] / 2e-6
 
 
-NEWTON_CASES = [MATERIALS[k][0] for k in (0, 2, 4, 5, 7)]
+NEWTON_CASES = [MATERIALS[k][0] for k in (0, 2, 4, 7, 8)]
 
 
 @pytest.mark.parametrize("material", NEWTON_CASES, ids=lambda m: type(m).__name__)
@@ -213,3 +222,32 @@ def test_an_oscillation_keeps_its_energy():
     ).run(device="cpu", precision=32)
     assert result.status == "finished"
     assert max(abs(row["balance_error"]) for row in result.history) < 2e-3
+
+
+LAWS = {
+    "tension field that may tear": (
+        lambda material: BondAssociated(TensionField(material), horizon=2.015),
+        {"damage": CriticalStretch(5.0), "track_energy": False, "fields": ("cauchy", "wrinkle_state")},
+    ),
+    "nodal": (lambda material: Nodal(material, horizon=2.015), {"fields": ("first_piola",)}),
+    "visco": (lambda material: Visco(material, prony=(Prony(100.0, 0.0, time=0.1, exponent=0.0),), horizon=2.015), {}),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_third_term_without_modulus_changes_nothing(name):
+    law, options = LAWS[name]
+    sheet = square(7)
+    pull = Motion(sheet.edges("right"), times=[0.0, 1e-3], x=[0.0, 2e-3], y=0.0, z=0.0)
+    two, three = (
+        Simulation(sheet, law(material), Explicit(1e-3, frames=1), [Fixed(sheet.edges("left")), pull], **options).run(
+            device="cpu", precision=64
+        )
+        for material in (Ogden((600.0, 12.0), (1.3, 5.0)), Ogden((600.0, 12.0, 0.0), (1.3, 5.0, -2.0)))
+    )
+    size = np.abs(two.frame.displacement).max()
+    assert two.frame.displacement == pytest.approx(three.frame.displacement, abs=1e-12 * size)
+    assert two.history[-1]["strain"] == pytest.approx(three.history[-1]["strain"], rel=1e-12)
+    for field, values in two.frame.point_data.items():
+        expected = three.frame.point_data[field]
+        np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(expected)))

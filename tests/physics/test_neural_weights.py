@@ -106,9 +106,15 @@ def test_the_error_of_the_sudden_pressure_is_that_of_the_families_at_edges():
 
 @pytest.mark.parametrize(("horizon", "bound"), [(3.15, 2.5e-3), (1.5, 1e-3)])
 def test_the_static_pressure_meets_the_finite_elements(horizon, bound):
-    settings = {"points": 51, "horizon": horizon, "force": "closed_form", "weights": "corrected"}
+    settings = {"points": 51, "horizon": horizon, "force": "closed_form"}
     result = build_scene("pressure_static", settings).run(device="cpu")
     assert abs(result.summary["measures"]["center_deflection"]["error"]) < bound
+
+
+def test_the_published_weights_are_the_default_only_where_bonds_break_or_families_are_wide():
+    assert law("auto").resolved_weights(breakable=False) == "corrected"
+    assert law("auto").resolved_weights(breakable=True) == "published"
+    assert law("auto", horizon=5.0).resolved_weights(breakable=False) == "published"
 
 
 def test_weights_that_the_law_lacks_are_named():

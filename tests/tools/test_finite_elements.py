@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("skfem")
 
-from finite_elements import Membrane, Motion, gent, incompressible, neo_hookean, rectangle
+from finite_elements import Membrane, Motion, TensionField, gent, incompressible, neo_hookean, rectangle
 
 
 def neo_hookean_energy(t, d, c):
@@ -75,6 +75,23 @@ def test_relaxed_stress_is_the_derivative_of_the_relaxed_energy(across):
     slope = (relaxed(large + step, small) - relaxed(large - step, small)) / (2.0 * step)
     assert by_t + by_d * small == pytest.approx(slope, rel=1e-6)
     assert (by_t + by_d * large == pytest.approx(0.0, abs=1e-12)) == (across < 1.0)
+
+
+@pytest.mark.parametrize(("t", "d"), [(2.7, 1.4), (3.0, 0.9), (2.2, 0.5), (1.2, 0.3)], ids=str)
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_derivatives_of_the_tension_field_are_those_of_its_energy(t, d, share):
+    """Taut, nearly so, wrinkled and slack; no state is compressed but by the share."""
+    material, step, at = TensionField(2.0, share), 1e-6, np.array([t, d])
+
+    def slopes(f):
+        return [(f(*(at + move)) - f(*(at - move))) / (2.0 * step) for move in step * np.eye(2)]
+
+    w_t, w_d, w_tt, w_td, w_dd = map(float, material(*at))
+    assert slopes(material.energy) == pytest.approx([w_t, w_d], abs=1e-8)
+    assert slopes(lambda *x: float(material(*x)[0])) == pytest.approx([w_tt, w_td], abs=1e-7)
+    assert slopes(lambda *x: float(material(*x)[1])) == pytest.approx([w_td, w_dd], abs=1e-7)
+    small = 0.5 * t - np.sqrt(0.25 * t**2 - d)
+    assert share > 0.0 or w_t + w_d * (t - small) > -1e-12
 
 
 @pytest.mark.parametrize("nine", [False, True])

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from references import __main__ as run
-from references import lifted_sheet, shooting, stretched_sheet
+from references import lifted_sheet, shooting, stretched_sheet, torn_sheets
 from scipy.integrate import quad
 from scipy.optimize import brentq
+
+from warp_pd.scenes import edge_notch, flaw_sensitivity, trousers
 
 STORED = Path(__file__).parents[1] / "references"
 DATA = Path(__file__).parents[1] / "physics" / "references" / "data"
@@ -218,3 +220,35 @@ def test_the_profile_runs_from_the_top_to_the_rim():
     assert np.pi * np.trapezoid(radius**2, -height) == pytest.approx(disc.volume, rel=1e-4)
     with pytest.raises(ValueError, match="expected a stretch above 1"):
         shooting.at_stretch(1.0)
+
+
+# Torn sheets -------------------------------------------------------------------------------------------------------
+
+
+def test_the_release_rate_is_the_change_of_the_energy_by_the_length_of_the_crack():
+    """Two cracks of almost the same length; the energy density at the points of integration is summed."""
+
+    def energy(ratio):
+        ((quarter, _),) = torn_sheets.stretched_squares(ratio, (1.3,), 12)
+        C = quarter._stressed()[2]
+        return float((quarter.material.energy(C[0] + C[1], C[0] * C[1] - C[2] ** 2) * quarter.weights).sum())
+
+    (factor,) = torn_sheets.flawed(0.3, (1.3,), cells=12)
+    density = 0.5 * (2.0 * 1.3**2 + 1.3**-4.0 - 3.0)
+    # A quarter of the sheet has half of each crack face: G of the half is twice what it loses.
+    lost = 2.0 * (energy(0.29) - energy(0.31)) / 0.02
+    assert factor * 2.0 * np.pi * 0.3 * density == pytest.approx(lost, rel=0.01)
+
+
+def test_scenes_hold_the_stored_release_rates():
+    torn = json.loads((STORED / "torn.json").read_text())
+    for scene, stored in ((edge_notch, torn["tension_field"]), (flaw_sensitivity, torn["squares"])):
+        assert [float(ratio) for ratio in stored] == list(scene.RATIOS)
+        np.testing.assert_allclose(scene.FACTORS, list(stored.values()), atol=0.006)
+    assert list(edge_notch.STRETCHES) == torn["stretches"]
+    assert list(flaw_sensitivity.STRETCHES) == torn["square_stretches"]
+    assert torn["trousers"][-1]["over_formula"] == pytest.approx(trousers.MORE, abs=1e-3)
+    assert torn_sheets.flawed(0.2, (1.2,))[0] == pytest.approx(torn["squares"]["0.2"][2], abs=1e-3)
+    assert torn_sheets.notched(0.3, (1.3,), cells=8)[0] == pytest.approx(
+        (torn["full_energy"]["0.3"][3], torn["tension_field"]["0.3"][3]), rel=0.02
+    )

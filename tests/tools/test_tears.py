@@ -1,7 +1,8 @@
 """Tears of the study: a small run has what its table shows."""
 
-import pytest
-from tears import SCENES, found, run, scenes_table, strips, strips_table
+from tears import TEARS, flaws, flaws_table, found, run, scenes_table, strips, strips_table
+
+from warp_pd.scenes import flaw_sensitivity
 
 
 class Options:
@@ -9,8 +10,8 @@ class Options:
 
 
 def test_a_strip_has_an_onset_and_a_balance():
-    (settings,) = strips(Options)
-    row = run("pure_shear_tear", {**settings, "frames": 10}, "cpu")
+    ((scene, settings),) = strips(Options)
+    row = run(scene, {**settings, "frames": 10}, "cpu")
     assert row["status"] == "finished"
     assert row["worst_energy_balance"] < 0.05
     assert row["settings"]["turn"] == 45.0
@@ -19,15 +20,28 @@ def test_a_strip_has_an_onset_and_a_balance():
     assert strips_table([row])[-1].startswith("| 2.015 | 8 | 1 | 1 |")
 
 
-def test_the_spread_over_grids_is_told_where_there_are_runs():
-    scene, name, settings, middle, points = SCENES[0]
-    rows = [
-        {"scene": scene, "settings": {"points": middle, **settings, **change}, name: value}
-        for change, value in (({}, 1.0), ({"turn": 15.0}, 1.5))
-    ]
+def test_the_spread_over_grids_and_the_last_change_are_told_where_there_are_runs():
+    tear = TEARS[0]
+    runs = [*zip(tear.by_grid(), (1.0, 1.5), strict=False), (tear.by_points()[-1], 3.0)]
+    rows = [{"scene": tear.scene, "settings": settings, tear.number: value} for settings, value in runs]
     first, second = scenes_table(rows)[2:4]
-    assert first.endswith("1, 1.5, -, -, - | 40 % |")
-    assert f"{middle}: 1" in first and f"{points[0]}: -" in first
+    assert first.endswith("| 100.0 % | 1, 1.5, -, -, - | 40.0 % |")
+    assert f"{tear.points[-2]}: 1, {tear.points[-1]}: 3" in first and f"{tear.points[0]}: -" in first
     assert second.endswith("| - |")
-    with pytest.raises(StopIteration):
-        next(row for row in rows if found([row], "none", settings))
+    assert not found(rows, tear.scene, {})
+
+
+def test_flaws_from_none_to_a_hundred_lengths_have_a_line_each():
+    runs = [settings for _, settings in flaws(Options)]
+    ratios = sorted(settings["flaw"] / settings["damage_length"] for settings in runs)
+    assert ratios[0] == 0.0 and 0.05 < next(r for r in ratios if r > 0.0) <= 0.1 and ratios[-1] >= 100.0
+    numbers = {"stress_at_break": 3.0, "strength_ratio": 0.5, "griffith_ratio": 1.0}
+    row = {"scene": "flaw_sensitivity", "settings": runs[1], **numbers}
+    assert flaws_table([row, {"scene": "none"}])[2:] == ["| 1 | 10 | of the length | 0.1 | 3 | 0.5 | 1 |"]
+
+
+def test_the_points_resolve_the_flaws_and_the_lengths():
+    for _, settings in flaws(Options):
+        spacing = flaw_sensitivity.SIDE / (settings["points"] - 1)
+        assert settings["flaw"] == 0.0 or settings["flaw"] > 2.0 * spacing
+        assert settings["damage_length"] > 2.0 * spacing

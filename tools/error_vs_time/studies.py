@@ -102,7 +102,7 @@ def law_of(name: str, simulation: Simulation, horizon: float) -> Law:
         return BondAssociated(material, horizon=horizon, weights=name)
     if name == "bond_based":
         return BondBased(Bimodular(3.0 * material.mu), horizon=horizon)
-    return force_law(name, material, horizon)
+    return force_law(name, material, horizon, "auto" if name == "nodal" else "published")
 
 
 def simulation_of(study: Study, run: Configuration) -> Simulation:

@@ -1,7 +1,8 @@
-"""Solve the references anew, and write stretch.json, visco.json and disc.json in tests/references.
+"""Solve the references anew, and write stretch.json, visco.json, disc.json and torn.json in tests/references.
 
     python tools/references                            # all; the sheets take some minutes
     python tools/references --only disc
+    python tools/references --only torn                        # energy release rates of scenes that tear
     python tools/references --meshes 4 8 16 --out FOLDER
     python tools/references --only lifted --cells 200 --out tests/physics/references/data    # half an hour
 
@@ -13,6 +14,8 @@ law from an error of the reference:
   `opening_x` and `opening_y` in m: how far the rim of the hole, or the middle and the tip of the crack, move.
   `visco.json`, the clamped sheets of Yeoh's material in scenes `visco_hole` and `visco_crack`, likewise.
 - shooting.py: `disc.json`, the inflated circular membrane. Tests may also call its functions.
+- torn_sheets.py: `torn.json`, the energy release rate of a notched strip, which scene `edge_notch` holds as a table,
+  and of trousers over that by the classical formula.
 - lifted_sheet.py: `out_of_plane.npz`, fields of the lifted sheet of NN 6.2, only where it is asked for.
 """
 
@@ -36,7 +39,7 @@ if not __package__:
 
 from study import ROOT, at_least_one, current_commit, run_tool, study_parser
 
-from references import lifted_sheet, shooting, stretched_sheet
+from references import lifted_sheet, shooting, stretched_sheet, torn_sheets
 
 FOLDER = ROOT / "tests" / "references"
 STRETCHES = (1.5, 2.0, 2.5, 3.0)
@@ -53,6 +56,10 @@ MATERIALS = {
 }
 # When fields of the lifted sheet are kept [s], and the elements along a side between whose nodes they are.
 SHOWN, KEPT = (1.5, 2.5, 3.5, 4.5), 50
+# Lengths of the notch over the width, stretches of the strip, and openings of trousers [m].
+RATIOS, TORN = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4), (1.1, 1.15, 1.2, 1.3, 1.5, 2.0, 3.0)
+FLAWS, FLAWED = (0.05, 0.1, 0.2, 0.3, 0.5), (1.05, 1.1, 1.2, 1.4, 1.7, 2.0, 3.0)
+OPENINGS = (2e-3, 3e-3, 4e-3)
 CENTRES = (1.01, 1.05, 1.1, 1.2, 1.3, 1.5, 1.7, 2.0, 2.5, 3.0, 4.0)
 
 
@@ -127,6 +134,21 @@ def numbers(disc: shooting.Disc) -> dict[str, float]:
     return {name: getattr(disc, name) for name in ("pressure", "stretch", "deflection", "volume", "energy")}
 
 
+def torn() -> dict[str, Any]:
+    """Factors k = G / (2 a W) of notched strips by ratio, and G of trousers over that of the classical formula."""
+    strips = {f"{ratio:g}": torn_sheets.notched(ratio, TORN) for ratio in RATIOS}
+    return {
+        "stretches": TORN,
+        "full_energy": {ratio: [round(full, 3) for full, _ in values] for ratio, values in strips.items()},
+        "tension_field": {ratio: [round(relaxed, 3) for _, relaxed in values] for ratio, values in strips.items()},
+        "squares": {f"{ratio:g}": [round(c, 3) for c in torn_sheets.flawed(ratio, FLAWED)] for ratio in FLAWS},
+        "square_stretches": FLAWED,
+        "trousers": [
+            {"rate": rate, "over_formula": rate / formula} for rate, formula in map(torn_sheets.trousers, OPENINGS)
+        ],
+    }
+
+
 def lifted(cells: int) -> dict[str, Any]:
     """Displacements of the lifted sheet [m], (3, along x, along y), by time; those of the relaxed energy too."""
     found: dict[str, Any] = {"x": np.linspace(0.0, lifted_sheet.SIDE, KEPT + 1)}
@@ -140,7 +162,7 @@ def lifted(cells: int) -> dict[str, Any]:
 def parsed(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Options of the command line."""
     parser = study_parser(__doc__, commit=None)
-    parser.add_argument("--only", choices=("stretch", "visco", "disc", "lifted"), help="solve only these")
+    parser.add_argument("--only", choices=("stretch", "visco", "disc", "torn", "lifted"), help="solve only these")
     parser.add_argument("--meshes", type=at_least_one, nargs="+", default=MESHES, help="cells; each twice the last")
     parser.add_argument("--cells", type=at_least_one, default=200, help="of the lifted sheet along a side")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the numbers")
@@ -172,6 +194,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         write(options.out / "visco.json", content | visco(options.meshes))
     if options.only in (None, "disc"):
         write(options.out / "disc.json", {"made": made(options.commit), **discs()})
+    if options.only in (None, "torn"):
+        write(options.out / "torn.json", {"made": made(options.commit), **torn()})
 
 
 def write(path: Path, content: dict[str, Any]) -> None:

@@ -9,7 +9,6 @@ from ..materials import WRINKLES, Material, with_wrinkles
 from .bond_associated import BondAssociated
 from .bond_based import BondBased
 from .hyperelastic_bonds import HyperelasticBonds
-from .neural.law import WEIGHTS as NEURAL_WEIGHTS
 from .neural.law import Neural
 from .nodal import Nodal
 from .visco import Visco
@@ -30,7 +29,7 @@ def force_law(
             kernel), or the file of a network, ending in .npz, for Torch.
         material: The scene's material.
         horizon: Horizon over the spacing [-].
-        weights: Those of the law; "auto" is "published" for the neural laws and the closed form. Nodal has none.
+        weights: Those of the law. Nodal has none.
         wrinkles: "relaxed" or "resolved", see `with_wrinkles`; "auto" is "relaxed" for laws that take any material.
 
     Raises:
@@ -50,6 +49,4 @@ def force_law(
             raise InputError(f"weights = {weights!r}: expected 'auto' with force 'nodal', which has none")
         return Nodal(material, horizon=horizon)
     evaluation = {"neural": "torch", "neural_fused": "fused"}.get(name, name)
-    if one_of("weights", weights, ("auto", *NEURAL_WEIGHTS)) == "auto":
-        weights = "published"
     return Neural(material, horizon=horizon, evaluation=evaluation, network=network, weights=weights)

@@ -15,7 +15,7 @@ from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, pack
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltLaw, Law, Tangent
+from ..interfaces import BuiltLaw, History, Law, Tangent
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import soften
@@ -134,10 +134,15 @@ class FamilyLaw(BuiltLaw):
         self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
-        self.lock, self.goes_slack = known.lock, known.goes_slack
-        self.constants = context.types.parameters(*padded_constants(law.material))
+        self.lock, self.goes_slack, self._notes = known.lock, known.goes_slack, known.notes
+        constants = padded_constants(law.material)
+        self.constants = context.types.constants(len(constants))(*constants)
         self.inverse_horizon = 1.0 / families.horizon
         self.unit_volume = self.thickness * families.reference_area
+
+    def notes(self, history: History, load_duration: float | None) -> list[str]:
+        """What the material says about its constants."""
+        return list(self._notes)
 
     @functools.cached_property
     def strain_energy(self) -> Array | None:

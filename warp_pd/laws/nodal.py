@@ -66,15 +66,12 @@ class PointLaw(FamilyLaw):
         pairs: Force of the family of a point on each of its pairs [N], (members, N).
     """
 
-    weights = "point"
-
-    def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context, corrected: bool = False) -> None:
+    def __init__(self, law: Law, influence: str | InfluenceFunction, context: Context, weights: str) -> None:
         require_one_material(context.sheet, f"the law {type(law).__name__}")
         sheet = whole_sheet(law, context)
-        families, inverse, weights, self.correction = point_tables(sheet, law.horizon, influence, corrected)
-        if corrected:
-            self.weights = "corrected"
-        super().__init__(law, context, families, inverse, weights)
+        families, inverse, found, self.correction = point_tables(sheet, law.horizon, influence, weights == "corrected")
+        self.weights = weights
+        super().__init__(law, context, families, inverse, found)
         shape = (families.members, context.sheet.size)
         self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
 
@@ -86,7 +83,7 @@ class NodalForce(PointLaw):
     takes_tension_field = True
 
     def __init__(self, law: Nodal, context: Context) -> None:
-        super().__init__(law, law.influence, context)
+        super().__init__(law, law.influence, context, law.weights)
         self.material = self.shown_stress = law.material
         self.kernels = nodal(context.layout, law.material.functions)
         self.earlier_energy = self.kernels.earlier_energy

@@ -59,7 +59,7 @@ def weight_tables(sheet: Sheet, horizon: float, influence: str | InfluenceFuncti
         InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
     """
     if weights == "corrected":
-        _require_correctable(sheet, horizon)
+        _require_correctable(sheet, horizon, "plain")
     families = build_families(sheet, horizon, influence, int(weights == "corrected" and sheet.layout == "grid"))
     if weights == "corrected" and sheet.lattice is not None:
         rectangle = _rectangle(families, sheet)
@@ -101,7 +101,7 @@ def point_tables(
         InputError: if the weights cannot be corrected at this horizon or on so large a cloud.
     """
     if corrected:
-        _require_correctable(sheet, horizon)
+        _require_correctable(sheet, horizon, "published")
     apart = int(corrected and sheet.layout == "grid")
     families = build_families(sheet, horizon, influence, apart, intersections=False)
     require_diagonals(sheet, horizon)
@@ -134,14 +134,14 @@ def _trace(shape: np.ndarray) -> np.ndarray:
     return np.asarray(shape[:, 0] + shape[:, 2])
 
 
-def _require_correctable(sheet: Sheet, horizon: float) -> None:
+def _require_correctable(sheet: Sheet, horizon: float, instead: str) -> None:
     if horizon > MAX_CORRECTED:
         raise InputError(
             f"weights = 'corrected' at horizon = {horizon!r}: expected a horizon up to {MAX_CORRECTED}; "
-            f"take weights 'plain'"
+            f"take weights {instead!r}"
         )
     if sheet.layout == "cloud":
-        _require_few(sheet.size)
+        _require_few(sheet.size, instead)
 
 
 def _of_rectangle(families: Families, sheet: Sheet, rectangle: RectangleWeights, plain: np.ndarray) -> np.ndarray:
@@ -179,7 +179,7 @@ def _correction(
 
     assert families.severed is not None
     own = np.ones(sheet.size, bool) if families.family_class is None else families.family_class > 0
-    _require_few(int(own.sum()))
+    _require_few(int(own.sum()), "plain" if intersections else "published")
     balanced = _with_members(families, own)
     known = _with_members(families, balanced)
     at = np.flatnonzero(_with_members(families, known))
@@ -233,11 +233,11 @@ def _with_members(families: Families, points: np.ndarray) -> np.ndarray:
     return reached
 
 
-def _require_few(points: int) -> None:
+def _require_few(points: int, instead: str) -> None:
     if points > MAX_CORRECTED_CLOUD:
         raise InputError(
             f"weights = 'corrected' on a cloud of {points} points, besides those deep inside a grid: expected up to "
-            f"{MAX_CORRECTED_CLOUD}; take weights 'plain'"
+            f"{MAX_CORRECTED_CLOUD}; take weights {instead!r}"
         )
 
 

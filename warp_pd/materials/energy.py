@@ -33,7 +33,8 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     functions = material.functions
     given: list[Any] = [wp.array(values.ravel(), dtype=wp.float64, device=device) for values in (first, second)]
     out = wp.empty(first.size, dtype=wp.float64, device=device)
-    constants = wp.types.vector(length=4, dtype=wp.float64)(*padded_constants(material))
+    known = padded_constants(material)
+    constants = wp.types.vector(length=len(known), dtype=wp.float64)(*known)
     wp.launch(kernel_of(functions), first.size, inputs=[*given, constants, out], device=device)
     return np.asarray(out.numpy().reshape(first.shape))
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from ..device.checks import InputError, finite, not_negative, positive
+import numpy as np
+
+from ..device.checks import InputError, finite, not_negative, one_of, positive
 
 if TYPE_CHECKING:
     from ..kernels import incompressible as kernels
@@ -171,14 +173,14 @@ class Ogden:
     """Incompressible Ogden sheet: Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + l3^a_p - 3), l1 l2 l3 = 1.
 
     The shear modulus is half the sum of mu_p a_p. As it is written in principal stretches, not invariants, its
-    device functions are its own.
+    device functions are its own. Source: Ogden, Proc. R. Soc. A 326 (1972) 565.
 
     Attributes:
-        mu: One or two moduli mu_p [Pa].
+        mu: Moduli mu_p [Pa], one for each term, of any sign.
         exponents: As many exponents a_p [-].
 
     Raises:
-        InputError: for other numbers of terms, or a shear modulus that is not above zero.
+        InputError: for other numbers of exponents than moduli, or a shear modulus that is not above zero.
     """
 
     mu: tuple[float, ...]
@@ -189,39 +191,71 @@ class Ogden:
     def __post_init__(self) -> None:
         for name in ("mu", "exponents"):
             if not isinstance(getattr(self, name), tuple | list):
-                raise InputError(f"{name} = {getattr(self, name)!r}: expected a tuple of one or two numbers")
-        if len(self.mu) != len(self.exponents) or len(self.mu) not in (1, 2):
-            raise InputError(f"mu = {self.mu!r} with exponents = {self.exponents!r}: expected one or two of each")
+                raise InputError(f"{name} = {getattr(self, name)!r}: expected a tuple of numbers")
+        given = f"mu = {self.mu!r} with exponents = {self.exponents!r}"
+        if len(self.mu) != len(self.exponents) or not self.mu:
+            raise InputError(f"{given}: expected as many of each, one at least")
         if sum(m * a for m, a in zip(self.mu, self.exponents, strict=True)) <= 0.0:
-            raise InputError(
-                f"mu = {self.mu!r} with exponents = {self.exponents!r}: expected a sum of products above 0"
-            )
+            raise InputError(f"{given}: expected a sum of products above 0")
+
+    @classmethod
+    def of(cls, **constants: float) -> Ogden:
+        """The material of mu_1, alpha_1, mu_2, alpha_2, ..., as a fit varies them.
+
+        Raises:
+            InputError: for other names, a term without its modulus or exponent, or as of the class.
+        """
+        terms = range(1, (len(constants) + 1) // 2 + 1)
+        names = [f"{name}_{p}" for p in terms for name in ("mu", "alpha")]
+        if sorted(names) != sorted(constants):
+            raise InputError(f"Ogden.of({', '.join(constants)}): expected {', '.join(names or ('mu_1', 'alpha_1'))}")
+        return cls(tuple(constants[f"mu_{p}"] for p in terms), tuple(constants[f"alpha_{p}"] for p in terms))
+
+    def stable_to(self, loading: str) -> float:
+        """Stretch [-] up to which more strain takes more work whatever its direction; inf without an end.
+
+        That is Drucker's condition: d tau_i / d ln l_j is positive definite, with the principal Kirchhoff stresses
+        tau_i. It always holds if mu_p a_p > 0 in all terms. Stretches up to 20 are looked at.
+
+        Args:
+            loading: "uniaxial", "planar" or "equibiaxial", in tension.
+        """
+        stretch = np.geomspace(1.0, 20.0, 4001)
+        # Principal stretch l_i = stretch^power.
+        powers = {"uniaxial": (1.0, -0.5, -0.5), "planar": (1.0, 0.0, -1.0), "equibiaxial": (1.0, 1.0, -2.0)}
+        first, second, third = (
+            np.sum([m * a * stretch ** (a * power) for m, a in zip(self.mu, self.exponents, strict=True)], axis=0)
+            for power in powers[one_of("loading", loading, powers)]
+        )
+        stable = (first + third > 0.0) & (first * second + third * (first + second) > 0.0)
+        return float("inf") if stable.all() else float(stretch[int(np.argmin(stable))])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The stretches at which the material becomes unstable, if it does."""
+        ends = {loading: self.stable_to(loading) for loading in ("uniaxial", "planar", "equibiaxial")}
+        said = ", ".join(f"{loading} {end:.3g}" for loading, end in ends.items() if end < float("inf"))
+        return (f"Ogden: the material is unstable beyond these stretches: {said}",) if said else ()
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """(mu_1, a_1, mu_2, a_2)."""
+        """(mu_1, a_1, mu_2, a_2, ...)."""
         return tuple(number for term in zip(self.mu, self.exponents, strict=True) for number in term)
 
     @property
     def functions(self) -> PairFactory:
         """See `kernels.ogden.ogden`."""
-        from ..kernels.ogden import ogden
-
-        return ogden
+        return self._made.functions
 
     @property
     def near(self) -> FunctionFactory:
-        """See `kernels.ogden.ogden_near`."""
-        from ..kernels.ogden import ogden_near
-
-        return ogden_near
+        """See `kernels.ogden.ogden`."""
+        return self._made.near
 
     @property
     def response(self) -> FunctionFactory:
-        """See `kernels.ogden.ogden_response`."""
-        from ..kernels.ogden import ogden_response
-
-        return ogden_response
+        """See `kernels.ogden.ogden`."""
+        return self._made.response
 
     @property
     def width(self) -> FunctionFactory:
@@ -236,3 +270,10 @@ class Ogden:
         from ..kernels.incompressible import no_volume_change
 
         return no_volume_change
+
+    @property
+    def _made(self) -> kernels.Incompressible:
+        from ..kernels.ogden import ogden
+
+        # One term is two of which the second is zero: both then share their kernels.
+        return ogden(max(2, len(self.mu)))

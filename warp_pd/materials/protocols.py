@@ -20,7 +20,7 @@ class Material(Protocol):
 
     @property
     def constants(self) -> tuple[float, ...]:
-        """At most four numbers, passed to the device functions."""
+        """Numbers for the device functions: up to four, or as many as these take."""
         ...
 
     @property
@@ -58,6 +58,7 @@ class Capabilities:
         width: Factory of the width in uniaxial tension, for `TensionField`.
         volume: Factory of (G, constants) -> J^2 - 1, for the Cauchy stress.
         wrinkle_width: Factory of the width that decides whether it wrinkles, of a material of tension field theory.
+        notes: What the summary of a run says about its constants, one line each.
         goes_slack: Whether it carries nothing in compression.
         one_modulus: Whether a pairwise material is as stiff in compression as in tension.
     """
@@ -72,6 +73,7 @@ class Capabilities:
     width: FunctionFactory | None
     volume: FunctionFactory | None
     wrinkle_width: FunctionFactory | None
+    notes: tuple[str, ...]
     goes_slack: bool
     one_modulus: bool
 
@@ -89,6 +91,7 @@ def capabilities(material: Any) -> Capabilities:
         width=getattr(material, "width", None),
         volume=getattr(material, "volume", None),
         wrinkle_width=getattr(material, "wrinkle_width", None),
+        notes=getattr(material, "notes", ()),
         goes_slack=getattr(material, "goes_slack", False),
         one_modulus=getattr(material, "one_modulus", False),
     )
@@ -106,17 +109,25 @@ def check_material(material: Any, kind: str) -> None:
     padded_constants(material)
 
 
-def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, float, float, float]:
+def padded_constants(material: Material | PairwiseMaterial) -> tuple[float, ...]:
     """The constants of `material`, filled with zeros up to four.
 
     Raises:
-        InputError: for more than four, one that is not finite, or what is no material.
+        InputError: for more than its device functions take, one that is not finite, or what is no material.
     """
     if not hasattr(material, "constants"):
         raise InputError(f"material = {material!r}: expected a material, such as NeoHookean(mu, bulk)")
     name = type(material).__name__
     constants = [finite(f"{name}.constants[{k}]", c) for k, c in enumerate(material.constants)]
-    if len(constants) > 4:
-        raise InputError(f"{name}.constants has {len(constants)} numbers: expected four at most")
-    a, b, c, d = (*constants, *([0.0] * (4 - len(constants))))
-    return a, b, c, d
+    if len(constants) > 4 and len(constants) != (taken := _constants_taken(material)):
+        raise InputError(f"{name}.constants has {len(constants)} numbers: expected {taken} at most")
+    return (*constants, *([0.0] * (4 - len(constants))))
+
+
+def _constants_taken(material: Any) -> int:
+    """Number of constants that the device functions of a material take."""
+    if not hasattr(material, "functions"):
+        return 4
+    from ..kernels.factories import constants_of
+
+    return len(constants_of(material.functions(64)[0])())

@@ -71,6 +71,11 @@ class TensionField:
         return capabilities(self.material).lock
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the material."""
+        return capabilities(self.material).notes
+
+    @property
     def wrinkle_width(self) -> FunctionFactory:
         """Width of the material in uniaxial tension."""
         from ..kernels.tension_field import width_from_stress

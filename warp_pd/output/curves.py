@@ -14,8 +14,8 @@ from .quantities import column_label
 
 # Rows below which every one has a marker.
 FEW = 40
-# Panels of the picture, and columns of them.
-MOST_PANELS, COLUMNS = 9, 3
+# Columns of panels of the picture.
+COLUMNS = 3
 
 
 def plot_history(
@@ -91,7 +91,7 @@ def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, 
     if not names:
         return False
     columns = min(len(names), COLUMNS)
-    rows = -(-min(len(names), MOST_PANELS) // columns)
+    rows = -(-len(names) // columns)
     figure = new_figure(4.6 * columns, 3.3 * rows + 0.4)
     panels = figure.subplots(rows, columns, squeeze=False)
     keys = list(runs[0][0])

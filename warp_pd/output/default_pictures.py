@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -13,8 +14,12 @@ from .picture_frames import Shown, frames_at
 from .quantities import ENERGIES, column_label, column_unit
 from .vtkhdf import read_series
 
-# Panels of the sheet, and of the numbers; of a sheet with more points than that only the last frame is drawn.
-PANELS, MOST_NUMBERS, LARGE = 4, 9, 300_000
+# Panels of the sheet; of a sheet with more points than that only the last frame is drawn.
+PANELS, LARGE = 4, 300_000
+# Numbers in a picture; further ones are named below.
+MOST_NUMBERS = 30
+# A tear begins where the damage has grown by this fraction of what it grows in all.
+ONSET = 0.02
 # A displacement out of the plane above this fraction of the size of the sheet is drawn in space.
 OUT_OF_PLANE = 1e-3
 # A component below this fraction of the largest one of its vector is noise.
@@ -31,9 +36,8 @@ def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, 
         units: Units of the scene's measures by name.
     """
     series = read_series(folder / "frames.vtkhdf")
-    times, panels = np.asarray(series.times), PANELS if series.points <= LARGE else 1
-    chosen = np.unique(np.linspace(0, len(times) - 1, panels + 1).round().astype(int))[1:]
-    frames = frames_at(folder, (times[chosen] if len(chosen) else times).tolist())
+    chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]
+    frames = frames_at(folder, series.times[chosen].tolist())
     if len(frames[0].triangles):
         _draw_sheet(folder, frames)
     if any(row.get(name) for row in history for name in ENERGIES):
@@ -43,7 +47,29 @@ def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, 
     numbers = [name for name in numbers if name in units or _counts(history, name)]
     numbers.sort(key=lambda name: name not in units)
     if numbers and len(history) > 1:
-        _draw_numbers(folder, history, numbers[:MOST_NUMBERS], units)
+        still = [name for name in units if name in history[-1] and name not in numbers]
+        _draw_numbers(folder, history, numbers, units, still)
+
+
+def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[int]:
+    """Numbers of up to four frames that show what happens in a run.
+
+    Of a sheet that tears: the last before it begins to, the first after, the one at half of the growth of the mean
+    damage, and the last. Of others: those at a quarter, a half, three quarters and the whole of the run.
+
+    Args:
+        history: One row a frame.
+        frames: Number of frames.
+    """
+    last = frames - 1
+    damage = np.array([row.get("mean_damage", 0.0) for row in history[:frames]])
+    growth = damage - damage[0]
+    if last < PANELS or len(damage) < frames or not growth[-1] > 0.0:
+        return [int(k) for k in np.unique(np.linspace(0, last, PANELS + 1).round())][min(last, 1) :]
+    onset, half = (int(np.argmax(growth > part * growth[-1])) for part in (ONSET, 0.5))
+    chosen = {max(onset - 1, 0), onset, half, last}
+    # A sheet that tears at once: what becomes of it takes the place of the half-torn sheet.
+    return sorted(chosen if len(chosen) == PANELS else chosen | {(half + last) // 2})
 
 
 def _draw_sheet(folder: Path, frames: Sequence[Shown]) -> None:
@@ -74,18 +100,24 @@ def _counts(history: Sequence[dict[str, float]], name: str) -> bool:
 
 
 def _draw_numbers(
-    folder: Path, history: Sequence[dict[str, float]], names: Sequence[str], units: Mapping[str, str]
-) -> None:
-    """A panel for each number."""
-    columns = min(len(names), 3)
-    rows = -(-len(names) // columns)
+    folder: Path, history: Sequence[dict[str, float]], names: Sequence[str], units: Mapping[str, str],
+    still: Sequence[str],
+) -> None:  # fmt: skip
+    """A panel for each number, and a line about those that have none."""
+    drawn, others = names[:MOST_NUMBERS], names[MOST_NUMBERS:]
+    columns = min(len(drawn), 3)
+    rows = -(-len(drawn) // columns)
     figure = new_figure(4.2 * columns, 2.9 * rows + 0.3)
     panels = figure.subplots(rows, columns, squeeze=False)
-    for axes, name in zip(panels.flat, names, strict=False):
+    for axes, name in zip(panels.flat, drawn, strict=False):
         plots.draw_curves(axes, history, [name])
         unit = units.get(name, column_unit(name))
         ylabel = column_label(name) + (f" ({unit})" if unit not in ("", "1") else "")
         axes.set(xlabel=plots.across_label("time"), ylabel=ylabel)
-    for axes in panels.flat[len(names) :]:
+    for axes in panels.flat[len(drawn) :]:
         axes.set_visible(False)
+    told = [f"{word} {', '.join(map(column_label, found))}" for word, found in (
+        ("constant or missing:", still), ("in history.csv alone:", others)) if found]  # fmt: skip
+    if told:
+        figure.supxlabel(fill("; ".join(told), 40 * columns), fontsize=8)
     save(figure, folder / "measures.png")

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
-from ..geometry.topology import boundary_edges
+from ..geometry.topology import boundary_sides, directed_edges
 from .colour_scale import ColourScale, scale_of
 from .picture_frames import Shown, frames_at
-from .projection import View, material_lines, places_of, raster, sphere
+from .projection import View, material_lines, nearest_about, places_of, raster, sphere
 from .quantities import ENERGIES, column_label, field_label
 
 SEQUENTIAL = "viridis"
@@ -281,21 +281,21 @@ def _paint(axes: Any, frame: Shown, field: str, scale: ColourScale, seen: View) 
 
     sheet = seen.seen(frame.points[frame.triangles])
     faces = scale.colours(frame.fields[field][frame.triangles].mean(axis=1))
-    outline, lines = frame.points[boundary_edges(frame.triangles)], material_lines(frame)
+    rim, (lines, owners) = boundary_sides(frame.triangles), material_lines(frame)
+    outline = frame.points[directed_edges(frame.triangles)[rim]]
     ends = seen.seen(np.concatenate([lines, outline]))
     inks = np.concatenate([np.tile(LINE, (len(lines), 1)), np.tile(EDGE, (len(outline), 1))])
     bodies, greys = _bodies(frame, seen)
-    # Lines lie on triangles: they come after those about them.
-    lift = 2.5 * np.sqrt(np.abs(_areas(sheet)).mean()) if len(sheet) else 0.0
     if len(sheet) > MOST_POLYGONS:
-        image, extent = raster(
-            np.concatenate([sheet, bodies]), np.concatenate([faces, greys]), ends, inks, max(lift, 2e-3 * seen.size)
-        )  # fmt: skip
+        lift = max(2.5 * np.sqrt(np.abs(_areas(sheet)).mean()), 2e-3 * seen.size)
+        image, extent = raster(np.concatenate([sheet, bodies]), np.concatenate([faces, greys]), ends, inks, lift)
         axes.imshow(image, extent=extent, origin="lower", aspect="equal", interpolation="antialiased")
     else:
         strokes = ends[:, [0, 1, 1]]
-        depth = np.concatenate([sheet[..., 2].mean(axis=1), strokes[..., 2].mean(axis=1) + lift,
-                                bodies[..., 2].mean(axis=1)])  # fmt: skip
+        # A line comes after the triangles about its own, which would hide parts of it, the rim after its triangle.
+        own = sheet[..., 2].mean(axis=1)
+        rims = own[rim % max(len(sheet), 1)]
+        depth = np.concatenate([own, nearest_about(sheet, frame.triangles)[owners], rims, bodies[..., 2].mean(axis=1)])
         edges = np.concatenate([faces, inks, greys])
         widths = np.concatenate([np.full(len(sheet), 0.2), np.full(len(ends), 0.5), np.full(len(bodies), 0.2)])
         order = np.argsort(depth, kind="stable")

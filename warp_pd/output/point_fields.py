@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..device.checks import InputError
 from ..interfaces.frame import Frame
 
-TAKEN = ("displacement", "velocity", "damage")
+TAKEN = ("displacement", "velocity", "damage", "reference_position")
 
 
 class FrameFields(dict[str, NDArray[Any]]):

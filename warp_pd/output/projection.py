@@ -11,6 +11,8 @@ from .picture_frames import Shown
 # A side of the box that is shorter than this fraction of the longest is drawn as long as that; one that is shorter than
 # the second fraction is flat, and is left as it is.
 SHORTEST, FLAT = 0.25, 1e-6
+# A body that is larger than the sheet by this factor does not widen a picture.
+LARGEST_BODY = 2.0
 # Squares of the grid of material lines along the longest side of a flat sheet, and of a curved one.
 SQUARES, SQUARES_OF_CURVED = 12, 8
 # Pixels along the longer side of a panel, and samples of all triangles, about the most.
@@ -88,9 +90,13 @@ class View:
 
 
 def places_of(frame: Shown) -> np.ndarray:
-    """Points of the sheet and of bodies [m], shape (P, 3)."""
-    ball = [] if frame.ball is None else [sphere(*frame.ball)[0]]
-    return np.vstack([frame.points[frame.used], *ball, *(vertices for vertices, _ in frame.bodies)])
+    """Points of the sheet, and of bodies as far as they are near it [m], shape (P, 3); a plane would hide it."""
+    sheet = frame.points[frame.used]
+    low, high = sheet.min(axis=0), sheet.max(axis=0)
+    size = float((high - low).max())
+    bodies = [*([] if frame.ball is None else [sphere(*frame.ball)[0]]), *(vertices for vertices, _ in frame.bodies)]
+    small = [vertices for vertices in bodies if np.ptp(vertices, axis=0).max() <= LARGEST_BODY * size]
+    return np.vstack([sheet, *(np.clip(vertices, low - 0.5 * size, high + 0.5 * size) for vertices in small)])
 
 
 def sphere(centre: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]:
@@ -104,15 +110,15 @@ def sphere(centre: np.ndarray, diameter: float) -> tuple[np.ndarray, np.ndarray]
     return centre + 0.5 * diameter * shell.reshape(-1, 3), triangles
 
 
-def material_lines(frame: Shown) -> np.ndarray:
-    """Lines of constant reference coordinates on the deformed sheet: ends of segments [m], shape (S, 2, 3)."""
+def material_lines(frame: Shown) -> tuple[np.ndarray, np.ndarray]:
+    """Lines of constant reference coordinates: ends of segments [m], shape (S, 2, 3), and triangles, shape (S,)."""
     corners = frame.reference[frame.triangles]
     if len(corners) == 0:
-        return np.zeros((0, 2, 3))
+        return np.zeros((0, 2, 3)), np.zeros(0, int)
     low, high = frame.reference.min(axis=0), frame.reference.max(axis=0)
     squares = SQUARES_OF_CURVED if high[2] > low[2] else SQUARES
     step = float((high - low).max()) / squares
-    segments = []
+    segments, owners = [], []
     for c in range(3):
         # Slightly off the rows of points, which may lie on the levels.
         for level in np.arange(low[c] + step * (1.0 + 1e-4), high[c] - 0.01 * step, step):
@@ -123,7 +129,27 @@ def material_lines(frame: Shown) -> np.ndarray:
             alone = np.where(few, above[cut].argmax(axis=1), (~above[cut]).argmax(axis=1))
             ends = [_crossing(frame, cut, alone, (alone + k) % 3, c, level) for k in (1, 2)]
             segments.append(np.stack(ends, axis=1))
-    return np.concatenate(segments) if segments else np.zeros((0, 2, 3))
+            owners.append(cut)
+    return np.concatenate(segments), np.concatenate(owners)
+
+
+def nearest_about(corners: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """How near the triangles about each triangle come to the eye.
+
+    Args:
+        corners: Right, up and depth of the corners of triangles, shape (F, 3, 3).
+        triangles: Their points, shape (F, 3).
+
+    Returns:
+        Largest mean depth of those that share a point with it and face the same way, shape (F,).
+    """
+    depth, size = corners[..., 2].mean(axis=1), int(triangles.max(initial=-1)) + 1
+    first, second = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))
+    away = (first[:, 0] * second[:, 1] < first[:, 1] * second[:, 0]).astype(int)
+    at_points = np.full((2, size), -np.inf)
+    for corner in triangles.T:
+        np.maximum.at(at_points, (away, corner), depth)
+    return np.asarray(at_points[away[:, None], triangles].max(axis=1))
 
 
 def _crossing(

@@ -4,6 +4,9 @@ The file is a VTKHDF PolyData with time steps. Every array of the sheet is one l
 adds its rows; `Steps` says where each frame's rows begin. A frame whose triangles are those of the frame
 before points at the rows that are there already, so a sheet that does not tear stores its triangles once.
 
+The points are deformed, so that ParaView shows the sheet where it is, beside the bodies of `bodies.vtkhdf`. The
+reference position is a point field, stored once; "Warp By Vector" by the displacement and -1 shows the reference sheet.
+
 HDF5 keeps no journal. Three things make a killed run leave a readable file all the same: the file takes its
 name only when its first frame is complete; it is open only while a frame is being added; and the number of
 steps, without which no reader looks at the new rows, is written last. VTK's reader overruns its memory where
@@ -34,6 +37,10 @@ KINDS = ("Vertices", "Lines", "Polygons", "Strips")
 POLYGONS = KINDS.index("Polygons")
 # What the names of columns with the position and quaternion of a body begin with.
 POSE = "pose_"
+# The point field that every frame finds in the same rows.
+REFERENCE = "reference_position"
+# What the metadata say about the points.
+POSITIONS = f"deformed; {REFERENCE} + displacement"
 # HDF5 splits a column's table of chunks when it has taken in 64 more; a kill in that split would cost the
 # file. Chunks of many frames make splits rare.
 _CHUNK_BYTES = 2**20
@@ -178,6 +185,9 @@ class VtkHdfSeries:
         for name, values in fields.items():
             _add_rows(root["PointData"][name], values)
             _add_rows(steps["PointDataOffsets"][name], [begin])
+        if frame.index == 0:
+            _add_rows(root["PointData"][REFERENCE], self.surface.points)
+        _add_rows(steps["PointDataOffsets"][REFERENCE], [0])
         if frame.ball_center is not None:
             _add_rows(root["FieldData/ball_center"], [frame.ball_center])
             _add_rows(steps["FieldDataOffsets/ball_center"], [frame.index])
@@ -288,7 +298,8 @@ def _read_info(file: h5py.File) -> SeriesInfo:
         raise NotASeriesError("no frame")
     parts = steps["PartOffsets"][:frames]
     points = int(root["NumberOfPoints"][0])
-    for name, column in {"Points": root["Points"], **root["PointData"]}.items():
+    fields = {name: column for name, column in root["PointData"].items() if name != REFERENCE}
+    for name, column in {"Points": root["Points"], **fields}.items():
         if len(column) < frames * points:
             raise NotASeriesError(f"{frames} steps of {points} points but {len(column)} rows of {name}")
     faces = root["Polygons/NumberOfCells"][: parts[-1] + 1]
@@ -299,7 +310,7 @@ def _read_info(file: h5py.File) -> SeriesInfo:
         times=steps["Values"][:frames],
         points=points,
         faces=faces[parts],
-        fields=tuple(root["PointData"]),
+        fields=tuple(fields),
         metadata={name: plain_value(value) for name, value in own.attrs.items()},
     )
 
@@ -328,7 +339,7 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
         _create_column(steps, name, np.int64)
     for name in ("CellOffsets", "ConnectivityIdOffsets"):
         _create_column(steps, name, np.int64, (len(KINDS),))
-    for name, values in fields.items():
+    for name, values in {**fields, REFERENCE: surface.points.astype(np.float32)}.items():
         _create_column(root.require_group("PointData"), name, values.dtype, values.shape[1:], points)
         _create_column(steps.require_group("PointDataOffsets"), name, np.int64)
     if frame.ball_center is not None:
@@ -337,7 +348,7 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
         _create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
     own = file.create_group("warp_pd")
     _lay_out_bodies(root, steps, own, surface)
-    for name, value in {"title": surface.title, **surface.metadata}.items():
+    for name, value in {"title": surface.title, "positions": POSITIONS, **surface.metadata}.items():
         own.attrs[name] = value
     if surface.ball_diameter is not None:
         own.attrs["ball_diameter"] = float(surface.ball_diameter)

@@ -263,6 +263,9 @@ class BreakingBonds(Damaged):
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that break bonds."""
         size, arguments, exceeding = self.context.sheet.size, self.arguments(), None
+        if self.tracked_energy is None:
+            # The kernel then has no energy that reads them, and does not know how many there are.
+            arguments["constants"] = self.context.types.parameters()
         if self._screen is not None:
             blocks = -(-size // SCREENED)
             exceeding = self.context.array("exceeding", self.owner, wp.uint8, shape=blocks, per="block")

@@ -268,7 +268,7 @@ class DamageField(Damaged):
         return 1.0 + BIAS * (self.law.families.horizon / length) ** 2
 
     def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
-        """Damage at the start, (N,), that of cracks where the sheet has cuts; and which points are beyond their ends."""
+        """Damage at the start, (N,), that of cracks where the sheet is cut; and which points are beyond their ends."""
         damage, ahead = np.zeros(sheet.size), np.zeros(sheet.size, bool)
         segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
         if len(segments):

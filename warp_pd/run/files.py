@@ -31,7 +31,7 @@ class Files:
 
     Attributes:
         usd: Whether to write animation.usd.
-        vtkhdf: Whether to write frames.vtkhdf.
+        vtkhdf: Whether to write frames.vtkhdf, and bodies.vtkhdf if there are bodies.
         pictures: Formats of the pictures; empty for none.
         view: Whether to write view.html.
         restarts: Whether to write restart files.
@@ -222,6 +222,10 @@ def file_writers(
         if append_from is not None and not frames.is_file():
             raise InputError(f"resume from {str(folder)!r}: expected a folder that still has its {frames.name}")
         writers.append(VtkHdfSeries(frames, surface, append_from=append_from, fields=fields))
+        if surface.bodies or surface.ball_diameter is not None:
+            from ..output.body_frames import BodySeries
+
+            writers.append(BodySeries(folder / "bodies.vtkhdf", surface, append_from=append_from))
     if usd:
         from ..output.usd import UsdAnimation
 

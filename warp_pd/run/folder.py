@@ -25,7 +25,7 @@ except ImportError:  # Windows has no such lock: there two runs at once are not 
 
 PAGE = "view.html"
 FINE = "fine_history.csv"
-RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "animation.usd", PAGE)
+RESULTS = ("summary.json", "history.csv", FINE, restart.NAME, "frames.vtkhdf", "bodies.vtkhdf", "animation.usd", PAGE)
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
@@ -162,7 +162,7 @@ def clear(folder: Path) -> None:
 
 def clear_unfinished(folder: Path) -> None:
     """Remove what a killed run was about to write; no resumed one reads it."""
-    for pattern in (".animation.*.usdc", ".frames.vtkhdf.unfinished", "summary.json.part", "history.csv.part",
+    for pattern in (".animation.*.usdc", "summary.json.part", "history.csv.part",
                     f"{PAGE}.part", f"{FINE}.part", f"{restart.NAME}.part", ".*.unfinished"):  # fmt: skip
         for path in folder.glob(pattern):
             path.unlink()

@@ -4,7 +4,7 @@ import fitting_cases as cases
 import numpy as np
 import pytest
 
-from warp_pd import Explicit, Gent, InputError, MooneyRivlin, NeoHookean
+from warp_pd import Explicit, Gent, InputError, MooneyRivlin, NeoHookean, Ogden
 from warp_pd.fitting import Curve, FieldData, PointField, SceneTests, UniformTests, fit, nominal_stress
 from warp_pd.fitting.equilibrium import Equilibrium
 
@@ -108,6 +108,19 @@ def test_trials_that_the_material_refuses_are_left_out_and_named():
     found = fit(tests, ["size"], start={"size": 4.0}, device="cpu")
     assert found.estimates["size"] == pytest.approx(np.exp(1e-3), rel=1e-4)
     assert any("trials without a result" in note and "c10" in note for note in found.notes)
+
+
+def test_three_terms_of_ogden_are_fitted_by_their_moduli_and_exponents():
+    stretch = np.linspace(1.1, 7.0, 30)
+    rubber = Ogden((0.63e6, 0.0012e6, -0.01e6), (1.3, 5.0, -2.0))
+    curves = [
+        Curve(loading, stretch, "stress", nominal_stress(rubber, loading, stretch), name=loading)
+        for loading in ("uniaxial", "planar", "equibiaxial")
+    ]
+    start = {"mu_1": 0.5e6, "alpha_1": 1.6, "mu_2": 2e3, "alpha_2": 4.6, "mu_3": -2e4, "alpha_3": -1.6}
+    found = fit(UniformTests(Ogden.of, curves), list(start), start=start, max_evaluations=200)
+    truth = (0.63e6, 1.3, 0.0012e6, 5.0, -0.01e6, -2.0)
+    assert list(found.values) == pytest.approx(truth, rel=1e-3)
 
 
 def test_a_wrong_unit_is_noticed(heights):

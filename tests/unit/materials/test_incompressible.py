@@ -1,12 +1,13 @@
 """Incompressible materials: the constants that they refuse, and the material of the documentation."""
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import isihara
 import pytest
 
-from warp_pd import ArrudaBoyce, InputError, MooneyRivlin, Ogden, Yeoh
+from warp_pd import ArrudaBoyce, BondAssociated, InputError, MooneyRivlin, Ogden, Yeoh
 
 
 @pytest.mark.parametrize(
@@ -15,7 +16,10 @@ from warp_pd import ArrudaBoyce, InputError, MooneyRivlin, Ogden, Yeoh
         (lambda: MooneyRivlin(0.0, 1.0), r"^c10 = 0\.0: expected a positive number$"),
         (lambda: Yeoh(-1.0), r"^c10 = -1\.0: expected a positive number$"),
         (lambda: ArrudaBoyce(1.0, 1.0), r"^lock = 1\.0: .* a stretch above 1$"),
-        (lambda: Ogden((1.0,), (2.0, 3.0)), r"^mu = \(1\.0,\) with exponents = \(2\.0, 3\.0\): .* one or two of each$"),
+        (lambda: Ogden((1.0,), (2.0, 3.0)), r"^mu = \(1\.0,\) with exponents = .* as many of each, one at least$"),
+        (lambda: Ogden((), ()), r"^mu = \(\) with exponents = \(\): .* as many of each, one at least$"),
+        (lambda: Ogden.of(mu_1=1.0), r"^Ogden\.of\(mu_1\): expected mu_1, alpha_1$"),
+        (lambda: Ogden.of(mu_1=1.0, alpha_2=1.0), r"^Ogden\.of\(mu_1, alpha_2\): expected mu_1, alpha_1$"),
         (lambda: Ogden((1.0,), (-2.0,)), r"^mu = \(1\.0,\) with exponents = \(-2\.0,\): .* a sum of products above 0$"),
         (lambda: MooneyRivlin(1.0, -1.0), r"^c01 = -1\.0: expected 0 or a positive number$"),
     ],
@@ -23,6 +27,24 @@ from warp_pd import ArrudaBoyce, InputError, MooneyRivlin, Ogden, Yeoh
 def test_wrong_constants_are_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+def test_ogden_is_stable_where_all_terms_stiffen_and_says_where_it_is_not():
+    assert Ogden((0.63e6, 1.2e3, -1e4), (1.3, 5.0, -2.0)).notes == ()
+    # A term that softens: mu_1 a_1 = 2, mu_2 a_2 = -0.2. In equibiaxial tension p1 = p2 = 2 l^2 - 0.2 l^4, and
+    # p1 + 2 p3 is then negative beyond l = sqrt(10), as p3 has vanished.
+    weak = Ogden((1.0, -0.05), (2.0, 4.0))
+    assert weak.stable_to("equibiaxial") == pytest.approx(10**0.5, rel=2e-3)
+    assert weak.notes[0].startswith("Ogden: the material is unstable beyond these stretches: uniaxial ")
+
+
+def test_constants_that_the_functions_do_not_take_are_refused():
+    @dataclass(frozen=True)
+    class Long(MooneyRivlin):
+        constants = (1.0, 2.0, 3.0, 4.0, 5.0)
+
+    with pytest.raises(InputError, match=r"^Long\.constants has 5 numbers: expected 4 at most$"):
+        BondAssociated(Long(1.0))
 
 
 def test_the_docs_show_the_material_of_the_tests():

@@ -7,8 +7,9 @@ import pytest
 from matplotlib.image import imread
 from small_runs import cli
 
+from warp_pd.geometry import picture_files
 from warp_pd.interfaces import FrameReport
-from warp_pd.output.default_pictures import _counts
+from warp_pd.output.default_pictures import _counts, _draw_numbers, telling_frames
 from warp_pd.output.progress import Progress
 from warp_pd.run.folder import run_summary
 
@@ -58,6 +59,35 @@ def test_no_pictures(tmp_path, default_pictures):
     assert drawn.exit_code == 0 and "sheet.svg" in drawn.output
     refused = cli("draw", tmp_path / "out", "--pictures", "jpg")
     assert refused.exit_code == 2 and "pictures = 'jpg': expected one of 'png', 'pdf', 'svg'" in refused.output
+
+
+def rows(damage):
+    return [{"time": float(k), "mean_damage": d} for k, d in enumerate(damage)]
+
+
+def test_frames_of_a_tear_are_before_at_its_beginning_half_way_and_at_the_end():
+    slow = [0.1] * 21 + [0.1 + 0.01 * k for k in range(1, 10)] + [0.19] * 71
+    assert telling_frames(rows(slow), 101) == [20, 21, 25, 100]
+    at_once = [0.0] * 7 + [0.3] * 34
+    assert telling_frames(rows(at_once), 41) == [6, 7, 23, 40]
+
+
+def test_frames_of_a_sheet_that_does_not_tear_are_quarters_of_the_run():
+    assert telling_frames(rows([0.1] * 41), 41) == [10, 20, 30, 40]
+    assert telling_frames([{"time": 0.0}] * 3, 3) == [1, 2]
+    assert telling_frames([{"time": 0.0}], 1) == [0]
+
+
+def test_every_number_has_a_panel_and_a_constant_one_is_named(tmp_path):
+    """Eleven measures that change, one that does not."""
+    history = [{"time": 0.1 * k, "still": 1.0, **{f"number_{n}": float(n * k) for n in range(1, 12)}} for k in range(3)]
+    units = {name: "m" for name in history[0] if name != "time"}
+    numbers = [name for name in units if name != "still"]
+    with picture_files.drawing(picture_files.Drawing("mine", ("svg",))):
+        _draw_numbers(tmp_path, history, numbers, units, ["still"])
+    drawn = (tmp_path / "measures.svg").read_text()
+    assert all(f"<!-- number {n} (m) -->" in drawn for n in range(1, 12))
+    assert "<!-- constant or missing: still -->" in drawn
 
 
 def test_components_that_are_noise_are_left_out():

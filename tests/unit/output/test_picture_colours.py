@@ -16,7 +16,7 @@ from warp_pd.output import plots
 from warp_pd.output.colour_scale import scale_of
 from warp_pd.output.picture_frames import Shown
 from warp_pd.output.plots import MOST_POLYGONS
-from warp_pd.output.projection import View, material_lines, raster
+from warp_pd.output.projection import View, material_lines, nearest_about, places_of, raster
 from warp_pd.output.quantities import column_label, column_unit, field_label
 from warp_pd.run.runner import picture_formats
 
@@ -147,12 +147,35 @@ def test_a_sheet_that_hides_another_is_drawn_last(pixels, tmp_path, as_pixels):
 
 def test_lines_of_the_material_lie_on_the_deformed_sheet():
     frame = sheet_shown(13, lift=0.2)
-    lines = material_lines(frame)
+    lines, owners = material_lines(frame)
     # On each of the eleven levels along x and along y the segments have the length of the sheet, on the bump more.
     length = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum()
     assert 22.0 < length < 26.0
-    flat = material_lines(replace(frame, points=frame.reference))
+    # Each lies on its triangle: its ends are sums of the corners.
+    corners = frame.points[frame.triangles[owners]]
+    spans = np.concatenate([corners[:, :2] - corners[:, 2:], lines - corners[:, 2:]], axis=1)
+    assert (np.linalg.matrix_rank(spans, tol=1e-9) <= 2).all()
+    flat, _ = material_lines(replace(frame, points=frame.reference))
     assert np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1).sum() == pytest.approx(22.0, rel=1e-6)
+
+
+def test_no_triangle_about_a_line_is_drawn_over_it_however_steep_the_sheet_is():
+    """A plateau with steep sides, as an inflated sheet beside its clamps."""
+    frame = sheet_shown(31)
+    x, y = 2.0 * frame.reference[:, :2].T - 1.0
+    points = frame.reference + np.outer(0.6 * (1.0 - x**16) * (1.0 - y**16), (0.0, 0.0, 1.0))
+    seen = View.of(points.min(axis=0), points.max(axis=0), 28.0, -60.0).seen(points[frame.triangles])
+    about = nearest_about(seen, frame.triangles)
+    depth = seen[..., 2].mean(axis=1)
+    edges = seen[:, 1:, :2] - seen[:, :1, :2]
+    faces_eye = np.linalg.det(edges) > 0.0
+    for t, corners in enumerate(frame.triangles):
+        near = np.isin(frame.triangles, corners).any(axis=1)
+        assert about[t] == depth[near & (faces_eye == faces_eye[t])].max()
+    # A plain lift by the spacing would not do: some triangles are longer than that in depth.
+    assert (about - depth).max() > 2.5 * np.sqrt(np.abs(np.linalg.det(edges)).mean() / 2.0)
+    hidden = ~faces_eye
+    assert hidden.any() and faces_eye.any()
 
 
 def test_a_projection_keeps_lengths_and_right_angles():
@@ -162,6 +185,15 @@ def test_a_projection_keeps_lengths_and_right_angles():
     assert view.seen(np.array([0.0, 0.0, 1.0]))[1] > 0.0, "z is up"
     flat = View.of(np.zeros(3), np.array([1.0, 1.0, 0.0]), 28.0, -60.0)
     assert flat.grown.tolist() == [1.0, 1.0, 1.0] and [edge[0] for edge in flat.edges()] == [0, 1]
+
+
+def test_a_plane_below_a_sheet_does_not_widen_the_picture_and_a_far_ball_little():
+    plane = 10.0 * np.array([[-1.0, -1.0, -0.05], [1.0, -1.0, -0.05], [0.0, 1.0, -0.05]])
+    far = np.array([[0.5, 0.5, 3.0], [0.6, 0.5, 3.0], [0.5, 0.6, 3.0]])
+    one = np.array([[0, 1, 2]])
+    places = places_of(replace(sheet_shown(9), bodies=((plane, one), (far, one))))
+    assert places.min(axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    assert places.max(axis=0) == pytest.approx([1.0, 1.0, 0.5], abs=1e-6)
 
 
 @pytest.mark.parametrize("suffixes", ["png", "pdf", "svg", "svg,pdf"])

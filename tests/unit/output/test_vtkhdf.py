@@ -17,12 +17,13 @@ import torn_frames
 from torn_frames import FRAMES, make_surface
 from torn_frames import make_frame_with_fields as make_frame
 
-from warp_pd.interfaces.frame import Frame, Surface
+from warp_pd.interfaces.frame import Body, Frame, Surface
 
 pytest.importorskip("h5py")
 
 import h5py
 
+from warp_pd.output.body_frames import BodySeries
 from warp_pd.output.vtkhdf import VtkHdfSeries, read_frame, read_series
 
 write_all = functools.partial(torn_frames.write_all, VtkHdfSeries, frame=make_frame)
@@ -62,7 +63,10 @@ def assert_step_is_frame(step: dict[str, Any], surface: Surface, frame: Frame) -
     np.testing.assert_allclose(step["points"], frame.positions(surface), atol=1e-7)
     np.testing.assert_array_equal(step["faces"], frame.faces(surface))
     assert step["cells"] == len(frame.faces(surface))
+    # Warped by the displacement and -1 it is the reference sheet.
+    np.testing.assert_allclose(step["points"] - step["fields"]["displacement"], surface.points, atol=1e-6)
     expected = {"displacement": frame.displacement, "velocity": frame.velocity, **frame.point_data}
+    expected["reference_position"] = surface.points
     if frame.damage is not None:
         expected["damage"] = frame.damage
     assert set(step["fields"]) == set(expected)
@@ -82,6 +86,33 @@ def test_vtk_reads_every_step(tmp_path: Path, order) -> None:
     for index in order:
         assert_step_is_frame(reader.at(index), surface, make_frame(surface, index))
     assert [entry.name for entry in tmp_path.iterdir()] == ["frames.vtkhdf"]
+
+
+BOX = Body("box", "box", (1.0,), np.eye(3), np.array([[0, 1, 2]]))
+POSES = np.array([[[0.0, 0.0, 0.1 * k, 0.0, 0.0, np.sin(0.2 * k), np.cos(0.2 * k)]] for k in range(FRAMES)])
+
+
+def with_bodies(surface: Surface, at: int) -> Frame:
+    return make_frame(surface, at, bodies=POSES[at])
+
+
+def test_vtk_reads_the_bodies_where_they_are_in_every_frame_also_after_a_resumed_run(tmp_path: Path) -> None:
+    path, surface = tmp_path / "bodies.vtkhdf", make_surface(bodies=(BOX,))
+    for first, last in ((0, 4), (2, FRAMES)):
+        series = BodySeries(path, surface, append_from=first)
+        for index in range(first, last):
+            series.write(with_bodies(surface, index))
+        series.close()
+    reader = Reader(path)
+    assert reader.steps == FRAMES and list(tmp_path.iterdir()) == [path]
+    for index in (0, 5, FRAMES - 1):
+        step, frame = reader.at(index), with_bodies(surface, index)
+        of_box = step["fields"]["body"] == 1
+        np.testing.assert_allclose(step["points"][of_box], BOX.placed(POSES[index, 0]), atol=1e-7)
+        shell = step["points"][~of_box] - frame.ball_center
+        np.testing.assert_allclose(np.linalg.norm(shell, axis=1), 0.05, atol=1e-7)
+        assert step["time"] == pytest.approx(frame.time)
+    assert read_series(path).metadata["bodies"] == "ball, box"
 
 
 def test_torn_faces_stay_gone(tmp_path: Path) -> None:
@@ -147,7 +178,11 @@ def test_info(tmp_path: Path) -> None:
     np.testing.assert_allclose(info.times, 0.01 * np.arange(FRAMES))
     assert info.faces.tolist() == [len(make_frame(surface, i).faces(surface)) for i in range(FRAMES)]
     assert set(info.fields) == {"displacement", "velocity", "damage", "stress", "force", "bonds", "held"}
-    assert info.metadata == {"title": "tear", "version": "1", "points": 30, "ball_diameter": 0.1}
+    positions = "deformed; reference_position + displacement"
+    known = {"title": "tear", "positions": positions, "version": "1", "points": 30, "ball_diameter": 0.1}
+    assert info.metadata == known
+    with h5py.File(tmp_path / "frames.vtkhdf") as file:
+        assert file["VTKHDF/PointData/reference_position"].shape == (30, 3)
 
 
 def test_every_frame_is_on_disk_when_write_returns(tmp_path: Path) -> None:
@@ -170,7 +205,7 @@ def test_read_frame_is_what_vtk_reads(tmp_path: Path, index: int) -> None:
     assert time == step["time"]
     np.testing.assert_array_equal(points, step["points"])
     np.testing.assert_array_equal(triangles, step["faces"])
-    assert set(fields) == set(step["fields"])
+    assert set(fields) == set(step["fields"]) - {"reference_position"}
     for name, values in fields.items():
         np.testing.assert_array_equal(values, step["fields"][name])
 
@@ -286,6 +321,7 @@ def test_a_new_series_removes_the_old_one(tmp_path: Path) -> None:
         ({"damage": None}, "damage"),
         ({"point_data": {}}, "stress"),
         ({"point_data": {"damage": np.zeros(30)}}, "damage"),
+        ({"point_data": {"reference_position": np.zeros((30, 3))}}, "reference_position"),
         ({"point_data": {"a/b": np.zeros(30)}}, "a/b"),
         ({"point_data": {"stress": np.zeros((30, 9))}}, "stress"),
         ({"ball_center": None}, "ball_center"),

@@ -71,10 +71,11 @@ def test_a_resumed_run_equals_the_uninterrupted_one(ball, tmp_path):
     assert one.keys() == two.keys() >= {"displacement", "velocity", "intact_bonds", "work", "released", "impulse"}
     for name, values in one.items():
         assert (two[name] == values).all(), name
-    frames, other_frames = datasets(ball / "frames.vtkhdf"), datasets(tmp_path / "frames.vtkhdf")
-    assert frames.keys() == other_frames.keys() >= {"VTKHDF/Points", "VTKHDF/Polygons/Connectivity"}
-    for name, values in frames.items():
-        np.testing.assert_array_equal(other_frames[name], values, err_msg=name)
+    for file in ("frames.vtkhdf", "bodies.vtkhdf"):
+        frames, other_frames = datasets(ball / file), datasets(tmp_path / file)
+        assert frames.keys() == other_frames.keys() >= {"VTKHDF/Points", "VTKHDF/Polygons/Connectivity"}
+        for name, values in frames.items():
+            np.testing.assert_array_equal(other_frames[name], values, err_msg=name)
     assert history.read_text() == (ball / "history.csv").read_text()
     assert len(history.read_text().splitlines()) == 26
 

@@ -21,11 +21,12 @@ from ...interfaces.phases import Phase
 from ...kernels.neural import neural
 from ...materials import Material, capabilities, check_material
 from ..nodal import PointLaw
+from ..weight_tables import MAX_CORRECTED
 from . import networks
 from .networks import Network
 
 EVALUATIONS = ("torch", "fused", "closed_form")
-WEIGHTS = ("published", "corrected")
+WEIGHTS = ("auto", "published", "corrected")
 # Maximum number of network weights that are compiled into a kernel as constants; more compile slowly.
 MAX_WEIGHTS = 10_000
 
@@ -51,9 +52,10 @@ class Neural:
             precision and device of the run; any other callable gets tensors of that precision and device. It runs
             without gradients; on CUDA it is captured in a graph, so it must not read values on the host.
         influence: Influence function of r = |X| / horizon, as in `BondAssociated`; the paper's is "inverse".
-        weights: "published", 2 / tr K of each family (NN eq. 36), which takes the families at edges for round ones; or
+        weights: "published", 2 / tr K of each family (NN eq. 36), which takes the families at edges for round ones;
             "corrected", one of each bond, so that a uniform stress is in balance up to the edges
-            (`warp_pd.families.weights`).
+            (`warp_pd.families.weights`); or "auto": "corrected", but "published" at horizons above 4.5 and where bonds
+            can break.
 
     Raises:
         InputError: for a network that is missing, damaged, made for another material, or too large for "fused".
@@ -64,7 +66,7 @@ class Neural:
     evaluation: str = "torch"
     network: Network | Callable[[Any], Any] | str | Path | None = None
     influence: str | InfluenceFunction = "inverse"
-    weights: str = "published"
+    weights: str = "auto"
     loaded: Network | None = field(init=False, default=None)
 
     has_energy: ClassVar[bool] = False
@@ -107,6 +109,12 @@ class Neural:
             )
         return found
 
+    def resolved_weights(self, breakable: bool) -> str:
+        """The weights with "auto" resolved; `breakable` says whether bonds can break."""
+        if self.weights != "auto":
+            return self.weights
+        return "published" if breakable or self.horizon > MAX_CORRECTED else "corrected"
+
     def build(self, context: Context) -> BuiltLaw:
         """Families and tables on the device.
 
@@ -127,7 +135,7 @@ class NeuralForce(PointLaw):
     has_energy = False
 
     def __init__(self, law: Neural, context: Context) -> None:
-        super().__init__(law, law.influence, context, corrected=law.weights == "corrected")
+        super().__init__(law, law.influence, context, law.resolved_weights(context.features.breakable))
         self.law = law
         known = capabilities(law.material)
         assert known.membrane is not None and known.mu is not None
@@ -138,7 +146,7 @@ class NeuralForce(PointLaw):
             assert law.loaded is not None
             layers = law.loaded.sigmoids()
         self.kernels = neural(
-            context.layout, known.membrane, law.weights == "corrected", law.evaluation, layers,
+            context.layout, known.membrane, self.weights == "corrected", law.evaluation, layers,
             law.loaded is not None,
         )  # fmt: skip
         self._fingerprint: Callable[[], str] | None = None

@@ -1,4 +1,4 @@
-// Curves of the history, with a line at the time that is shown.
+// Curves of the history, with a line at the time that is shown, or with a dot if they are drawn against another column.
 (() => {
   "use strict";
   const { content, said } = window.page;
@@ -12,15 +12,27 @@
         this.select.add(new Option(unit ? `${label} (${unit})` : label, k));
       });
       this.select.value = chosen;
-      this.select.onchange = () => this.build();
+      this.against = document.createElement("select");
+      this.against.setAttribute("aria-label", "Column along the horizontal axis");
+      const timed = content.loadDuration ? "load factor" : "time";
+      Object.keys(content.history.columns).filter((name) => name !== "step").forEach((name) => {
+        this.against.add(new Option(`against ${name === "time" ? timed : name.replaceAll("_", " ")}`, name));
+      });
+      this.select.after(this.against);
+      for (const select of [this.select, this.against]) select.onchange = () => { this.build(); this.show(this.time); };
       new ResizeObserver(() => this.fit()).observe(element);
       this.build();
     }
 
-    // Time, or the load factor of a static run.
+    // Time, or the load factor of a static run, or another column.
     across() {
+      if (!this.overTime()) return content.history.columns[this.against.value];
       const times = content.history.columns.time, full = content.loadDuration;
       return full ? times.map((time) => time / full) : times;
+    }
+
+    overTime() {
+      return this.against.value === "time";
     }
 
     build() {
@@ -34,22 +46,31 @@
         grid: { stroke: "#e9edef" }, ticks: { stroke: "#b9c2c8", size: 5 },
         values: (plot, found) => found.map((number) => said(number)),
       });
-      const name = content.loadDuration ? "load factor" : "time";
+      const over = this.overTime(), across = this.across();
+      const name = !over ? this.against.value.replaceAll("_", " ") : content.loadDuration ? "load factor" : "time (s)";
       const options = {
-        width: this.element.clientWidth || 400, height: 176, cursor: { drag: { x: false, y: false } },
+        width: this.element.clientWidth || 400, height: 176,
+        // Against another column the legend keeps to the row that is shown.
+        cursor: { drag: { x: false, y: false }, ...(over ? {} : { x: false, y: false, points: { show: false }, dataIdx: () => this.row() }) },
         scales: { x: { time: false } },
-        axes: [axis(content.loadDuration ? name : "time (s)"), { ...axis(""), size: 60, label: undefined }],
-        series: [{ label: name, value }].concat(graph.columns.map(({ label }, k) => (
-          { label, value, stroke: STROKES[k % STROKES.length], width: 1.6, dash: k >= STROKES.length ? [6, 4] : undefined, points: { show: false } }
+        axes: [axis(name), { ...axis(""), size: 60, label: undefined }],
+        series: [{ label: name, value: (plot, number, series, row) => value(plot, (row ?? null) === null ? null : across[row]) }].concat(graph.columns.map(({ label }, k) => (
+          { label, value, stroke: STROKES[k % STROKES.length], width: 1.6, dash: k >= STROKES.length ? [6, 4] : undefined, points: { show: false },
+            ...(over ? {} : { paths: () => null }) }
         ))),
         hooks: {
-          draw: [(plot) => this.drawTime(plot)],
-          ready: [(plot) => plot.over.addEventListener("click", () => {
-            if (plot.cursor.left >= 0) seek(plot.posToVal(plot.cursor.left, "x") * (content.loadDuration || 1));
+          draw: [(plot) => (over ? this.drawTime(plot) : this.drawPath(plot, across))],
+          ready: [(plot) => plot.over.addEventListener("click", (event) => {
+            const { left, top } = plot.over.getBoundingClientRect();
+            if (over) seek(plot.posToVal(event.clientX - left, "x") * (content.loadDuration || 1));
+            else seek(columns.time[this.nearest(plot, across, event.clientX - left, event.clientY - top)]);
           })],
         },
       };
-      const data = [this.across(), ...graph.columns.map(({ column }) => columns[column])];
+      // The plot wants rising numbers along its axis; a curve that goes back is drawn in drawPath.
+      const rising = over ? across : across.filter((number) => number !== null).sort((a, b) => a - b);
+      while (rising.length < across.length) rising.push(rising[rising.length - 1] ?? 0);
+      const data = [rising, ...graph.columns.map(({ column }) => columns[column])];
       this.plot = new window.vendor.uPlot(options, data, room);
     }
 
@@ -67,12 +88,56 @@
       ctx.restore();
     }
 
-    show(time) {
-      this.time = time;
+    // The curves against another column in the order of time, and a dot at the row that is shown.
+    drawPath(plot, across) {
+      const { ctx, bbox } = plot, ratio = window.devicePixelRatio || 1, row = this.row();
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      plot.data.slice(1).forEach((numbers, k) => {
+        const at = (n) => [plot.valToPos(across[n], "x", true), plot.valToPos(numbers[n], "y", true)];
+        const there = (n) => across[n] !== null && numbers[n] !== null && numbers[n] !== undefined;
+        ctx.strokeStyle = ctx.fillStyle = STROKES[k % STROKES.length];
+        ctx.lineWidth = 1.6 * ratio;
+        ctx.beginPath();
+        for (let n = 0, pen = false; n < numbers.length; n++) {
+          if (there(n)) ctx[pen ? "lineTo" : "moveTo"](...at(n));
+          pen = there(n);
+        }
+        ctx.stroke();
+        if (!there(row)) return;
+        ctx.beginPath();
+        ctx.arc(...at(row), 4 * ratio, 0, 2 * Math.PI);
+        ctx.fill();
+      });
+      ctx.restore();
+    }
+
+    // The row whose curves come nearest to a place of the plot.
+    nearest(plot, across, left, top) {
+      let best = 0, least = Infinity;
+      for (const numbers of plot.data.slice(1)) {
+        numbers.forEach((number, row) => {
+          if (number === null || number === undefined || across[row] === null) return;
+          const apart = Math.hypot(plot.valToPos(across[row], "x") - left, plot.valToPos(number, "y") - top);
+          if (apart < least) [best, least] = [row, apart];
+        });
+      }
+      return best;
+    }
+
+    // The row of the time that is shown.
+    row() {
       const times = content.history.columns.time;
       let nearest = 0;
-      times.forEach((t, k) => { if (Math.abs(t - time) < Math.abs(times[nearest] - time)) nearest = k; });
-      this.plot.setLegend({ idx: nearest });
+      times.forEach((t, k) => { if (Math.abs(t - this.time) < Math.abs(times[nearest] - this.time)) nearest = k; });
+      return nearest;
+    }
+
+    show(time) {
+      this.time = time;
+      this.plot.setLegend({ idx: this.row() });
       this.plot.redraw(false);
     }
 

@@ -250,6 +250,9 @@
       button.textContent = name;
       button.onclick = () => state.view.look(name);
     }
+    const fit = get("views").appendChild(document.createElement("button"));
+    Object.assign(fit, { textContent: "fit", title: "Fit the view to what this frame shows" });
+    fit.onclick = () => state.view.look(state.view.view, true);
     document.addEventListener("keydown", (event) => {
       if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName)) return;
       if (event.key === " ") { event.preventDefault(); play(); }

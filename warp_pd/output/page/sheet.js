@@ -174,9 +174,21 @@
       this.draw();
     }
 
-    // Places that must be seen, in space: the sheet at some frames of the run, and where smaller bodies begin.
+    // Places that must be seen, in space: the sheet at some frames of the run, and where smaller bodies begin; or the
+    // drawn part of the sheet at the frame that is shown.
     places() {
       const last = content.frames.length - 1, found = [], grow = this.uniforms.grow.value;
+      if (this.fitted) {
+        const drawn = this.mesh.geometry.index ? new Set(this.index.subarray(0, 3 * this.drawnTriangles)) : this.numbers.keys();
+        for (const k of drawn) {
+          const place = [0, 1, 2].map((c) => this.reference[3 * k + c] + grow * this.displacement[3 * k + c]);
+          if (place.every(Number.isFinite)) found.push(place);
+        }
+        if (found.length) {
+          const { low, high } = boxOf(found.flat());
+          return { found, low, high, size: Math.max(...high.map((h, c) => h - low[c])) || 1 };
+        }
+      }
       const room = new Float32Array(this.reference.length), every = Math.max(1, Math.ceil(this.points / 20000));
       for (const fraction of [0, 0.2, 0.4, 0.6, 0.8, 1]) {
         this.moved.forEach((part, c) => part.read(Math.round(fraction * last), room, 3, c));
@@ -199,12 +211,14 @@
       return { found, low, high, size };
     }
 
-    look(view) {
+    look(view, fitted = false) {
       this.view = view;
+      this.fitted = fitted;
       const { found, low, high, size } = this.places();
       this.flat = high[2] - low[2] < 1e-3 * size;
       const middle = new T.Vector3(...low.map((l, c) => 0.5 * (l + high[c])));
       const from = new T.Vector3(...VIEWS[view]).normalize();
+      if (fitted) from.copy(this.camera.position).sub(this.controls.target).normalize();
       this.camera.position.copy(middle).addScaledVector(from, 4 * size);
       this.camera.near = 0.01 * size;
       this.camera.far = 60 * size;

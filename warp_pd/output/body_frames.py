@@ -1,0 +1,59 @@
+"""Rigid bodies of a run in one VTKHDF file, which ParaView opens beside the sheet."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from ..interfaces.frame import Body, Frame, Surface
+from .projection import sphere
+from .vtkhdf import VtkHdfSeries
+
+FILE = "bodies.vtkhdf"
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+class BodySeries:
+    """Writes the outlines of the ball and of other bodies, frame by frame, as `VtkHdfSeries` writes the sheet.
+
+    The point field `body` counts them: the ball first, if there is one, then the others as the scene lists them.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None) -> None:
+        """Begin a file, or go on with one.
+
+        Args:
+            path: The file, ending in .vtkhdf or .hdf.
+            surface: The reference sheet with its bodies, one at least.
+            append_from: As for `VtkHdfSeries`.
+        """
+        balls = []
+        if surface.ball_diameter is not None:
+            vertices, triangles = sphere(np.zeros(3), surface.ball_diameter)
+            balls = [Body("ball", "sphere", (0.5 * surface.ball_diameter,), vertices, triangles)]
+        self._bodies = [*balls, *surface.bodies]
+        first = np.cumsum([0, *(len(body.vertices) for body in self._bodies)])
+        self._body = np.repeat(np.arange(len(self._bodies)), np.diff(first))
+        drawn = Surface(
+            points=np.concatenate([body.vertices for body in self._bodies]),
+            faces=np.concatenate([body.triangles + n for body, n in zip(self._bodies, first, strict=False)]),
+            title=f"bodies of {surface.title}",
+            metadata={**surface.metadata, "bodies": ", ".join(body.name for body in self._bodies)},
+        )
+        self._series = VtkHdfSeries(path, drawn, append_from=append_from, fields=("body",))
+
+    def write(self, frame: Frame) -> None:
+        """Add the bodies of a frame; its index must be the next one."""
+        balls = [] if frame.ball_center is None else [np.append(frame.ball_center, NO_TURN)]
+        poses = [*balls, *(() if frame.bodies is None else frame.bodies)]
+        placed = np.concatenate([body.placed(pose) for body, pose in zip(self._bodies, poses, strict=True)])
+        moved = placed - self._series.surface.points
+        self._series.write(Frame(frame.index, frame.time, moved, np.zeros_like(moved), point_data={"body": self._body}))
+
+    def save(self) -> None:
+        """Nothing to do: every frame is on disk once it is written."""
+
+    def close(self) -> None:
+        """Refuse further frames."""
+        self._series.close()
