@@ -230,6 +230,20 @@ def test_a_body_on_a_path_turns_and_pushes_like_the_ball():
     assert max(abs(row["balance_error"]) for row in body.history) < 2e-3
 
 
+def test_a_body_turns_evenly_between_two_poses():
+    about = lambda angle: (0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle))  # noqa: E731
+    path = BodyPath([0.1, 0.3, 0.4], [(0.0, 0.0, 0.0)] * 3, [about(0.2), about(1.0), about(1.0)])
+    for time, angle in ((0.0, 0.2), (0.15, 0.4), (0.25, 0.8), (0.35, 1.0), (1.0, 1.0)):
+        np.testing.assert_allclose(path.pose(time)[1], about(angle), atol=1e-12)
+
+
+def test_a_plane_is_drawn_as_a_square_of_twice_the_extent():
+    corners, triangles = Plane((0.0, 0.6, 0.8)).outline(3.0)
+    np.testing.assert_allclose(np.linalg.norm(corners, axis=1), 3.0 * np.sqrt(2.0))
+    np.testing.assert_allclose(corners @ [0.0, 0.6, 0.8], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.cross(*(corners[triangles][0, 1:] - corners[triangles][0, 0])) @ [0, 0.6, 0.8], 36.0)
+
+
 def test_a_turning_drum_drags_the_sheet():
     sheet = square(9)
     quarter = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))

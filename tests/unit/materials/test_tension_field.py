@@ -11,7 +11,8 @@ from isihara import Isihara
 from material_kernels import evaluate, respond
 
 from warp_pd import ArrudaBoyce, Bimodular, Gent, InputError, MooneyRivlin, NeoHookean, Ogden, TensionField, Yeoh
-from warp_pd.materials import capabilities
+from warp_pd.materials import capabilities, with_wrinkles
+from warp_pd.materials.energy import tension_energy_density
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,15 @@ def test_beyond_the_lock_a_wrinkled_sheet_swells_as_the_sheet_itself_does():
     relaxed, found = (evaluate(TensionField(m), turned(stretch, 0.2, 0.4), 64)[0] for m in (material, Bare(material)))
     np.testing.assert_allclose(relaxed, found, rtol=1e-8)
     assert relaxed[-1, 0, 0] > 3e4
+
+
+def test_energy_in_tension_is_that_of_the_width_which_tension_makes():
+    """Mooney-Rivlin in uniaxial tension, also beyond a stretch of 4."""
+    stretch = np.array([1.1, 2.0, 6.0])
+    exact = 400.0 * (stretch**2 + 2.0 / stretch - 3.0) + 100.0 * (2.0 * stretch + stretch**-2 - 3.0)
+    found = tension_energy_density(with_wrinkles(MooneyRivlin(400.0, 100.0), "relaxed"), stretch, "cpu")
+    np.testing.assert_allclose(found, exact, rtol=1e-6)
+    assert with_wrinkles(MooneyRivlin(400.0, 100.0), "resolved") == MooneyRivlin(400.0, 100.0)
 
 
 @pytest.mark.parametrize(
