@@ -72,7 +72,7 @@ def putting(kind: Any) -> wp.Function:
 
 @wp.func_native(_OPAQUE)
 def opaque(mask: wp.uint32) -> wp.uint32:
-    """The mask itself: a compiler that knows how it was found would find it anew for each bit."""
+    """The mask, unchanged; it hides its origin from the compiler, which would otherwise recompute it for each bit."""
     ...
 
 

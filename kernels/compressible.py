@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import warp as wp
 
-from .factories import FunctionFactory, PairFactory
+from .factories import FunctionFactory
 from .incompressible import named
-from .materials import NEWTON_STEPS, SHRINK, WIDTH_TOLERANCE, invariants, volume
+from .materials import NEWTON_STEPS, SHRINK, WIDTH_TOLERANCE, MaterialFunctions, invariants, volume
 from .numeric import numeric
 
 
@@ -37,28 +37,9 @@ class Equations:
     membrane_shear: wp.Function
 
 
-@dataclass(frozen=True)
-class Compressible:
-    """Cached factories, precision in bits -> Warp functions; see kernels/materials.py.
-
-    Attributes:
-        functions: (stress, energy).
-        near: stress_near, whose guess is d.
-        volume: (G, constants) -> z.
-        width: (g1, constants) -> g2 in uniaxial tension, see kernels/tension_field.py.
-        membrane: (volume, membrane_shear).
-    """
-
-    functions: PairFactory
-    near: FunctionFactory
-    volume: FunctionFactory
-    width: FunctionFactory
-    membrane: PairFactory
-
-
 @functools.cache
-def compressible(equations: Callable[[int], Equations]) -> Compressible:
-    """All functions of a material, from the cached factory of its equations."""
+def compressible(equations: Callable[[int], Equations], response: FunctionFactory) -> MaterialFunctions:
+    """All functions of a material, from the cached factories of its equations and of its stress and moduli."""
 
     def near_of(bits):
         types = numeric(bits)
@@ -139,9 +120,10 @@ def compressible(equations: Callable[[int], Equations]) -> Compressible:
         return width
 
     change = named(change_of, equations, "volume")
-    return Compressible(
+    return MaterialFunctions(
         named(functions_of, equations, "functions"),
         near,
+        response,
         change,
         named(width_of, equations, "width"),
         named(lambda bits: (change(bits), equations(bits).membrane_shear), equations, "membrane"),

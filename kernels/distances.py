@@ -9,12 +9,10 @@ taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Dete
 """
 
 import functools
-from collections.abc import Callable
-from typing import Any
 
 import warp as wp
 
-from .effects import Kernel, kernel
+from .effects import unstaged
 
 # Parts of the way of a point within a step in which its entry into a body is sought, at most.
 PARTS = 256
@@ -172,14 +170,11 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     return with_normal(n, distance)
 
 
-DistanceFunction = Callable[..., Any]
-
-
 @functools.cache
-def distances(distance: wp.Function) -> Kernel:
+def distances(distance: wp.Function) -> wp.Kernel:
     """Kernel of signed distances of many points, `found` (N,) vec4d, from a body at a place with a rotation."""
 
-    @kernel()
+    @unstaged
     def find_distances(
         points: wp.array(dtype=wp.vec3d),
         reach: wp.float64,

@@ -57,6 +57,12 @@ class Kernel:
         return str(self.kernel.func.__name__)
 
 
+def unstaged(function: Callable[..., None]) -> wp.Kernel:
+    """Decorator that makes a Warp kernel which no stage holds, such as one of tables: nothing asks for its effects."""
+    made: wp.Kernel = wp.kernel(function, module="unique", enable_backward=False)
+    return made
+
+
 def kernel(
     *,
     gathers: tuple[str, ...] = (),

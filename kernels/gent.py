@@ -116,9 +116,6 @@ def gent_equations(bits: int) -> Equations:
     return Equations(root_change, shear_of, stored, balance, membrane_shear)
 
 
-gent = compressible(gent_equations)
-
-
 @functools.cache
 def gent_response(bits: int) -> wp.Function:
     """Stress and moduli of the Gent material: U1 = -(mu Jm/2) ln(1 - (I1b - 3)/Jm), U2 = (K/4) (q - ln q)."""
@@ -142,3 +139,6 @@ def gent_response(bits: int) -> wp.Function:
         return S, condensed(G, z, first, first / room, quarter * z, quarter * (real(1.0) + z))
 
     return response
+
+
+gent = compressible(gent_equations, gent_response)

@@ -15,31 +15,15 @@ With G = C - I, t = tr G, g = det G and d = det C - 1 = t + g, no differences of
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import warp as wp
 
-from .factories import FunctionFactory, PairFactory
-from .materials import invariants
+from .factories import FunctionFactory
+from .materials import MaterialFunctions, invariants
 from .numeric import numeric
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Incompressible:
-    """Cached factories, precision in bits -> Warp functions; see kernels/materials.py.
-
-    Attributes:
-        functions: (stress, energy).
-        near: stress_near, which ignores the guess.
-        response: Stress and moduli.
-    """
-
-    functions: PairFactory
-    near: FunctionFactory
-    response: FunctionFactory
 
 
 def named(factory: Callable[[int], T], energy: FunctionFactory, what: str) -> Callable[[int], T]:
@@ -111,7 +95,21 @@ def no_volume_change(bits: int) -> wp.Function:
 
 
 @functools.cache
-def incompressible(energy_of: FunctionFactory) -> Incompressible:
+def incompressible_width(bits: int) -> wp.Function:
+    """Function (g1, constants) -> g2 of incompressible isotropic materials: C22 = C33 = C11^(-1/2)."""
+    real = numeric(bits).real
+
+    @wp.func
+    def width(g1: real, constants: Any):
+        # s - 1 = g1 / (1 + s) with s = l1, so that no digits of a small strain are lost.
+        s = wp.sqrt(real(1.0) + g1)
+        return -g1 / (s * (real(1.0) + s))
+
+    return width
+
+
+@functools.cache
+def incompressible(energy_of: FunctionFactory) -> MaterialFunctions:
     """All functions of a material, from the factory of its energy, see above."""
 
     def stress_functions(bits):
@@ -196,8 +194,12 @@ def incompressible(energy_of: FunctionFactory) -> Incompressible:
 
         return stress_and_moduli
 
-    return Incompressible(
-        named(functions, energy_of, "functions"), named(near, energy_of, "near"), named(response, energy_of, "response")
+    return MaterialFunctions(
+        named(functions, energy_of, "functions"),
+        named(near, energy_of, "near"),
+        named(response, energy_of, "response"),
+        no_volume_change,
+        incompressible_width,
     )
 
 

@@ -9,13 +9,13 @@ import functools
 import warp as wp
 
 from .bits import lowest_bit, without_lowest_bit
-from .effects import Kernel, kernel
+from .effects import unstaged
 from .families import WORD
 from .kinematics import kinematics
 
 
 @functools.cache
-def common_members(dimension: int, graded: bool) -> Kernel:
+def common_members(dimension: int, graded: bool) -> wp.Kernel:
     """Kernel that sets the bits of the members of each intersection, [rows, members, words]; they were zero.
 
     Args:
@@ -25,7 +25,7 @@ def common_members(dimension: int, graded: bool) -> Kernel:
     vector = wp.types.vector(length=dimension, dtype=wp.float64)
     word_size = WORD
 
-    @kernel()
+    @unstaged
     def mark_common_members(
         bonds: wp.array2d(dtype=vector),
         horizons: wp.array2d(dtype=wp.float64),
@@ -55,13 +55,13 @@ def common_members(dimension: int, graded: bool) -> Kernel:
 
 
 @functools.cache
-def intersection_shapes() -> Kernel:
+def intersection_shapes() -> wp.Kernel:
     """Kernel that fills K_ij^-1 [rows, members], zero where degenerate, and |D_ij| [rows, members], likewise."""
     tensors = kinematics(64)
     determines_gradient, inverse_shape = tensors.determines_gradient, tensors.inverse_shape
     word_size = WORD
 
-    @kernel()
+    @unstaged
     def sum_intersection_shapes(
         bonds: wp.array2d(dtype=wp.vec2d),
         influences: wp.array2d(dtype=wp.float64),

@@ -26,9 +26,11 @@ papers obtain by rotating to the tangent plane, taking the stress there and rota
 """
 
 import functools
+from dataclasses import dataclass
 
 import warp as wp
 
+from .factories import FunctionFactory, PairFactory
 from .numeric import numeric
 
 # Typical states take 2 or 3 steps; the worst state found below the lock of a Gent sheet takes 19 (K / mu near 1). After
@@ -41,6 +43,27 @@ TOLERANCE = {32: 3e-4, 64: 1e-7}
 WIDTH_TOLERANCE = {32: 1e-4, 64: 1e-8}
 # Smallest factor on J^(2/3) in one step of the iteration.
 SHRINK = 0.585
+
+
+@dataclass(frozen=True)
+class MaterialFunctions:
+    """Cached factories, precision in bits -> Warp functions, of one material; None where it has none.
+
+    Attributes:
+        functions: (stress, energy).
+        near: stress_near.
+        response: Stress and moduli.
+        volume: (G, constants) -> z = J^2 - 1.
+        width: (g1, constants) -> g2 in uniaxial tension, see kernels/tension_field.py.
+        membrane: (volume change, shear modulus), for the neural law.
+    """
+
+    functions: PairFactory
+    near: FunctionFactory | None = None
+    response: FunctionFactory | None = None
+    volume: FunctionFactory | None = None
+    width: FunctionFactory | None = None
+    membrane: PairFactory | None = None
 
 
 @functools.cache

@@ -9,14 +9,14 @@ import functools
 
 import warp as wp
 
-from .effects import Kernel, kernel
+from .effects import unstaged
 
 
 @functools.cache
-def near_points(counts: bool) -> Kernel:
+def near_points(counts: bool) -> wp.Kernel:
     """Kernel that counts the points near each point [points], or lists them in ascending order [points, members]."""
 
-    @kernel(gathers=("points",))
+    @unstaged
     def list_near_points(
         points: wp.array(dtype=wp.vec2d),
         order: wp.array(dtype=wp.int32),
@@ -56,10 +56,10 @@ def near_points(counts: bool) -> Kernel:
 
 
 @functools.cache
-def reverse_members() -> Kernel:
+def reverse_members() -> wp.Kernel:
     """Kernel that finds each point in the ascending list of its member [points, members]; 0 where there is none."""
 
-    @kernel(gathers=("near", "sizes"))
+    @unstaged
     def find_reverse_members(
         near: wp.array2d(dtype=wp.int32),
         sizes: wp.array(dtype=wp.int32),

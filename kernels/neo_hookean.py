@@ -75,9 +75,6 @@ def neo_hookean_equations(bits: int) -> Equations:
     return Equations(root_change, shear_of, stored, balance, membrane_shear)
 
 
-neo_hookean = compressible(neo_hookean_equations)
-
-
 @functools.cache
 def neo_hookean_response(bits: int) -> wp.Function:
     """Stress and moduli of the neo-Hookean material: U1 = mu/2 I1b, U2 = K/8 (q + 1/q)."""
@@ -99,3 +96,6 @@ def neo_hookean_response(bits: int) -> wp.Function:
         return S, condensed(G, z, real(0.5) * constants[0], real(0.0), slope, eighth * (q + real(1.0) / q))
 
     return response
+
+
+neo_hookean = compressible(neo_hookean_equations, neo_hookean_response)

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import warp as wp
 
-from .effects import Kernel, kernel
+from .effects import Kernel, kernel, unstaged
 from .factories import PairFactory
 from .neural_functions import NeuralFunctions
 from .numeric import numeric
@@ -102,7 +102,7 @@ def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
 
 
 @functools.cache
-def training_samples(material: PairFactory, membrane: PairFactory) -> Kernel:
+def training_samples(material: PairFactory, membrane: PairFactory) -> wp.Kernel:
     """Kernel that turns uniform states and bond directions into rows of training data (NN algorithm 1), float64.
 
     Args:
@@ -114,7 +114,7 @@ def training_samples(material: PairFactory, membrane: PairFactory) -> Kernel:
     stress, _ = material(64)
     volume_change, _ = membrane(64)
 
-    @kernel()
+    @unstaged
     def samples(
         states: wp.array(dtype=vec3),
         constants: vec4,

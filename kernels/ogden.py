@@ -4,7 +4,8 @@ import functools
 
 import warp as wp
 
-from .incompressible import Incompressible, principal_tangent
+from .incompressible import incompressible_width, no_volume_change, principal_tangent
+from .materials import MaterialFunctions
 from .numeric import numeric
 
 
@@ -100,7 +101,7 @@ def ogden_parts(terms: int, bits: int) -> tuple[wp.Function, ...]:
 
 
 @functools.cache
-def ogden(terms: int) -> Incompressible:
+def ogden(terms: int) -> MaterialFunctions:
     """Functions of Ogden's material with so many terms; constants: mu_1 [Pa], a_1, mu_2 [Pa], a_2, ...
 
     Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + (l1 l2)^-a_p - 3), l the principal stretches.
@@ -185,4 +186,4 @@ def ogden(terms: int) -> Incompressible:
 
         return stress_and_moduli
 
-    return Incompressible(functions, near, response)
+    return MaterialFunctions(functions, near, response, no_volume_change, incompressible_width)

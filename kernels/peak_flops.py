@@ -4,16 +4,16 @@ import functools
 
 import warp as wp
 
-from .effects import Kernel, kernel
+from .effects import unstaged
 from .numeric import numeric
 
 
 @functools.cache
-def multiply_add(bits: int) -> Kernel:
+def multiply_add(bits: int) -> wp.Kernel:
     """Kernel of eight sums per thread, `rounds` multiply-adds each."""
     real = numeric(bits).real
 
-    @kernel()
+    @unstaged
     def multiply_adds(rounds: int, first: int, out: wp.array(dtype=real)):
         i = wp.tid() + first
         x = real(1.0) + real(1.0e-7) * real(i)

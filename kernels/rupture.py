@@ -8,7 +8,6 @@ D(a step back) / 2: for D quadratic in the motion, this is exactly what the disc
 """
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,9 +38,6 @@ class Criterion:
     exceeds: wp.Function
     struct: Any
     gathers: tuple[str, ...] = ()
-
-
-CriterionFactory = Callable[[str, int, str], Criterion]
 
 
 @functools.cache

@@ -9,7 +9,7 @@ is the distance that points keep, but no more than a fraction of their reference
 pieces. Both ends compute the same bits, so momentum is conserved to the rounding of the sums.
 
 Pairs outside the family come from a list [entries, points], sorted by index; bonds that broke come from the family.
-The list holds all pairs nearer than d_ij plus a skin; it is made anew when a point has moved by half the skin. Pairs
+The list holds all pairs nearer than d_ij plus a skin; it is made again when a point has moved by half the skin. Pairs
 that do not touch add nothing, so forces do not depend on when the list was made.
 """
 

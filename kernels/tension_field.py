@@ -15,53 +15,25 @@ the stress across the wrinkles vanishes at l2 = n(l1). A material therefore need
 
     width(g1, constants) -> g2     smaller principal value of G = C - I in uniaxial tension, from the larger
 
-which `incompressible_width` gives for any incompressible isotropic material, and `width_from_stress` for any isotropic
-material from its stress. In uniaxial tension of an isotropic sheet, width and thickness shrink by the same factor.
+which `incompressible_width` (kernels/incompressible.py) gives for any incompressible isotropic material, and
+`width_from_stress` for any isotropic material from its stress. In uniaxial tension of an isotropic sheet, width and
+thickness shrink by the same factor.
 """
 
 import functools
-from dataclasses import dataclass
 from typing import Any
 
 import warp as wp
 
 from .factories import FunctionFactory, PairFactory, constants_of
 from .incompressible import named, principal_strains, principal_tangent
+from .materials import MaterialFunctions
 from .numeric import numeric
 
 # Steps of the search for the width, and the change of g2 at which it ends, divided by 1 + g1.
 SEARCH = 60
 TOLERANCE = {32: 2e-7, 64: 1e-14}
 TAUT, WRINKLED, SLACK = 0, 1, 2
-
-
-@dataclass(frozen=True)
-class TensionField:
-    """Cached factories, precision in bits -> Warp functions of the relaxed energy; see kernels/materials.py.
-
-    Attributes:
-        functions: (stress, energy).
-        near: stress_near; None if the material has none.
-        response: Stress and moduli; None if the material has none.
-    """
-
-    functions: PairFactory
-    near: FunctionFactory | None
-    response: FunctionFactory | None
-
-
-@functools.cache
-def incompressible_width(bits: int) -> wp.Function:
-    """Function (g1, constants) -> g2 of incompressible isotropic materials: C22 = C33 = C11^(-1/2)."""
-    real = numeric(bits).real
-
-    @wp.func
-    def width(g1: real, constants: Any):
-        # s - 1 = g1 / (1 + s) with s = l1, so that no digits of a small strain are lost.
-        s = wp.sqrt(real(1.0) + g1)
-        return -g1 / (s * (real(1.0) + s))
-
-    return width
 
 
 @functools.cache
@@ -169,27 +141,10 @@ def taut_strain(width: FunctionFactory, bits: int) -> tuple[wp.Function, wp.Func
 
 
 @functools.cache
-def relaxed_volume(volume: FunctionFactory, width: FunctionFactory) -> FunctionFactory:
-    """Factory of (G, constants) -> J^2 - 1 at the taut strain, from that of the sheet itself."""
-
-    def relaxed(bits: int) -> wp.Function:
-        mat22 = numeric(bits).mat22
-        volume_change = volume(bits)
-        _, taut = taut_strain(width, bits)
-
-        @wp.func
-        def relaxed_volume_change(G: mat22, constants: Any):
-            return volume_change(taut(G, constants), constants)
-
-        return relaxed_volume_change
-
-    return named(relaxed, volume, f"relaxed_by_{width.__name__}")
-
-
-@functools.cache
 def tension_field(
-    functions: PairFactory, near: FunctionFactory | None, response: FunctionFactory | None, width: FunctionFactory
-) -> TensionField:
+    functions: PairFactory, near: FunctionFactory | None, response: FunctionFactory | None,
+    volume: FunctionFactory | None, width: FunctionFactory,
+) -> MaterialFunctions:  # fmt: skip
     """Functions of the relaxed energy from those of the sheet itself, see above."""
 
     def relaxed_functions(bits):
@@ -262,9 +217,21 @@ def tension_field(
 
         return relaxed_stress_and_moduli
 
+    def relaxed_volume(bits):
+        mat22 = numeric(bits).mat22
+        volume_change = volume(bits)
+        _, taut = taut_strain(width, bits)
+
+        @wp.func
+        def relaxed_volume_change(G: mat22, constants: Any):
+            return volume_change(taut(G, constants), constants)
+
+        return relaxed_volume_change
+
     what = f"relaxed_by_{width.__name__}"
-    return TensionField(
+    return MaterialFunctions(
         named(relaxed_functions, functions, what),
         named(relaxed_near, near, what) if near is not None else None,
         named(relaxed_response, response, what) if response is not None else None,
+        named(relaxed_volume, volume, what) if volume is not None else None,
     )

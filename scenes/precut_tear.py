@@ -95,7 +95,7 @@ def build(
             Measure(
                 "crack_deviation", "m", lambda built, frame: line.deviation(frame.intact_faces | grip, lower, upper)
             ),
-            Measure("grip_share", "1", lambda built, frame: line.share_at(frame.intact_faces, pulled)),
+            Measure("grip_share", "1", lambda built, frame: line.attached_fraction(frame.intact_faces, pulled)),
             Measure("pull", "N", lambda built, frame: float(np.linalg.norm(support_force(built, pulled)))),
             Measure("pieces", "1", lambda built, frame: line.pieces(frame.intact_faces)),
         ],

@@ -1,6 +1,6 @@
 """Materials, sheets and runs that the tests of the bond-based law share."""
 
-from helpers import jittered, square
+from helpers import built_on, jittered, square
 
 from warp_pd import Bimodular, BondBased, Explicit, Fixed, PointForce, Sheet, Simulation
 
@@ -21,9 +21,7 @@ def built(
     **parts,
 ):
     simulation = Simulation(sheet, BondBased(material, horizon, state), solver or Explicit(1.0), **parts)
-    result = simulation.build(device, precision)
-    result.context.compile()
-    return result
+    return built_on(simulation, device, precision)
 
 
 def run(sheet, solver, loads, material=LAWS["equal"], horizon=3.0, precision=None, **parts):

@@ -50,7 +50,6 @@ def enclosed(points, triangles, load, displacement, bits=64, held=None):
     u = context.array("u", "test", context.types.vec3, displacement)
     force = context.array("f", "test", context.types.vec3, shape=n)
     built.add_force(context.stage("force", "once"), u, force)
-    context.compile()
     context.run("force")
     pressure, volume, _ = built.enclosed.numpy()
     return force.numpy().astype(np.float64), pressure, volume

@@ -34,9 +34,15 @@ def build(
     sheet, *, horizon=2.015, weights="plain", material=NEO, precision=64, solver=None, law=None, device="cpu", **parts
 ):
     force = BondAssociated(material, horizon=horizon, weights=weights, **(law or {}))
-    simulation = Simulation(sheet, force=force, solver=solver or Explicit(1.0), **parts)
+    return built_on(Simulation(sheet, force=force, solver=solver or Explicit(1.0), **parts), device, precision)
+
+
+def built_on(simulation, device="cpu", precision=64):
+    """A simulation on a device; on a CPU a stage compiles when it first runs, and most tests run one or two."""
     built = simulation.build(device, precision)
-    built.context.compile()
+    if built.context.device.is_cuda:
+        # Graphs capture what is loaded.
+        built.context.compile()
     return built
 
 
@@ -178,6 +184,6 @@ def play_gpu(patch):
 
     It runs blocks of threads one after the other, and launches whole: their threads share memory.
     """
-    patch.setattr(force_paths, "shares_memory", lambda device: True)
+    patch.setattr(force_paths, "has_shared_memory", lambda device: True)
     patch.setattr(graph, "SPLIT_FROM", float("inf"))
     patch.setattr(wp.config, "enable_cpu_blocks", True)

@@ -1,5 +1,7 @@
 """Law, modes and fits that the tests of hyperelastic bonds share."""
 
+from helpers import built_on
+
 from warp_pd import BondNeoHookean, Explicit, HyperelasticBonds, Simulation
 
 MU = 2e5
@@ -9,6 +11,4 @@ MODES, FITS = ("equibiaxial", "planar", "uniaxial"), ("published", "refitted")
 def build(sheet, mode="uniaxial", fit="published", horizon=3.015, correction=True, precision=64, device="cpu", **parts):
     law = HyperelasticBonds(BondNeoHookean(MU, mode, fit), horizon, correction)
     simulation = Simulation(sheet, force=law, solver=parts.pop("solver", Explicit(1.0)), **parts)
-    built = simulation.build(device, precision)
-    built.context.compile()
-    return built
+    return built_on(simulation, device, precision)

@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from helpers import GENT, NEO, sever
+from helpers import GENT, NEO, built_on, sever
 
 from warp_pd import CriticalStretch, Explicit, Neural, Nodal, Simulation
 from warp_pd.laws.neural.networks import Network
@@ -12,9 +12,7 @@ RANGE = (0.8, 4.0)
 
 
 def build(sheet, law, precision=64, device="cpu", solver=None, **parts):
-    built = Simulation(sheet, force=law, solver=solver or Explicit(1.0), **parts).build(device, precision)
-    built.context.compile()
-    return built
+    return built_on(Simulation(sheet, force=law, solver=solver or Explicit(1.0), **parts), device, precision)
 
 
 def tiny(seed=0, hidden=(5, 7), **changes):

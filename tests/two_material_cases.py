@@ -1,6 +1,6 @@
 """Sheets of two materials and the laws that know them, for the tests that share them."""
 
-from helpers import GENT, NEO, square
+from helpers import GENT, NEO, built_on, square
 
 from warp_pd import Bimodular, BondAssociated, BondBased, BondNeoHookean, Explicit, HyperelasticBonds, Simulation
 
@@ -23,6 +23,4 @@ LAWS = {
 
 
 def built_with(law, sheet, precision=64, device="cpu", **parts):
-    built = Simulation(sheet, force=law, solver=Explicit(1.0), **parts).build(device, precision)
-    built.context.compile()
-    return built
+    return built_on(Simulation(sheet, force=law, solver=Explicit(1.0), **parts), device, precision)

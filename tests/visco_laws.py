@@ -15,10 +15,8 @@ LAWS = {
 HEAVY = 1e20
 
 
-def compiled(sheet, law, **parts):
-    built = Simulation(sheet, law, Explicit(1.0), **parts).build("cpu", 64)
-    built.context.compile()
-    return built
+def build(sheet, law, **parts):
+    return Simulation(sheet, law, Explicit(1.0), **parts).build("cpu", 64)
 
 
 def virial(built):

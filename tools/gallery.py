@@ -91,7 +91,7 @@ SCENES: dict[str, Shown] = {
     "pure_shear_tear": Shown({"points": 20, "frames": 60, "advance": 6.0}, share=0.7),
     "running_crack": Shown({"points": 20, "horizon": 2.015, "frames": 60}, share=0.25, view="top"),
     "square_wrinkles": Shown({"points": 48}, "wrinkle level"),
-    "stable_crack": Shown({"load_steps": 6}, view="top"),
+    "stable_crack": Shown({"load_steps": 4}, view="top"),
     "stretch": Shown({"defect": "hole", "stretch": 2.0}),
     "tension": Shown({}, "displacement along y"),
     "trousers": Shown({"points": 16, "horizon": 2.015, "frames": 50}, share=0.6, view="side"),

@@ -74,7 +74,7 @@ SCENES = (
     Small("pure_shear_tear", "damage", {"points": 20, "frames": 40, "tearing_energy": 4.0}, share=0.85, above=True),
     Small("running_crack", "damage", {"points": 20, "horizon": 2.015, "frames": 60}, share=0.3, above=True),
     Small("square_wrinkles", "wrinkle_level", {"points": 40}, above=True),
-    Small("stable_crack", "damage", {"points": 16, "damage_length": 5.5e-3, "growth": 0.5, "load_steps": 3},
+    Small("stable_crack", "damage", {"points": 16, "damage_length": 7.5e-3, "growth": 0.5, "load_steps": 3},
           above=True),
     Small("stretch", "u1", {"points": 30, "mode": "planar", "stretch": 2.0, "defect": "hole"}, above=True),
     Small("tension", "u2", {"points": 31}, above=True),

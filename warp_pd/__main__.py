@@ -154,7 +154,7 @@ def list_scenes() -> None:
 @click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
 @click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
-@click.option("--stride", type=int, default=1, help="Frames hold every so many-th column and row of a lattice.")
+@click.option("--stride", type=int, default=1, help="Frames hold every n-th column and row of a lattice, n = stride.")
 @click.option("--no-restart", is_flag=True, help="Do not write restart.npz: the run cannot go on.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--quiet", is_flag=True, help="Do not show progress.")

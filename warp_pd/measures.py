@@ -119,13 +119,13 @@ class TearLine:
         along = np.subtract(towards, start) / np.linalg.norm(np.subtract(towards, start))
         return max(0.0, float(((self.centres[torn] - start) @ along).max()))
 
-    def pieces(self, intact: np.ndarray, least_share: float = 0.01) -> int:
-        """Number of pieces with at least `least_share` of the sheet's area, joined through whole faces."""
+    def pieces(self, intact: np.ndarray, least_fraction: float = 0.01) -> int:
+        """Number of pieces with at least `least_fraction` of the sheet's area, joined through whole faces."""
         _, area = self._joined(intact)
-        return int((area >= least_share * self.areas.sum()).sum())
+        return int((area >= least_fraction * self.areas.sum()).sum())
 
-    def share_at(self, intact: np.ndarray, points: np.ndarray) -> float:
-        """Fraction of the sheet's area that hangs at these points through whole faces [-]."""
+    def attached_fraction(self, intact: np.ndarray, points: np.ndarray) -> float:
+        """Fraction of the sheet's area that is connected to these points through whole faces [-]."""
         label, area = self._joined(intact)
         attached = intact & np.isin(self.sheet.triangles, points).any(axis=1)
         return float(area[np.unique(label[attached])].sum() / self.areas.sum())
@@ -271,7 +271,12 @@ def worst_balance(history: History) -> float | None:
 
 
 def row_at(points: np.ndarray, height: float) -> np.ndarray:
-    """Indices of the row nearest to a height [m], from left to right; `points` [m], shape (N, 2) or (N, 3)."""
+    """Indices of the points in the row whose y is nearest to `height` [m], from left to right.
+
+    Args:
+        points: Positions [m], shape (N, 2) or (N, 3).
+        height: [m].
+    """
     y = points[:, 1]
     # Frames hold single precision; rows are many times further apart.
     row = np.flatnonzero(np.abs(y - y[np.argmin(np.abs(y - height))]) <= 1e-5 * np.ptp(y))

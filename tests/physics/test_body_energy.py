@@ -37,7 +37,6 @@ def steps(kind, damping, precision):
     load = BodyForce((0.0, 0.0, -2e4))
     simulation = simulate(square(POINTS), Explicit(1.0, damping=damping), loads=[load], contact=bodies(kind))
     built = simulation.build("cpu", precision)
-    built.context.compile()
     dt = float(np.float32(4e-5))
     for stage in ("start", "setup"):
         built.context.run(stage)
@@ -66,7 +65,7 @@ def kinetic(s, dt, damping):
     return 0.5 * (s["mass"][:, None] * (s["velocity"] ** 2 - half_kick(s, dt, damping) ** 2)).sum()
 
 
-CASES = [("ball", 40.0, 64), ("two", 0.0, 64), ("two", 40.0, 64), ("two", 2000.0, 64), ("two", 2000.0, 32)]
+CASES = [("ball", 40.0, 32), ("ball", 40.0, 64), ("two", 0.0, 64), ("two", 40.0, 64), ("two", 2000.0, 64)]
 
 
 @pytest.mark.parametrize(("kind", "damping", "precision"), CASES)

@@ -27,9 +27,14 @@ from warp_pd.families.weights import edge_vectors
 HORIZONS = (1.5, 2.015, 3.015, 3.15, 4.15)
 
 
-@pytest.mark.parametrize("weights", ["plain", "corrected"])
-@pytest.mark.parametrize("horizon", HORIZONS)
-@pytest.mark.parametrize("material", [NEO, GENT], ids=["neo-Hookean", "Gent"])
+@pytest.mark.parametrize(
+    ("horizon", "weights", "material"),
+    [
+        *((horizon, weights, NEO) for horizon in HORIZONS for weights in ("plain", "corrected")),
+        (2.015, "corrected", GENT),
+        (3.15, "plain", GENT),
+    ],
+)
 def test_patch_bulk_carries_exact_stress(horizon, weights, material):
     sheet = square(27 if weights == "plain" else 29)
     built = build(sheet, horizon=horizon, weights=weights, material=material)
@@ -210,7 +215,7 @@ def test_a_stretched_sheet_has_no_zero_energy_mode(horizon):
     assert values[0] > 1e-4 * values[-1]
 
 
-@pytest.mark.parametrize("horizon", [*HORIZONS, 9.015])
+@pytest.mark.parametrize("horizon", [*HORIZONS, 6.015])
 @pytest.mark.parametrize("direction", [0, 1, 2])
 def test_a_checkerboard_is_resisted(horizon, direction):
     sheet = square(23)

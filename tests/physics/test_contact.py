@@ -17,8 +17,7 @@ def ball_run(precision=64, damping=0.0, **ball):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("precision", [32, 64])
-@pytest.mark.parametrize("damping", [0.0, 3.0])
+@pytest.mark.parametrize(("precision", "damping"), [(32, 0.0), (64, 3.0)])
 def test_no_point_is_inside_the_ball_and_the_energy_balances(precision, damping):
     result = ball_run(precision, damping)
     sheet = result.built.simulation.sheet

@@ -88,7 +88,6 @@ def test_the_same_in_float32(state):
 def test_other_laws(kind, law):
     simulation = Simulation(SHEETS[kind](), force=LAWS[law], solver=Explicit(1.0))
     built = simulation.build("cpu", 64)
-    built.context.compile()
     check_invariance(built)
     check_gradient(built)
 

@@ -49,12 +49,11 @@ def test_round_drums_have_bessels_frequencies():
     assert np.log2(errors[21] / errors[41]).min() > 1.7
 
 
-@pytest.mark.parametrize("precision", [64, 32])
 @pytest.mark.parametrize("amplitude", [1e-3, 0.1])
-def test_the_further_a_drum_is_lifted_the_faster_it_falls(amplitude, precision):
+def test_the_further_a_drum_is_lifted_the_faster_it_falls(amplitude):
     """The time to the first zero of the centre; a quarter of Bessel's period if the amplitude is small."""
     scene = build_scene("drum", {"points": 41, "amplitude": amplitude, "duration": 1.6e-3, "frames": 40})
-    result = scene.run(device="cpu", precision=precision)
+    result = scene.run(device="cpu", precision=64)
     root = jn_zeros(0, 1)[0]
     found = result.summary["measures"]["first_zero"]["value"]
     times, centre = vibrating_disc(lambda r: amplitude * j0(root * r / 0.1), 1.5, 5e5, 1.6e-3, elements=100)

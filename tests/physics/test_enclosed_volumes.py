@@ -77,14 +77,13 @@ def test_both_solvers_find_one_equilibrium_of_a_gas():
     assert newton.summary["solve"]["iterations"] < 30
 
 
-@pytest.mark.parametrize("precision", [64, 32])
-def test_a_gas_works_what_its_law_says(precision):
+def test_a_gas_works_what_its_law_says():
     """From an excess pressure: the work on the sheet is the loss of energy of the gas, less the push on the air."""
     sheet = square(13)
     gas = EnclosedGas(gauge=60.0, ambient=200.0, chamber=2e-4)
     result = run(
         sheet, Explicit(0.03, frames=3, safety=0.05), loads=[Fixed(sheet.edges("all")), gas], material=RUBBER,
-        precision=precision,
+        precision=64,
     )  # fmt: skip
     for row in result.history[1:]:
         volume = row["volume"]
@@ -164,9 +163,10 @@ def test_gas_flows_through_what_is_torn_as_through_an_orifice(gauge, exponent):
 
     exact = solve_ivp(rate, (0.0, step * steps), [1.0], rtol=1e-9, atol=1e-12, max_step=step)
     for index in (20, 60):
-        left = np.interp((index + 1) * step, exact.t, exact.y[0])
+        lost = 1.0 - np.interp((index + 1) * step, exact.t, exact.y[0])
         assert 1.0 - abs(found[index] / gauge) > 0.05
-        assert found[index] == pytest.approx((200.0 + gauge) * left**exponent - 200.0, rel=0.02)
+        # Of first order in the step, which is a hundredth of the time of the flow and less.
+        assert 1.0 - ((200.0 + found[index]) / (200.0 + gauge)) ** (1.0 / exponent) == pytest.approx(lost, rel=5e-3)
     assert abs(found[-1]) < 1e-9 * 200.0
 
 
@@ -186,8 +186,7 @@ def test_a_burst_that_is_resumed_goes_on_bit_for_bit(tmp_path):
     assert history[-1]["mean_damage"] > 0.1 and abs(history[-1]["pressure"]) < 1e-6
 
 
-@pytest.mark.parametrize("precision", [64, 32])
-def test_a_balloon_stretched_to_its_size_by_a_gas_is_at_rest(precision):
+def test_a_balloon_stretched_to_its_size_by_a_gas_is_at_rest():
     """Of the exact pressure 2 mu h / R (1/l - 1/l^7), R and h without stress; flat triangles lack volume, at h^2."""
     stretch = 1.5
     exact = 2.0 * 1e3 * THICKNESS * stretch / RADIUS * (1.0 / stretch - stretch**-7)
@@ -197,7 +196,7 @@ def test_a_balloon_stretched_to_its_size_by_a_gas_is_at_rest(precision):
         law = BondAssociated(RUBBER, horizon=2.015, weights="corrected")
         gas = EnclosedGas(gauge=exact, ambient=1e3)
         result = Simulation(sheet, law, Explicit(0.3, frames=2, damping=20.0), loads=[gas]).run(
-            device="cpu", precision=precision
+            device="cpu", precision=64
         )
         assert result.history[0]["pressure"] == pytest.approx(exact, rel=1e-6)
         assert abs(result.history[-1]["balance_error"]) < 1e-3

@@ -182,10 +182,7 @@ def material_pressure(material):
     return 5e-3 * evaluate(material, G, 64)[0][0, 0, 0] / 2e-6
 
 
-NEWTON_CASES = [MATERIALS[k][0] for k in (0, 2, 4, 7, 8)]
-
-
-@pytest.mark.parametrize("material", NEWTON_CASES, ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize("material", [MATERIALS[k][0] for k in (5, 7)], ids=lambda m: type(m).__name__)
 def test_newton_and_relaxation_find_the_same_sheet(material):
     newton = blown(material, Newton(tolerance=1e-8))
     assert newton[:, 2].max() > 5e-3
@@ -193,7 +190,7 @@ def test_newton_and_relaxation_find_the_same_sheet(material):
     assert np.abs(newton - relaxed).max() < 1e-4 * newton[:, 2].max()
 
 
-@pytest.mark.parametrize("material", NEWTON_CASES[1:4], ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize("material", [MATERIALS[k][0] for k in (2, 4, 5)], ids=lambda m: type(m).__name__)
 def test_a_uniform_state_passes_the_patch_test(material):
     """Fast and reference kernels, and the exact stress inside the sheet."""
     sheet = square(13)

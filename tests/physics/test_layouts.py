@@ -7,11 +7,10 @@ from helpers import build, internal_force, rough, square
 from warp_pd import Sheet
 
 
-@pytest.mark.parametrize("precision", [32, 64])
 @pytest.mark.parametrize(
-    ("horizon", "weights"),
+    ("horizon", "weights", "precision"),
     # At smaller horizons the correction of a cloud reaches one layer deeper than that of a lattice.
-    [(1.5, "plain"), (1.5, "published"), (3.15, "plain"), (3.15, "published"), (3.15, "corrected")],
+    [(1.5, "plain", 64), (1.5, "published", 32), (3.15, "plain", 32), (3.15, "published", 64), (3.15, "corrected", 64)],
 )
 def test_lattice_and_cloud_give_the_same_forces(horizon, weights, precision):
     lattice = Sheet.rectangle(0.1, 0.08, thickness=1e-3, density=1000.0, points=(13, 11))
@@ -25,9 +24,9 @@ def test_lattice_and_cloud_give_the_same_forces(horizon, weights, precision):
     assert scale > 0.0
 
 
-def test_lattice_and_cloud_agree_at_a_horizon_of_nine_spacings():
+def test_lattice_and_cloud_agree_at_a_horizon_of_six_spacings():
     lattice = square(21)
-    forces = [internal_force(build(s, horizon=9.015), rough(lattice)) for s in (lattice, lattice.as_cloud())]
+    forces = [internal_force(build(s, horizon=6.015), rough(lattice)) for s in (lattice, lattice.as_cloud())]
     assert np.abs(forces[0] - forces[1]).max() <= 1e-9 * np.abs(forces[0]).max()
 
 

@@ -18,7 +18,6 @@ E, NU = 2.0e4, 1.0 / 3.0
 def built(sheet, horizon, micromoduli, precision=64, **parts):
     law = BondBased(Bimodular(E), horizon, micromoduli=micromoduli)
     part = Simulation(sheet, law, Explicit(1.0), **parts).build("cpu", precision)
-    part.context.compile()
     return part
 
 

@@ -34,6 +34,7 @@ def test_relaxation_breaks_only_in_equilibrium_and_relaxes_again():
     unbroken = run(sheet, Relaxation(tolerance=1e-5, ramp_steps=100), loads=loads)
     torn = run(sheet, solver, loads=loads, damage=CriticalStretch(1.56))
     assert torn.status == "finished" and torn.summary["residual"] <= 1e-5
+    assert [entry["share"] for entry in torn.summary["solve"]["load_steps"]] == [0.5, 1.0]
     assert sum(entry["rounds"] for entry in torn.summary["solve"]["load_steps"]) >= 1
     assert torn.frame.damage.max() > 0.0
     assert torn.history[-1]["strain"] < unbroken.history[-1]["strain"]

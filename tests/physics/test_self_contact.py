@@ -141,6 +141,23 @@ def test_pairs_without_a_bond_touch_and_no_others():
     assert not touching[~(at_cut | at_tear)].any()
 
 
+def test_lists_hold_every_pair_within_their_reach():
+    """Wherever the sheets lie in the cells that points are sorted into."""
+    sheet = together(square(5), square(5))
+    built = build(sheet, contact=SelfContact())
+    part = built.contacts[0]
+    reach = part.distance + part._skin
+    for low in np.linspace(0.0, 10.0, 101) * reach:
+        start = placed(sheet, Place((0.0, 0.0, low)), Place((0.0, 0.0, low + 0.99 * reach)))
+        built.state.displacement.assign(start)
+        built.context.run("setup")
+        place = sheet.positions + start
+        apart = np.linalg.norm(place[:, None] - place, axis=2)
+        expected = ((apart < reach) & (sheet.pieces[:, None] != sheet.pieces)).sum(axis=1)
+        assert expected.min() >= 1
+        np.testing.assert_array_equal(part._counts.numpy(), expected)
+
+
 @pytest.mark.parametrize("precision", [64, 32])
 def test_bits_repeat_and_do_not_depend_on_when_lists_are_made(precision, monkeypatch):
     parts = collision(friction=0.3, sideways=0.2)
@@ -248,7 +265,6 @@ def passes_between_torn_halves(contact, steps=400):
     built = simulate(
         sheet, contact=contact, damage=CriticalStretch(9.0), initial_velocity=velocity, initial_displacement=offset
     ).build("cpu", 64)  # fmt: skip
-    built.context.compile()
     sever(built, ((tear, -1.0), (tear, 1.0)))
     for name in ("start", "setup"):
         built.context.run(name)
@@ -341,7 +357,7 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: simulate(square(9), contact=[SelfContact(), SelfContact()]).build("cpu"), "given twice"),
         (lambda: simulate(square(9), Newton(), contact=SelfContact()).build("cpu"), "Newton has no phase for it"),
         (lambda: simulate(square(9), Relaxation(), contact=SelfContact()).build("cpu"), "no phase for it"),
-        (lambda: simulate(square(9), contact=["ball"]).build("cpu"), r"contact\[0\] = 'ball': expected a list"),
+        (lambda: simulate(square(9), contact=["ball"]).build("cpu"), r"contact\[0\] = 'ball': expected an instance"),
         (lambda: together(square(9)), "sheets holds 1 sheets: expected two or more"),
         (lambda: together(square(9), square(9, thickness=2e-3)), r"sheets\[1\]: expected the thickness"),
         (lambda: together(square(9), square(9).prestretched(1.2)), r"sheets\[1\] is prestretched"),

@@ -53,7 +53,6 @@ def tangent_of(sheet, assembled, loads=(), damage=None, crack=None, **parts):
     if state.external is not None:
         built.external.add_force(stage, state.displacement, state.external)
     level.add_residual(stage, None)
-    context.compile()
     return level
 
 

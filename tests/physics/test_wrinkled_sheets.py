@@ -53,21 +53,20 @@ def test_force_is_minus_the_gradient_of_the_energy(material, torn, layout):
     assert change / (2 * step) == pytest.approx(-(force * direction).sum(), rel=2e-5)
 
 
-@pytest.mark.parametrize("precision", [32, 64])
-def test_relaxed_forces_differ_and_have_the_digits_of_the_precision(precision):
+def test_relaxed_forces_differ_and_have_the_digits_of_the_precision():
     sheet = square(15)
     u = crumpled(sheet)
     relaxed, exact, resolved = (
         internal_force(build(sheet, material=material, precision=bits), u)
-        for material, bits in ((TensionField(NEO), precision), (TensionField(NEO), 64), (NEO, 64))
+        for material, bits in ((TensionField(NEO), 32), (TensionField(NEO), 64), (NEO, 64))
     )
-    assert np.abs(relaxed - exact).max() <= (5e-6 if precision == 32 else 0.0) * np.abs(exact).max()
+    assert np.abs(relaxed - exact).max() <= 5e-6 * np.abs(exact).max()
     assert np.abs(exact - resolved).max() > 0.2 * np.abs(resolved).max()
 
 
-@pytest.mark.parametrize("horizon", [2.015, 3.15])
-@pytest.mark.parametrize("precision", [32, 64])
-@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
+@pytest.mark.parametrize(
+    ("horizon", "precision", "torn"), [(2.015, 32, True), (2.015, 64, False), (3.15, 32, False), (3.15, 64, True)]
+)
 def test_fast_kernels_are_the_reference_kernels(horizon, precision, torn):
     from warp_pd import CriticalStretch
 
@@ -93,7 +92,6 @@ def test_a_wrinkled_patch_carries_uniaxial_stress(law):
         BondAssociated(material, weights="corrected") if law == "bond-associated" else Nodal(material, horizon=2.015)
     )
     built = Simulation(sheet, force, Explicit(1.0)).build("cpu", 64)
-    built.context.compile()
     u = uniform(sheet, SHEARED)
     found = internal_force(built, u)
     inside = sheet.where(lambda x, y: np.maximum(abs(x - 0.05), abs(y - 0.05)) < 0.02)

@@ -128,11 +128,11 @@ def test_what_hangs_at_points_that_tear_out():
     line = TearLine(sheet)
     held = sheet.within((1.0, 0.5), 0.04)
     intact = np.ones(len(sheet.triangles), bool)
-    assert line.share_at(intact, held) == pytest.approx(1.0)
+    assert line.attached_fraction(intact, held) == pytest.approx(1.0)
     through = torn_by(sheet, ((0.703, -0.1), (0.703, 1.1)))
-    assert line.share_at(through, held) == pytest.approx(0.3, abs=0.02)
+    assert line.attached_fraction(through, held) == pytest.approx(0.3, abs=0.02)
     distance = np.hypot(line.centres[:, 0] - 1.0, line.centres[:, 1] - 0.5)
-    assert line.share_at(abs(distance - 0.08) > 0.02, held) < 0.01
+    assert line.attached_fraction(abs(distance - 0.08) > 0.02, held) < 0.01
 
 
 @pytest.mark.parametrize(("turn", "jitter"), [(0.0, 0.0), (30.0, 0.0), (0.0, 0.25)])

@@ -262,7 +262,7 @@ def truth_values(name: str, condition: Any, *arguments: np.ndarray) -> np.ndarra
     """Values of a condition on arrays of one shape: one truth value per entry.
 
     Raises:
-        InputError: for something that is no function, or gives anything else.
+        InputError: for anything but a function, or one with other results.
     """
     if not callable(condition):
         raise InputError(f"{name} = {condition!r}: expected a function")

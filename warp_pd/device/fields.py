@@ -91,7 +91,7 @@ class FieldRegister:
         """The first array of this name.
 
         Raises:
-            KeyError: if there is none.
+            KeyError: if no array has this name.
         """
         for stored in self.stored:
             if stored.name == name:
@@ -130,10 +130,10 @@ class FieldRegister:
 
 
 def _require_short_rows(declared: Field, array: Array) -> None:
-    """Refuse an array whose rows are too long: Warp counts the bytes from row to row in 32 bits.
+    """Check that the rows of an array are short enough: Warp counts the bytes from row to row in 32 bits.
 
     Raises:
-        InputError: for one.
+        InputError: if they are not.
     """
     if array.ndim > 1 and array.strides[0] >= 2**31:
         most = (2**31 - 1) // int(wp.types.type_size_in_bytes(array.dtype))
@@ -165,11 +165,6 @@ def to_host(array: Array, points: np.ndarray | None = None) -> np.ndarray:
 def host_shape(array: Array) -> tuple[int, ...]:
     """Shape of a copy on the host: entries of vectors and matrices are its last axes."""
     return (*array.shape, *getattr(array.dtype, "_shape_", ()))
-
-
-def to_float64(array: Array) -> np.ndarray:
-    """A copy on the host, as float64 if it holds real numbers."""
-    return in_double(to_host(array))
 
 
 def in_double(values: np.ndarray) -> np.ndarray:

@@ -187,7 +187,7 @@ def side_stream_waits(items: Sequence[Item]) -> list[bool]:
 
 def _must_wait(item: Item, earlier: Item) -> bool:
     """Whether an item waits for an earlier one on the side stream."""
-    if item.beside and earlier.beside:
+    if item.divided and earlier.divided:
         # Parts of divided launches touch different points up to the next exchange.
         return isinstance(item, Call)
     return item.touched.must_wait_for(earlier.touched)

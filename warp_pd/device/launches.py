@@ -117,7 +117,8 @@ class Launch:
         run: Points per thread of a pointwise stage, or 0.
         side_stream: Whether it may run in parallel with later launches, up to the first that touches its arrays.
         alone: Whether a pointwise stage joins no other launch.
-        beside: Whether it has some of the points of a launch that is divided around a Call.
+        divided: Whether it is part of a launch that was divided by points around an exchange (interfaces/overlap.py).
+            Arrays do not say which points a part touches: parts of one division need not wait for each other.
         span: How points are divided among blocks, where threads do not stand for points.
         only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
         grouped: Whether a GPU leaves it out, too, together with those next to it of the same `only_if`.
@@ -134,7 +135,7 @@ class Launch:
     run: int = 0
     side_stream: bool = False
     alone: bool = False
-    beside: bool = False
+    divided: bool = False
     span: Span | None = None
     only_if: Array | None = None
     grouped: bool = False
@@ -188,7 +189,7 @@ class Call:
         capture: (device, warm-up, body) -> replay: captures `body` in a CUDA graph that may contain this call.
         touched: Arrays that it touches.
         side_stream: As of a launch.
-        beside: As of a launch.
+        divided: Whether launches were divided around it.
     """
 
     name: str
@@ -198,7 +199,7 @@ class Call:
     capture: Callable[[wp.Device, Callable[[], None], Callable[[], None]], Callable[[], None]]
     touched: Touched
     side_stream: bool = False
-    beside: bool = False
+    divided: bool = False
 
     @property
     def parts(self) -> list[str]:

@@ -9,7 +9,6 @@ import numpy as np
 import warp as wp
 
 from ..device.cores import available_cores, cores, start_warp
-from ..kernels.effects import Kernel
 
 # Fewest rows that are worth a thread.
 ROWS = 4096
@@ -21,14 +20,12 @@ def on_host(values: np.ndarray, dtype: Any) -> Any:
     return wp.array(np.ascontiguousarray(values), dtype=dtype, device="cpu", copy=False)
 
 
-def run_on_host(kernel: Kernel, rows: int, read: list[Any], written: list[Any]) -> None:
+def run_on_host(kernel: wp.Kernel, rows: int, read: list[Any], written: list[Any]) -> None:
     """Run a kernel, which reads and writes these arguments, for so many rows, on all cores."""
     parts = min(available_cores(), max(1, rows // ROWS))
     bounds = np.linspace(0, rows, parts + 1).astype(int)
     commands: list[Any] = [
-        wp.launch(
-            kernel.kernel, dim=int(end - begin), inputs=[*read, int(begin), *written], device="cpu", record_cmd=True
-        )
+        wp.launch(kernel, dim=int(end - begin), inputs=[*read, int(begin), *written], device="cpu", record_cmd=True)
         for begin, end in itertools.pairwise(bounds)
     ]
     for _ in cores().map(lambda command: command.launch(), commands):

@@ -59,11 +59,11 @@ class Partition:
 
     @functools.cached_property
     def span(self) -> slice:
-        """The points here in the whole sheet, if they follow each other; see `rows`."""
+        """Range of the points of this process in the whole sheet, if they are consecutive; see `rows`."""
         return slice(int(self.points[0]), int(self.points[-1]) + 1)
 
     def rows(self, values: np.ndarray) -> np.ndarray:
-        """What is here of an array of points of the whole sheet; a view where points follow each other."""
+        """The entries of this process of an array of all points; a view if its points are consecutive."""
         return values[self.span] if self.owners is None else np.asarray(values[self.points])
 
     @property
@@ -73,7 +73,7 @@ class Partition:
 
     @functools.cached_property
     def whole_families(self) -> slice:
-        """From the first to the last point here whose family is whole."""
+        """Range from the first to the last point of this process whose whole family is in this process."""
         near = np.flatnonzero(self.near)
         return slice(int(near[0]), int(near[-1]) + 1)
 

@@ -17,7 +17,7 @@ def point_gradient(families: Families) -> tuple[Any, Any]:
     from scipy import sparse
 
     bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
-    c = families.member_shares
+    c = families.member_coefficients
     shape = np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], -1)
     inverse, _ = inverse_shape(shape)
     moments = c[..., None] * bonds

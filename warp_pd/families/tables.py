@@ -148,7 +148,7 @@ class Families:
         return np.asarray(np.linalg.norm(self.bonds if self.chords is None else self.chords, axis=-1))
 
     @property
-    def member_shares(self) -> np.ndarray:
+    def member_coefficients(self) -> np.ndarray:
         """c_k = w a_k of each member divided by the reference area, shape (R, n); zero where there is none."""
         return np.asarray(np.where(self.exists, self.influence, 0.0) * self.member_areas)
 

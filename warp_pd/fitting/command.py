@@ -89,7 +89,7 @@ def _bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Bounds by name.
 
     Raises:
-        InputError: for text that is no NAME=LOW:HIGH.
+        InputError: for text other than NAME=LOW:HIGH.
     """
     found = {}
     for text in texts:

@@ -54,7 +54,7 @@ def factor_and_dimension(column: str, unit: str) -> tuple[float, str]:
 
 
 def dimension_of(unit: str) -> str | None:
-    """Dimension of the SI unit of a measure; None for one that is not known."""
+    """Dimension of the SI unit of a measure; None for an unknown unit."""
     return UNITS[unit][1] if unit in UNITS else None
 
 

@@ -122,7 +122,7 @@ class Equilibrium:
             guess: Displacement to start from [m], shape (N, 3), or None for the present state.
 
         Raises:
-            NoEquilibriumError: if there is none to be found.
+            NoEquilibriumError: if the solver finds none.
         """
         before, begin = self.displacement, self.factor
         if guess is not None:

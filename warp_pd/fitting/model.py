@@ -30,7 +30,7 @@ class Model(Protocol):
         """One array for each test, shaped like its data.
 
         Raises:
-            NoEquilibriumError: if there is no such state.
+            NoEquilibriumError: if the solver finds no equilibrium.
             InputError: for values that the scene refuses.
         """
         ...

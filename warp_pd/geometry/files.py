@@ -152,7 +152,7 @@ class _Ending(io.BufferedReader):
         """The next bytes.
 
         Raises:
-            EOFError: the hundredth time that there are none.
+            EOFError: at the hundredth read beyond the end of the file.
         """
         found = super().read(size)
         self.beyond += not found

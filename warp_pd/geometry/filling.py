@@ -39,7 +39,7 @@ class Filling:
 
 
 def fill_evenly(region: Any, fixed: np.ndarray, curves: Any, spacing: float) -> Filling:
-    """A square grid, relaxed along curves that it does not fit.
+    """Points that fill a region: a square grid, relaxed where it does not fit the curves.
 
     Args:
         region: The sheet, a shapely polygon.

@@ -124,7 +124,7 @@ def polygon(line: Line) -> Any:
     """A closed line as a shapely polygon.
 
     Raises:
-        InputError: for one that crosses or touches itself.
+        InputError: if the line crosses or touches itself.
     """
     import shapely
 

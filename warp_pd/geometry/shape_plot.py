@@ -50,7 +50,7 @@ def target(path: Any) -> Path:
     """The path of a picture.
 
     Raises:
-        InputError: for one that cannot be written.
+        InputError: if it cannot be written.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {said(path)}: expected the path of a picture or None")

@@ -391,7 +391,7 @@ class Sheet(SelectableShape):
         """A copy whose points are turned about the middle of the sheet; it forgets its lattice.
 
         Raises:
-            InputError: for an angle that is no number, or a curved sheet.
+            InputError: for an angle that is not a number, or a curved sheet.
         """
         self._require_flat("turned")
         sheet, rotation = turned(self, finite("degrees", degrees))

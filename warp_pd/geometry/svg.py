@@ -160,7 +160,7 @@ def _paths(where: str, root: Any, part: str | None) -> list[tuple[str, Any, np.n
     for number, element in enumerate(shapes):
         name = f"{element.values.get('tag', 'element')} {element.id or number}"
         if not isinstance(element, Shape):
-            raise InputError(f"{where}: {name}: expected paths; turn text into paths, and take pictures out")
+            raise InputError(f"{where}: {name}: expected paths; convert text to paths, and remove pictures")
         found.append((name, Path(element.segments(transformed=False)), _array(element.transform)))
     return found
 

@@ -36,7 +36,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class CoarseLattice:
-    """Every so many-th column and row of a lattice, and the last ones.
+    """Every n-th column and row of a lattice, n = `stride`, and the last ones.
 
     Attributes:
         fine: The lattice.

@@ -38,10 +38,10 @@ def read_usd(path: Path, part: str | None) -> Faces:
 
     Args:
         path: The file.
-        part: Name or path of the prim; None if there is one mesh alone.
+        part: Name or path of the prim; None if the file has only one mesh.
 
     Raises:
-        InputError: for a file without a mesh, or a part that is none of its meshes.
+        InputError: for a file without a mesh, or a part that is not one of its meshes.
     """
     from pxr import Tf, Usd, UsdGeom
 
@@ -77,7 +77,7 @@ def read_usd(path: Path, part: str | None) -> Faces:
 def _chosen(path: Path, meshes: list[Any], part: str | None) -> Any:
     paths = [str(mesh.GetPath()) for mesh in meshes]
     if not meshes:
-        raise InputError(f"path = {str(path)!r}: no UsdGeom.Mesh: expected one")
+        raise InputError(f"path = {str(path)!r}: expected a file with a UsdGeom.Mesh, found none")
     if part is None and len(meshes) > 1:
         raise InputError(f"part = None: {path.name} has {len(meshes)} meshes: expected one of {', '.join(paths)}")
     fitting = [

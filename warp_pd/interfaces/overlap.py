@@ -28,7 +28,7 @@ def overlap_exchanges(
     of_points: Set[int],
     numbered: Callable[[Launch], bool],
 ) -> list[Item]:
-    """The items of a stage, with exchanges that run beside the launches of the inner points after them.
+    """The items of a stage, with exchanges that run in parallel with the launches of the inner points after them.
 
     Args:
         items: The items, with exchanges.
@@ -45,21 +45,21 @@ def overlap_exchanges(
             found.append(item)
             continue
         assert isinstance(item, Call)
-        beside: list[Item] = []
+        divided: list[Item] = []
         before: list[Touched] = []
         while left and isinstance(launch := left[0], Launch) and numbered(launch):
             parts = _parts(launch, partition)
             if not parts or not _may_go_first(launch, item.touched.writes, before, of_points):
                 break
             before.append(by_point(launch))
-            beside += parts
+            divided += parts
             left.pop(0)
-        found += [replace(item, side_stream=True, beside=True), *beside] if beside else [item]
+        found += [replace(item, side_stream=True, divided=True), *divided] if divided else [item]
     return found
 
 
 def _parts(launch: Launch, partition: Partition) -> list[Launch]:
-    """The points near the borders of a launch, and those inside, beside them; nothing if none is inside."""
+    """The launch on the points near the borders, on the side stream, and on those inside; nothing if none is inside."""
     if launch.source.effects.per != "point" and launch.span is None:
         return []
     begin, end = launch.points
@@ -69,7 +69,7 @@ def _parts(launch: Launch, partition: Partition) -> list[Launch]:
     # The interior last: what waits for the exchange is on its way before the device is full.
     ranges = [(begin, first, True), (last, end, True), (first, last, False)]
     return [
-        replace(launch.on_points(a, b), side_stream=border, beside=True) for a, b, border in ranges if a < b
+        replace(launch.on_points(a, b), side_stream=border, divided=True) for a, b, border in ranges if a < b
     ]  # fmt: skip
 
 

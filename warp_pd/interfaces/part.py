@@ -115,7 +115,7 @@ class BuiltLoad(BuiltPart, Protocol):
         It is called for loads whose tangent is not symmetric, by the adjoint of an equilibrium.
 
         Returns:
-            None if there is none: derivatives then take a solution for every constant.
+            None by default: derivatives then take a solution for every constant.
         """
         return None
 

@@ -232,7 +232,7 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
     """Weights of corrected micro-moduli, as `_bond_weights`.
 
     Raises:
-        InputError: for a sheet that is no uncut rectangle of one material, or has fewer than four rows or columns.
+        InputError: for a sheet other than an uncut rectangle of one material with at least four rows and columns.
     """
     from ..families.weights import balanced_micromoduli
 

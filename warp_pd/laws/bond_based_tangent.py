@@ -25,7 +25,7 @@ OWNER = "Newton"
 # points without stiffness from flying off (strips of docs/wrinkling.md take half the steps), and fades fast enough that
 # convergence remains quadratic. Neither enters the force, so they change the iterations but not the solution.
 MIN_TENSION = 1e-10
-SLACK_SHARE = 1e-2
+SLACK_TENSION = 1e-2
 SLACK = 1e-6
 
 
@@ -72,7 +72,7 @@ class BondBasedTangent:
     def min_tension(self, relative: float) -> float:
         """Isotropic tension [Pa] in the tangent, at a relative residual."""
         goes_slack = capabilities(self.material).goes_slack
-        slack = SLACK_SHARE * min(relative, 1.0) if goes_slack else 0.0
+        slack = SLACK_TENSION * min(relative, 1.0) if goes_slack else 0.0
         return max(slack, MIN_TENSION) * self.modulus()
 
     def is_slack(self) -> bool:

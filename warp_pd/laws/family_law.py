@@ -36,7 +36,7 @@ def require_one_material(sheet: Sheet, what: str) -> None:
         raise InputError(f"sheet.stiffness: expected a sheet of one material with {what}")
 
 
-def refuse_shares(law: Law) -> None:
+def refuse_partition(law: Law) -> None:
     """Refuse a law that several processes cannot run.
 
     Raises:
@@ -54,7 +54,7 @@ def whole_sheet(law: Law, context: Context) -> Sheet:
         InputError: if the sheet is divided among several processes.
     """
     if context.partition is not None:
-        refuse_shares(law)
+        refuse_partition(law)
     return context.sheet
 
 
@@ -117,7 +117,7 @@ class FamilyLaw(BuiltLaw):
                 f"force = {type(law).__name__}: expected BondAssociated, Visco or BondBased on a curved sheet"
             )
         if context.partition is not None and not self.divides:
-            refuse_shares(law)
+            refuse_partition(law)
         if context.sheet.spacings is not None and not self.takes_graded:
             raise InputError(
                 f"force = {type(law).__name__}: expected BondAssociated or Visco on a sheet of graded spacing"
@@ -273,7 +273,8 @@ class FamilyLaw(BuiltLaw):
             InputError: for names that it does not offer.
         """
         wanted = grouped(names)
-        refuse_other(wanted, self.field_names(), self.owner)
+        shown = [stored.field.output for stored in self.context.fields.shown()]
+        refuse_other(wanted, self.field_names(), self.owner, shown)
         wanted = [name for name in wanted if name not in self.offered_fields]
         if wanted:
             self.shown = ShownFields(self, wanted)

@@ -131,7 +131,7 @@ def _put_compact(s: Any, families: Families, context: Context, put: Callable[...
 
 def moments_of(families: Families) -> np.ndarray:
     """(c_k X_k / horizon, 1 / c_k) of each row, shape (n, R, 3); zero where there is no member."""
-    c = families.member_shares
+    c = families.member_coefficients
     moments = np.zeros((families.members, len(c), 3))
     moments[..., :2] = (c[..., None] * families.bonds).transpose(1, 0, 2)
     np.divide(1.0, c.T, out=moments[..., 2], where=c.T > 0.0)

@@ -102,7 +102,7 @@ def force_path(law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray)
     return next(path for kind in kinds if (path := kind.of(law, inverse, weights)) is not None)
 
 
-def shares_memory(device: wp.Device) -> bool:
+def has_shared_memory(device: wp.Device) -> bool:
     """Whether the threads of a block have shared memory."""
     return bool(device.is_cuda)
 
@@ -161,11 +161,11 @@ class RowSums:
     @staticmethod
     def applies(law: BondAssociatedLaw) -> bool:
         """Whether it applies to a law on its sheet and device."""
-        return not shares_memory(law.context.device) and law.families.members <= TUNING.rows_members
+        return not has_shared_memory(law.context.device) and law.families.members <= TUNING.rows_members
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """Those of a CPU, if families are not too large."""
+        """On a CPU, unless families are too large; see `ForcePath.of`."""
         return cls(law) if cls.applies(law) else None
 
     def add_force(self, stage: Stage, displacement: Array, force: Array) -> None:
@@ -302,7 +302,7 @@ class FamilyBlocks:
     def near_stress(law: BondAssociatedLaw) -> FunctionFactory | None:
         """Factory of the material's stress_near if blocks can take a law on its sheet and device."""
         few = law.families.members <= TUNING.block_members
-        return capabilities(law.material).near if few and shares_memory(law.context.device) else None
+        return capabilities(law.material).near if few and has_shared_memory(law.context.device) else None
 
     @staticmethod
     def takes_compact_families(context: Context, material: Material, horizon: float) -> bool:
@@ -317,7 +317,7 @@ class FamilyBlocks:
             horizon: In spacings.
         """
         sheet, features = context.whole, context.features
-        able = shares_memory(context.device) and capabilities(material).near is not None
+        able = has_shared_memory(context.device) and capabilities(material).near is not None
         cloud = sheet.layout == "cloud" and sheet.frames is None and sheet.size < TUNING.max_compact_points
         pays = horizon <= TUNING.free_compact_horizon or sheet.size >= TUNING.compact_points
         few = horizon <= TUNING.compact_horizon

@@ -67,8 +67,14 @@ def grouped(names: Sequence[str]) -> list[str]:
     return [name for name in GROUPS if name in asked] + [name for name in asked if name not in GROUPS]
 
 
-def refuse_other(names: Sequence[str], known: Sequence[str], law: str) -> None:
+def refuse_other(names: Sequence[str], known: Sequence[str], law: str, shown: Sequence[str]) -> None:
     """Refuse names that a law does not offer.
+
+    Args:
+        names: Requested names.
+        known: Names that the law offers.
+        law: Name of the law, for the message.
+        shown: Names of the fields that frames show anyway, for the message.
 
     Raises:
         InputError: for the first of them.
@@ -79,7 +85,7 @@ def refuse_other(names: Sequence[str], known: Sequence[str], law: str) -> None:
                 raise InputError(
                     f"fields = {name!r}: the law {law} has no such field; expected one of {', '.join(known)}"
                 )
-            one_of("fields", name, (*OWN_FIELDS, *known))
+            one_of("fields", name, tuple(dict.fromkeys((*OWN_FIELDS, *shown, *known))))
 
 
 class ShownFields:

@@ -145,5 +145,5 @@ class ViscoBondBasedForce(FamilyLaw):
 def _bond_weights(families: Families) -> np.ndarray:
     """4 w a_i a_k / sum_k w |xi|^2 a_k by row, areas over the reference area, shape (R, n)."""
     squared = np.where(families.exists, (families.bonds**2).sum(axis=-1), 0.0)
-    c = families.member_shares
+    c = families.member_coefficients
     return np.asarray(4.0 * families.areas[:, None] * c / (c * squared).sum(axis=1, keepdims=True))

@@ -114,7 +114,7 @@ def point_tables(
         families = build_families(sheet, horizon, influence, rectangle.depth, intersections=False)
     shape = _shapes(families)
     # The published force, as the part of the point's area that each bond stands for.
-    published = (families.areas / _trace(shape))[:, None] * families.member_shares * families.lengths**2
+    published = (families.areas / _trace(shape))[:, None] * families.member_coefficients * families.lengths**2
     if rectangle is None:
         at_rows, solved = _correction(families, sheet, published, intersections=False)
         weights = at_rows / families.reference_area
@@ -126,7 +126,7 @@ def point_tables(
 def _shapes(families: Families) -> np.ndarray:
     """K_i of every row (11, 12, 22) over the horizon squared and the reference area, shape (R, 3)."""
     bonds = families.bonds if families.bonds.ndim == 3 else families.bonds[None]
-    c = families.member_shares
+    c = families.member_coefficients
     return np.stack([(c * bonds[..., p] * bonds[..., q]).sum(axis=1) for p, q in ((0, 0), (0, 1), (1, 1))], axis=-1)
 
 

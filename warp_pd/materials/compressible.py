@@ -3,52 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from ..device.checks import positive
+from .plane_stress import PlaneStress
 
 if TYPE_CHECKING:
-    from ..kernels import compressible as kernels
-    from ..kernels.factories import FunctionFactory, PairFactory
-
-
-class Compressible:
-    """Slightly compressible sheet in plane stress; its functions follow from its equations, kernels/compressible.py."""
-
-    isotropic: ClassVar[bool] = True
-
-    @property
-    def functions(self) -> PairFactory:
-        """See `kernels.compressible.Compressible`."""
-        return self._made.functions
-
-    @property
-    def near(self) -> FunctionFactory:
-        """See `kernels.compressible.Compressible`."""
-        return self._made.near
-
-    @property
-    def width(self) -> FunctionFactory:
-        """See `kernels.compressible.Compressible`."""
-        return self._made.width
-
-    @property
-    def volume(self) -> FunctionFactory:
-        """See `kernels.compressible.Compressible`."""
-        return self._made.volume
-
-    @property
-    def membrane(self) -> PairFactory:
-        """See `kernels.compressible.Compressible`."""
-        return self._made.membrane
-
-    @property
-    def _made(self) -> kernels.Compressible:
-        raise NotImplementedError(f"{type(self).__name__}._made: the functions of its kernels are needed")
+    from ..kernels.materials import MaterialFunctions
 
 
 @dataclass(frozen=True)
-class NeoHookean(Compressible):
+class NeoHookean(PlaneStress):
     """Slightly compressible neo-Hookean sheet in plane stress.
 
     Psi = mu/2 (I1b - 3) + K/8 (J^2 + J^-2 - 2). Source: NN paper.
@@ -74,14 +39,8 @@ class NeoHookean(Compressible):
         return (self.mu, self.bulk)
 
     @property
-    def response(self) -> FunctionFactory:
-        """See `kernels.neo_hookean.neo_hookean_response`."""
-        from ..kernels.neo_hookean import neo_hookean_response
-
-        return neo_hookean_response
-
-    @property
-    def _made(self) -> kernels.Compressible:
+    def on_device(self) -> MaterialFunctions:
+        """See `kernels.neo_hookean`."""
         from ..kernels.neo_hookean import neo_hookean
 
         return neo_hookean
@@ -93,7 +52,7 @@ class NeoHookean(Compressible):
 
 
 @dataclass(frozen=True)
-class Gent(Compressible):
+class Gent(PlaneStress):
     """Slightly compressible Gent sheet in plane stress: stiffens without bound as I1b - 3 nears Jm.
 
     Psi = -(mu Jm/2) ln(1 - (I1b - 3)/Jm) + (1/D) ((J^2 - 1)/2 - ln J), with K = 2/D. Source: BA paper.
@@ -122,14 +81,8 @@ class Gent(Compressible):
         return (self.mu, self.bulk, self.lock)
 
     @property
-    def response(self) -> FunctionFactory:
-        """See `kernels.gent.gent_response`."""
-        from ..kernels.gent import gent_response
-
-        return gent_response
-
-    @property
-    def _made(self) -> kernels.Compressible:
+    def on_device(self) -> MaterialFunctions:
+        """See `kernels.gent`."""
         from ..kernels.gent import gent
 
         return gent

@@ -21,7 +21,7 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
         device: Warp device that evaluates the material; by default Warp's own.
 
     Raises:
-        InputError: for something that is no such material.
+        InputError: for anything but a hyperelastic material of continua.
     """
     import warp as wp
 

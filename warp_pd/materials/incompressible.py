@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..device.checks import InputError, finite, not_negative, one_of, positive
+from .plane_stress import PlaneStress
 
 if TYPE_CHECKING:
-    from ..kernels import incompressible as kernels
-    from ..kernels.factories import FunctionFactory, PairFactory
+    from ..kernels.factories import FunctionFactory
+    from ..kernels.materials import MaterialFunctions
 
 
-class Incompressible:
+class Incompressible(PlaneStress):
     """Exactly incompressible sheet in plane stress: what a material needs is its energy, one Warp function.
 
     A subclass is a frozen dataclass with `constants`, at most four numbers, and `energy`, a cached factory, precision
     in bits -> Warp function (I1 - 3, I2 - 3, constants) -> vec6 of Psi, Psi_1, Psi_2, Psi_11, Psi_12, Psi_22 [Pa].
     The rest follows from it: stress, fast paths, the tangent of Newton's method. See kernels/incompressible.py, and
-    docs/materials.md for a material of one's own.
+    docs/materials.md for your own material.
     """
-
-    isotropic: ClassVar[bool] = True
 
     @property
     def energy(self) -> FunctionFactory:
@@ -31,36 +30,8 @@ class Incompressible:
         raise NotImplementedError(f"{type(self).__name__}.energy: a factory of a Warp function is needed")
 
     @property
-    def functions(self) -> PairFactory:
+    def on_device(self) -> MaterialFunctions:
         """See `kernels.incompressible.incompressible`."""
-        return self._made.functions
-
-    @property
-    def near(self) -> FunctionFactory:
-        """See `kernels.incompressible.incompressible`."""
-        return self._made.near
-
-    @property
-    def response(self) -> FunctionFactory:
-        """See `kernels.incompressible.incompressible`."""
-        return self._made.response
-
-    @property
-    def width(self) -> FunctionFactory:
-        """See `kernels.tension_field.incompressible_width`."""
-        from ..kernels.tension_field import incompressible_width
-
-        return incompressible_width
-
-    @property
-    def volume(self) -> FunctionFactory:
-        """See `kernels.incompressible.no_volume_change`."""
-        from ..kernels.incompressible import no_volume_change
-
-        return no_volume_change
-
-    @property
-    def _made(self) -> kernels.Incompressible:
         from ..kernels.incompressible import incompressible
 
         return incompressible(self.energy)
@@ -169,7 +140,7 @@ class ArrudaBoyce(Incompressible):
 
 
 @dataclass(frozen=True)
-class Ogden:
+class Ogden(PlaneStress):
     """Incompressible Ogden sheet: Psi = sum_p mu_p / a_p (l1^a_p + l2^a_p + l3^a_p - 3), l1 l2 l3 = 1.
 
     The shear modulus is half the sum of mu_p a_p. As it is written in principal stretches, not invariants, its
@@ -185,8 +156,6 @@ class Ogden:
 
     mu: tuple[float, ...]
     exponents: tuple[float, ...]
-
-    isotropic: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("mu", "exponents"):
@@ -243,36 +212,8 @@ class Ogden:
         return tuple(number for term in zip(self.mu, self.exponents, strict=True) for number in term)
 
     @property
-    def functions(self) -> PairFactory:
-        """See `kernels.ogden.ogden`."""
-        return self._made.functions
-
-    @property
-    def near(self) -> FunctionFactory:
-        """See `kernels.ogden.ogden`."""
-        return self._made.near
-
-    @property
-    def response(self) -> FunctionFactory:
-        """See `kernels.ogden.ogden`."""
-        return self._made.response
-
-    @property
-    def width(self) -> FunctionFactory:
-        """See `kernels.tension_field.incompressible_width`."""
-        from ..kernels.tension_field import incompressible_width
-
-        return incompressible_width
-
-    @property
-    def volume(self) -> FunctionFactory:
-        """See `kernels.incompressible.no_volume_change`."""
-        from ..kernels.incompressible import no_volume_change
-
-        return no_volume_change
-
-    @property
-    def _made(self) -> kernels.Incompressible:
+    def on_device(self) -> MaterialFunctions:
+        """See `kernels.ogden`."""
         from ..kernels.ogden import ogden
 
         # One term is two of which the second is zero: both then share their kernels.

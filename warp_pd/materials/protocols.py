@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..device.checks import InputError, finite
@@ -63,38 +63,25 @@ class Capabilities:
         one_modulus: Whether a pairwise material is as stiff in compression as in tension.
     """
 
-    near: FunctionFactory | None
-    isotropic: bool
-    response: FunctionFactory | None
-    membrane: PairFactory | None
-    mu: float | None
-    ratios: Mapping[str, float] | None
-    lock: float | None
-    width: FunctionFactory | None
-    volume: FunctionFactory | None
-    wrinkle_width: FunctionFactory | None
-    notes: tuple[str, ...]
-    goes_slack: bool
-    one_modulus: bool
+    near: FunctionFactory | None = None
+    isotropic: bool = False
+    response: FunctionFactory | None = None
+    membrane: PairFactory | None = None
+    mu: float | None = None
+    ratios: Mapping[str, float] | None = None
+    lock: float | None = None
+    width: FunctionFactory | None = None
+    volume: FunctionFactory | None = None
+    wrinkle_width: FunctionFactory | None = None
+    notes: tuple[str, ...] = ()
+    goes_slack: bool = False
+    one_modulus: bool = False
 
 
 def capabilities(material: Any) -> Capabilities:
-    """What a material offers, read off its attributes."""
-    return Capabilities(
-        near=getattr(material, "near", None),
-        isotropic=getattr(material, "isotropic", False),
-        response=getattr(material, "response", None),
-        membrane=getattr(material, "membrane", None),
-        mu=getattr(material, "mu", None),
-        ratios=getattr(material, "ratios", None),
-        lock=getattr(material, "lock", None),
-        width=getattr(material, "width", None),
-        volume=getattr(material, "volume", None),
-        wrinkle_width=getattr(material, "wrinkle_width", None),
-        notes=getattr(material, "notes", ()),
-        goes_slack=getattr(material, "goes_slack", False),
-        one_modulus=getattr(material, "one_modulus", False),
-    )
+    """What a material offers: its attributes of these names."""
+    names = [field.name for field in fields(Capabilities) if hasattr(material, field.name)]
+    return Capabilities(**{name: getattr(material, name) for name in names})
 
 
 def check_material(material: Any, kind: str) -> None:

@@ -6,17 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from ..device.checks import InputError, one_of
+from .plane_stress import PlaneStress
 from .protocols import Material, capabilities, check_material
 
 if TYPE_CHECKING:
-    from ..kernels import tension_field as kernels
-    from ..kernels.factories import FunctionFactory, PairFactory
+    from ..kernels.factories import FunctionFactory
+    from ..kernels.materials import MaterialFunctions
 
 WRINKLES = ("relaxed", "resolved")
 
 
 @dataclass(frozen=True)
-class TensionField:
+class TensionField(PlaneStress):
     """A material that does not resist compression: the sheet wrinkles instead, below the spacing.
 
     Its energy is the relaxed energy of the material, see kernels/tension_field.py: no principal stress is negative, and
@@ -33,7 +34,6 @@ class TensionField:
 
     material: Material
 
-    isotropic: ClassVar[bool] = True
     goes_slack: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -49,21 +49,6 @@ class TensionField:
     def constants(self) -> tuple[float, ...]:
         """The constants of the material."""
         return self.material.constants
-
-    @property
-    def functions(self) -> PairFactory:
-        """See `kernels.tension_field.tension_field`."""
-        return self._relaxed.functions
-
-    @property
-    def near(self) -> FunctionFactory | None:
-        """See `kernels.tension_field.tension_field`; None if the material has none."""
-        return self._relaxed.near
-
-    @property
-    def response(self) -> FunctionFactory | None:
-        """See `kernels.tension_field.tension_field`; None if the material has none."""
-        return self._relaxed.response
 
     @property
     def lock(self) -> float | None:
@@ -83,19 +68,12 @@ class TensionField:
         return capabilities(self.material).width or width_from_stress(self.material.functions)
 
     @property
-    def volume(self) -> FunctionFactory | None:
-        """Volume change of the material at the taut strain; None if the material has none."""
-        from ..kernels.tension_field import relaxed_volume
-
-        volume = capabilities(self.material).volume
-        return relaxed_volume(volume, self.wrinkle_width) if volume is not None else None
-
-    @property
-    def _relaxed(self) -> kernels.TensionField:
+    def on_device(self) -> MaterialFunctions:
+        """See `kernels.tension_field.tension_field`."""
         from ..kernels.tension_field import tension_field
 
         known = capabilities(self.material)
-        return tension_field(self.material.functions, known.near, known.response, self.wrinkle_width)
+        return tension_field(self.material.functions, known.near, known.response, known.volume, self.wrinkle_width)
 
 
 def with_wrinkles(material: Material, wrinkles: str) -> Material:

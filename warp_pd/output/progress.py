@@ -42,7 +42,7 @@ class Progress:
         )
 
     def frame(self, report: FrameReport) -> None:
-        """A frame."""
+        """Show the progress and the energy balance at a frame."""
         row, text = report.row, f"{report.when}, {report.steps_per_second:.0f} steps/s"
         if "balance_error" in row:
             text += f", balance {100.0 * row['balance_error']:+.2f} %"
@@ -51,7 +51,7 @@ class Progress:
         self._show(100.0 * report.fraction, text, every=max(1, report.frames // 10))
 
     def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
-        """A quasi-static run on its way, in percent of the decades to go; of a tear every tenth look is said."""
+        """Show the residual of a static run, of a tear every tenth; the bar counts the decades to the tolerance."""
         percent = 0.0
         if math.isfinite(residual) and residual > 0.0:
             percent = 100.0 * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))

@@ -9,7 +9,7 @@ from typing import Any
 
 OTHER_UNITS = {"time": "s", "step": "s"}
 OTHER_WORDS = {"step": "time step", "balance_error": "energy balance error"}
-# Words and unit of point fields; those of the components of a field that is no vector in space, by number.
+# Words and unit of point fields; those of the components of a field that is not a vector in space, by number.
 FIELDS = {
     "displacement": ("displacement", "m"),
     "velocity": ("velocity", "m/s"),

@@ -65,7 +65,7 @@ class UsdAnimation:
                 viewer knows how much slower or faster than life the animation plays.
             save_every: Frames from one save to the next.
             append_from: Keep the frames before this one of the file that is there, drop the others, and go on
-                from here. None and 0 begin anew.
+                from here. None and 0 begin a new file.
         """
         _require_positive("frames_per_second", frames_per_second)
         _require_positive("save_every", save_every)

@@ -27,7 +27,7 @@ def define_ball(stage: Usd.Stage, diameter: float) -> None:
 
 
 def define_body(stage: Usd.Stage, body: Body) -> None:
-    """A body in its own frame; an outline of triangles if USD has no such shape."""
+    """Define the shape of a body, in its own frame; as a mesh of triangles where USD lacks the shape."""
     path, sizes = _path_of(body), body.sizes
     if body.kind == "sphere":
         shape = UsdGeom.Sphere.Define(stage, path)

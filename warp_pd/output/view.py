@@ -55,7 +55,7 @@ class Limits:
         """Names of the fields that a page shows.
 
         Raises:
-            InputError: for one that the frames do not hold.
+            InputError: for a name that the frames do not hold.
         """
         for name in self.fields or ():
             one_of("fields", name, known)

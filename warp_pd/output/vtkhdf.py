@@ -93,7 +93,7 @@ class VtkHdfSeries:
             path: The file, ending in .vtkhdf or .hdf. A file that is there is removed, unless appended to.
             surface: The reference sheet.
             append_from: Keep the frames before this one of the file that is there, drop the others, and go on
-                from here. None and 0 begin anew.
+                from here. None and 0 begin a new file.
             fields: Names of the point fields that it holds besides the displacement; None: all of a frame.
         """
         self.path = require_writable(path, (".vtkhdf", ".hdf"))

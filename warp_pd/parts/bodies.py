@@ -46,7 +46,7 @@ class RigidBody(Contact):
         name: What its columns of the history begin with; bodies of one scene have different names.
 
     Raises:
-        InputError: for something that is no shape or motion, or a negative friction.
+        InputError: for a wrong shape or motion, or negative friction.
     """
 
     shape: BodyShape
@@ -67,16 +67,16 @@ class RigidBody(Contact):
         self.motion.check(self.shape)
 
     def check(self, others: Sequence[Part]) -> None:
-        """Refuse another body of the same name.
+        """Check that no other body has the same name.
 
         Raises:
-            InputError: for one.
+            InputError: if one has.
         """
         if any(getattr(other, "name", None) == self.name for other in others):
             raise InputError(f"contact: two bodies are called {self.name!r}: expected different names")
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
-        """Itself: it knows no points.
+        """The same part: it refers to no points of the sheet.
 
         Raises:
             InputError: for a free body, which all points move.
@@ -241,7 +241,7 @@ class BuiltBody(BuiltContact):
         return {f"{name}_{what}_{c}": unit for what, unit in (("force", "N"), ("torque", "N m")) for c in "xyz"}
 
     def end_frame(self) -> None:
-        """Begin to sum up anew."""
+        """Set the sums of a frame to zero."""
         for array in (self.impulse, self.turn):
             if array is not None:
                 array.zero_()

@@ -186,10 +186,10 @@ class Free(BodyMotion):
         return float(np.linalg.norm(self.velocity) + radius * np.linalg.norm(self.spin))
 
     def check(self, shape: BodyShape) -> None:
-        """Refuse a shape without a mass.
+        """Check that the shape has a mass.
 
         Raises:
-            InputError: for one.
+            InputError: if it has none, as a plane.
         """
         if not shape.bounded:
             raise InputError(f"motion = Free: a {shape.kind} has no mass: expected a BodyPath")
@@ -204,7 +204,7 @@ def unit_quaternion(name: str, value: Any) -> np.ndarray:
     """A quaternion of length 1, shape (4,).
 
     Raises:
-        InputError: for one that is not finite, or zero.
+        InputError: for numbers that are not finite, or all zero.
     """
     found = np.array(vector(name, value, 4))
     length = float(np.linalg.norm(found))

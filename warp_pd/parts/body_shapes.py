@@ -301,10 +301,10 @@ def signed_distances(
         shape: The shape.
         points: [m], shape (N, 3).
         device: Where they are computed.
-        made: What `on_device` made of the shape there; None makes it anew.
+        made: The shape as `on_device` made it there; None makes it again.
     """
     body, mesh = made or on_device(shape, device)
-    kernel = distances.distances(shape.distance).kernel
+    kernel = distances.distances(shape.distance)
     found = wp.empty(len(points), dtype=wp.vec4d, device=device)
     # A mesh is searched as far as the furthest point.
     reach = 2.0 * float(np.linalg.norm(points, axis=1).max(initial=0.0)) + (shape.sizes()[0] if mesh else 0.0)

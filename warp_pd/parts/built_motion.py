@@ -88,7 +88,7 @@ class BuiltMotion:
         return row | {f"{self.name}_spin_{c}": float(x) for c, x in zip("xyz", moving[1], strict=True)}
 
     def end_frame(self) -> None:
-        """Begin to sum up anew."""
+        """Set the sums of a frame to zero."""
 
 
 class OnPath(BuiltMotion):
@@ -218,7 +218,7 @@ class InFlight(BuiltMotion):
         )  # fmt: skip
 
     def taken(self) -> dict[str, float]:
-        """Momentum and angular momentum given to the sheet since the last frame, and what contact lost so far."""
+        """Momentum and angular momentum given to the sheet since the last frame; energy lost in contact so far."""
         names = [*(f"impulse_{c}" for c in "xyz"), *(f"turn_{c}" for c in "xyz"), "loss"]
         return {f"{self.name}_{n}": float(x) for n, x in zip(names, self.given.numpy(), strict=True)}
 
@@ -233,7 +233,7 @@ class InFlight(BuiltMotion):
         return {**row, f"{self.name}_kinetic": float(kinetic), f"{self.name}_potential": float(height)}
 
     def end_frame(self) -> None:
-        """Begin to sum up anew; the loss goes on."""
+        """Set the sums of a frame to zero, but not the energy lost in contact."""
         given = self.given.numpy().copy()
         given[:6] = 0.0
         self.given.assign(given)

@@ -60,7 +60,7 @@ class RigidBall(Contact):
         return np.array(self.start, float) + time * np.array(self.velocity, float)
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
-        """Itself: it knows no points."""
+        """The same part: it refers to no points of the sheet."""
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
@@ -152,7 +152,7 @@ class RigidContact(BuiltContact):
         return dict.fromkeys(self.column_names(), "N")
 
     def end_frame(self) -> None:
-        """Begin to sum up anew."""
+        """Set the sums of a frame to zero."""
         self.impulse.zero_()
 
 

@@ -47,10 +47,10 @@ class Enclosed(Load):
     encloses: ClassVar[bool] = True
 
     def check(self, others: Sequence[Part]) -> None:
-        """Refuse a second enclosed volume.
+        """Check that no other part encloses a volume.
 
         Raises:
-            InputError: for one.
+            InputError: if one does.
         """
         if any(getattr(other, "encloses", False) for other in others):
             raise InputError(f"loads: {type(self).__name__} is one of two enclosed volumes: expected one")

@@ -115,7 +115,7 @@ class EnergyBalance(BuiltPart):
         )  # fmt: skip
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Energies; work and losses where they are summed up, 0 where there are none."""
+        """Energies [J]; work and losses if they are tracked, 0 for those that the scene cannot have."""
         names = ("kinetic", "half_step_kinetic", "strain", "contact", "sheet_friction")
         row = {name: totals[name] for name in names if name in totals}
         if not self.context.features.tracked:

@@ -46,7 +46,7 @@ class Pressure(Load):
         one_of("Pressure.follower", self.follower, (True, False))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
-        """Itself: it knows no points."""
+        """The same part: it refers to no points of the sheet."""
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
@@ -74,7 +74,7 @@ class BodyForce(Load):
         vector("BodyForce.value", self.value, 3)
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
-        """Itself: it knows no points."""
+        """The same part: it refers to no points of the sheet."""
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltLoad:
@@ -113,7 +113,7 @@ class PointForce(Load):
         return points, np.outer(part, np.array(self.value, dtype=np.float64))
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Load:
-        """What each point that is here has of the whole force."""
+        """The forces on those of its points that this process has."""
         points, force = self.forces(sheet)
         at, here = partition.here(points)
         return ForcesHere(here, force[at], self.ramp)

@@ -32,7 +32,7 @@ class Reaction(Part):
         name: Of the columns.
 
     Raises:
-        InputError: for a name that is no word.
+        InputError: for a name that is not a word.
     """
 
     points: Any

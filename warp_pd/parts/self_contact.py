@@ -75,10 +75,10 @@ class SelfContact(Contact):
         return self.friction > 0.0
 
     def check(self, others: Sequence[Part]) -> None:
-        """Refuse a second one.
+        """Check that the scene has no second SelfContact.
 
         Raises:
-            InputError: for one.
+            InputError: if it has.
         """
         if any(getattr(other, "within_sheet", False) for other in others):
             raise InputError("contact: SelfContact is given twice: expected one")

@@ -29,7 +29,7 @@ class Support(Part):
     does_work = True
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
-        """Itself: its constraints are divided."""
+        """The same part: its constraints are divided among the processes instead."""
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
@@ -93,7 +93,7 @@ class Motion(Support):
         """The moved components.
 
         Raises:
-            InputError: if there is none, for a schedule that is none, or a point that does not exist.
+            InputError: if no component moves, for a wrong schedule, or a point that does not exist.
         """
         bits = sum(1 << c for c, value in enumerate((self.x, self.y, self.z)) if value is not None)
         if bits == 0:
@@ -180,7 +180,10 @@ def _refuse_clash(name: str, sheet: Sheet, point: int, clash: int) -> None:
 
 
 class MovedPoints(BuiltPart):
-    """All prescribed motions on a device: one row per moved point, as edges that move apart share their corners."""
+    """All prescribed motions on a device.
+
+    A point has a row for each motion that moves it: two edges may move their common corner in different components.
+    """
 
     def __init__(self, context: Context, constraints: Sequence[Constraint]) -> None:
         self.context = context

@@ -216,7 +216,7 @@ class DamageField(Damaged):
         """The length of the field [m].
 
         Raises:
-            InputError: for one that is too short for the families.
+            InputError: if it is too short for the families.
         """
         if rupture.length is not None:
             least = MIN_LENGTH * law.families.horizon
@@ -442,10 +442,10 @@ class DamageField(Damaged):
         self.add_faces(stage)
 
     def begin(self) -> None:
-        """Refuse a start at which intact material would tear.
+        """Check that no intact material would tear at the start.
 
         Raises:
-            InputError: for one.
+            InputError: if some would.
         """
         driving = to_host(self._driving).astype(float)
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0

@@ -259,7 +259,7 @@ def arithmetic_rate(device: Any, bits: int) -> float:
     for _ in range(4):
         wp.synchronize_device(device)
         begin = perf_counter()
-        wp.launch(kernel.kernel, dim=threads, inputs=[rounds, 0, out], device=device)
+        wp.launch(kernel, dim=threads, inputs=[rounds, 0, out], device=device)
         wp.synchronize_device(device)
         best = max(best, 8.0 * rounds * threads / (perf_counter() - begin))
     return best
@@ -354,7 +354,7 @@ def chosen_features(names: str) -> tuple[str, ...]:
 
 
 def report(cases: Sequence[Case], device: str | None, seconds: float) -> str:
-    """What the cases of one precision cost on a device, and how fast that copies, as text.
+    """Table, as text, of the cost of cases of one precision on a device, below its copy rate.
 
     Raises:
         InputError: for a device that does not exist, or a case that cannot be built.

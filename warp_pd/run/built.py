@@ -86,8 +86,8 @@ def compose(
     context = scene_context(scene, parts, constraints, find_device(device), bits, communicator or Communicator())
     constraints = constraints_here(constraints, context)
     law = scene.force.build(context)
-    law.request_fields(scene.fields_of_law())
     built = [part.build(context, law) for part in parts_here(parts, context)]
+    law.request_fields(scene.fields_besides(stored.field.output for stored in context.fields.shown()))
     loads = [on_device for part, on_device in zip(parts, built, strict=True) if part.adds_force]
     external = ExternalForce(context, cast(list[BuiltLoad], loads))
     moved = MovedPoints(context, constraints)
@@ -131,10 +131,10 @@ def parts_of(scene: Scene) -> list[Part]:
 
 
 def _require_divisible(built: Built) -> None:
-    """Refuse a solver that several processes cannot run.
+    """Check that the solver can run on as many processes as this run has.
 
     Raises:
-        InputError: for one.
+        InputError: if it cannot.
     """
     if built.context.partition is not None and not built.solver.divides:
         raise InputError(f"{built.solver.label}: several processes cannot yet run it; expected Explicit or Relaxation")

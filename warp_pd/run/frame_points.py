@@ -14,17 +14,17 @@ from .built import Built
 
 
 class FramePoints:
-    """All points of the sheet, or every so many-th column and row of a lattice and the last ones.
+    """The points that frames hold: all, or with a stride n every n-th column and row of a lattice and the last ones.
 
-    The surface between the latter is that of a coarser lattice: a cell is torn where any triangle of the sheet in it
-    is. With several processes, what it gives of the state is within `Communicator.root` only.
+    With a stride the surface is that of a coarser lattice; a cell of it is torn where a triangle of the sheet in it is
+    torn. With several processes, arrays of the state exist within `Communicator.root` only.
     """
 
     def __init__(self, built: Built, stride: int = 1) -> None:
         """Choose the points.
 
         Raises:
-            InputError: for a stride on a sheet that is no lattice.
+            InputError: for a stride on a sheet other than a lattice.
         """
         self.built, self._coarse, lattice = built, None, built.context.whole.lattice
         if count("stride", stride, 1) == 1:

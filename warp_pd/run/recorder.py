@@ -68,7 +68,7 @@ class Recorder:
 
     Attributes:
         built: The simulation.
-        writers: Take the frames.
+        writers: Receive the frames.
         reporter: Shows progress, or None.
         saved: Called after a frame whose restart file is due; or None.
         kept: Called after every frame, with the history; or None.
@@ -78,7 +78,7 @@ class Recorder:
         step_seconds: Seconds spent in steps.
         fine: Rows between frames, or None.
         stop_asked: Whether the user asked to stop.
-        missing: Measures that failed: in how many frames, and why first.
+        missing: For each measure that failed: the number of frames, and the first reason.
         points: The points that frames hold.
     """
 

@@ -92,7 +92,7 @@ def _different(began: dict[str, Any], here: dict[str, Any]) -> str:
 
 
 def difference(began: Identity, here: Identity) -> str:
-    """What differs between a run and what is to be run now, such as "pressure = 5.0, here 15.0"; "" if nothing."""
+    """Difference of the settings of an earlier run and of this one, such as "pressure = 5.0, here 15.0"; "" if none."""
     sides = (began.settings, began.parts), (here.settings, here.parts)
     # Settings of a scene are what its user knows; where they are the same, the scene itself differs.
     same = began.settings == here.settings
@@ -157,7 +157,7 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{where}: the file is damaged ({type(error).__name__})") from None
     if numbers.get("version") != VERSION:
-        raise InputError(f"{where}: it is of version {numbers.get('version')}, expected {VERSION}")
+        raise InputError(f"{where}: expected a file of version {VERSION}, got version {numbers.get('version')}")
     began = Identity(numbers["parts"], numbers["settings"])
     if began != known and not extends(began, known):
         other = difference(began, known)

@@ -81,8 +81,8 @@ def run(
             `fields`, such as ("damage", "stretch"); None: velocity, damage, strain energy density, and the scene's own.
         view: Whether to write view.html, a page for a browser; for a large sheet a note says how to get it.
         history_every: Time between rows of the finer history [s], in place of that of the solver; see `Explicit`.
-        stride: Frames hold every so many-th column and row of a lattice, and the last ones: of a sheet too large to
-            be drawn. Restart files hold all points, measures see all.
+        stride: Frames hold every n-th column and row of a lattice, n = `stride`, and the last ones, for sheets too
+            large to be drawn. Restart files hold all points, measures see all.
         restarts: Whether to write restart files. Without them a run cannot go on.
 
     Raises:

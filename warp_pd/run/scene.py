@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ def check_reference(kind: str, name: str, unit: str, reference: float | None) ->
     """Check what a measure or an outcome says of itself.
 
     Raises:
-        InputError: for a unit that is no text, or a reference that is no number.
+        InputError: for a unit that is not text, or a reference that is not a number.
     """
     if not isinstance(unit, str):
         raise InputError(f"{kind} {name!r}: unit = {unit!r}: expected text")
@@ -29,10 +29,10 @@ def check_reference(kind: str, name: str, unit: str, reference: float | None) ->
 
 
 def check_writers(writers: Sequence[Any]) -> None:
-    """Check that writers of frames are some.
+    """Check that all of these write frames.
 
     Raises:
-        InputError: for the first that is none.
+        InputError: for the first that does not.
     """
     for index, writer in enumerate(writers):
         if isinstance(writer, type) or not isinstance(writer, Writer):
@@ -68,7 +68,7 @@ class Outcome:
     Attributes:
         name: Key in summary.json.
         unit: SI unit.
-        value: Function of the history, one row per frame, in order; None where there is no such number yet.
+        value: Function of the history, one row per frame, in order; None as long as the number is not known.
         reference: What it is compared with, in the same unit, or None.
         source: Where the reference comes from.
         fine: Whether it reads the rows between frames, too, where the run has them (`Explicit(history_every=)`): a
@@ -102,7 +102,7 @@ class Scene:
         outcomes: Numbers to report of the whole run.
         fields: Names of further point fields of the frames, of those that the force law offers.
         chosen_fields: Names of all point fields that files of frames hold besides the displacement and `fields`; None:
-            all that there are.
+            all.
         initial_displacement: [m], shape (N, 3), or None for zero. The sheet was brought there at once: nothing of a
             viscous law has relaxed.
         initial_velocity: [m/s], shape (N, 3), or None for zero.
@@ -163,7 +163,7 @@ class Scene:
         """Compare the parts with what is expected of them, and with each other.
 
         Raises:
-            InputError: for something that is no such part, or two measures of one name.
+            InputError: for a part of the wrong kind, or two measures of one name.
         """
         expected: tuple[tuple[str, Any, Any, str], ...] = (
             ("sheet", self.sheet, Sheet, "a Sheet"),
@@ -187,7 +187,7 @@ class Scene:
                 raise InputError(f"{name} = {said(parts)}: expected a list of {name}")
             for index, part in enumerate(parts):
                 if isinstance(part, type) or not isinstance(part, kind):
-                    raise InputError(f"{name}[{index}] = {said(part)}: expected a list of {name}")
+                    raise InputError(f"{name}[{index}] = {said(part)}: expected an instance of {kind.__name__}")
         for names in (self.fields, self.chosen_fields or ()):
             if isinstance(names, str) or not all(isinstance(name, str) for name in names):
                 raise InputError(f"fields = {said(names)}: expected a list of names")
@@ -219,9 +219,10 @@ class Scene:
             if names.count(name) > 1:
                 raise InputError(f"measures: two measures or outcomes have the name {name!r}: expected different names")
 
-    def fields_of_law(self) -> list[str]:
-        """Names of the fields that the force law has to give."""
-        return [name for name in (*self.fields, *(self.chosen_fields or ())) if name not in OWN_FIELDS]
+    def fields_besides(self, shown: Iterable[str]) -> list[str]:
+        """Names of the requested fields that only the force law can give: neither in every frame nor in `shown`."""
+        given = {*OWN_FIELDS, *shown}
+        return [name for name in (*self.fields, *(self.chosen_fields or ())) if name not in given]
 
     @property
     def load_duration(self) -> float | None:

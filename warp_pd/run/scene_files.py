@@ -30,7 +30,7 @@ def load_scene(name: str) -> Any:
     """The module of a scene, by name, or by the path of a Python file with a function `build`.
 
     Raises:
-        InputError: if there is none; the message names the nearest one.
+        InputError: for an unknown name; the message suggests the nearest one.
     """
     if name.endswith(".py"):
         return _load_file(Path(name))

@@ -45,7 +45,7 @@ class SceneCommand(click.Command):
     """A command whose help lists the arguments of the scene that is named."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Keep the name of the scene, as the help is shown before arguments are read."""
+        """Remember the name of the scene: click shows the help before it reads the arguments."""
         if any(option in args for option in ctx.help_option_names):
             named = self.make_parser(ctx).parse_args(args=list(args))[0].get("scene")
             ctx.meta[__name__] = named if isinstance(named, str) else None

@@ -83,7 +83,7 @@ class Descent:
         self.step_lengths: list[float] = []
 
     def run(self) -> dict[str, Any]:
-        """Steps until equilibrium or failure, as an entry of the report."""
+        """Iterate until equilibrium or failure; returns the entry of this level for the report of the solver."""
         before = self.solver.products
         wp.copy(self.level.base, self.level.displacement)
         norm, scale = self.level.evaluate()
@@ -161,7 +161,7 @@ class Descent:
             assign(level.direction, level.direction.numpy() + self.lift)
 
     def _search_line(self, work: float, norm: float) -> tuple[float, float] | None:
-        """Accept a part of the direction; None, and back to the base, if there is none."""
+        """Move by a fraction of the direction that is accepted; None, back at the base, if no fraction is."""
         level, step_length = self.level, 1.0
         for _ in range(MAX_TRIALS):
             level.step_to(step_length)

@@ -35,7 +35,7 @@ SHORTFALL = 0.02
 
 @dataclass(frozen=True)
 class Explicit:
-    """Central differences in time, dt a fraction of the stable step, estimated anew as the sheet stiffens.
+    """Central differences in time, dt a fraction of the stable step, which is estimated again as the sheet stiffens.
 
     Attributes:
         duration: Time to simulate [s].

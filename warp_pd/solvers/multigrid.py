@@ -24,9 +24,10 @@ from .level import OWNER, Level
 # The coarsest lattice has at most this many points, and every lattice this many along each side.
 MAX_COARSEST = 300
 MIN_SIDE = 7
-# Chebyshev sweeps before and after the coarse correction, over this fraction of the spectrum of D^-1 K.
+# Chebyshev sweeps before and after the coarse correction, and the ratio of the largest to the smallest eigenvalue of
+# D^-1 K that they smooth.
 SWEEPS = 2
-SPECTRUM_SHARE = 5.0
+SPECTRUM_RATIO = 5.0
 POWER_ITERATIONS = 12
 SAFETY = 1.1
 MIN_HORIZON = 1.5
@@ -174,7 +175,7 @@ class Hierarchy:
         if finest < len(self.levels) - 1:
             top = SAFETY * self._largest_eigenvalue(len(self.levels) - 2)
             angles = np.cos(np.pi * (2.0 * np.arange(SWEEPS) + 1.0) / (2.0 * SWEEPS))
-            middle, half = 0.5 * top * (1.0 + 1.0 / SPECTRUM_SHARE), 0.5 * top * (1.0 - 1.0 / SPECTRUM_SHARE)
+            middle, half = 0.5 * top * (1.0 + 1.0 / SPECTRUM_RATIO), 0.5 * top * (1.0 - 1.0 / SPECTRUM_RATIO)
             for omegas in self._omegas:
                 assign(omegas, 1.0 / (middle + half * angles))
 

@@ -119,7 +119,7 @@ class BuiltRelaxation(BuiltSolver):
         self._largest = 0.0
 
     def inertia(self) -> Array:
-        """The fictitious mass, and the launches that renew it; the true mass where there is none."""
+        """The fictitious mass, and the launches that update it; the true mass for laws and sheets without one."""
         if self._inertia is None:
             stage = self.context.stage("fictitious mass", f"every {STEPS_BETWEEN} steps of relaxation")
             found = None if self.context.sheet.inclusions else self.law.fictitious_mass(stage)

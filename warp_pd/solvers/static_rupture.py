@@ -17,7 +17,7 @@ MAX_ROUNDS = 1000
 
 
 class StaticRupture:
-    """The criterion of rupture between two searches for equilibrium; nothing breaks where a scene has none.
+    """Breaks the bonds that exceed the criterion in static equilibrium; without a criterion it breaks none.
 
     Attributes:
         close_enough: Relative residual at which more may break; 0: that of the solver.

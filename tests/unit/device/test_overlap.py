@@ -113,7 +113,7 @@ def played(built, everyone):
         if isinstance(item, Call):
             assert item.side_stream
             poison(built.context, item.name.split(", "))
-        if item is not None and item.side_stream and item.beside:
+        if item is not None and item.side_stream and item.divided:
             later.append(item)
         elif item is not None:
             run_once(built.context.device, [item])
@@ -123,7 +123,7 @@ def played(built, everyone):
 def displacements(name, size, more=0):
     """Displacements of the own points of all processes after some steps, one after another."""
     everyone = [process(scene(name), rank, size, more=more) for rank in range(size)]
-    assert any(item.beside for item in everyone[0].context.stages["step"])
+    assert any(item.divided for item in everyone[0].context.stages["step"])
     for _ in range(STEPS):
         played_step(everyone)
     return np.concatenate([to_host(b.context.own(b.context.state.displacement)) for b in everyone])
@@ -153,9 +153,9 @@ def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(streams, gpu_
     tune(lattice_bonds=0)
     items = list(process(scene("torn"), 1, 3, begin=False).context.stages["step"])
     names = ["break_bonds", "undamaged_family_force"]
-    beside = [(item.name, item.side_stream) for item in items if item.beside]
+    divided = [(item.name, item.side_stream) for item in items if item.divided]
     parts = [(name, side) for name in names for side in (True, True, False)]
-    assert [(name.split(", ")[0], side) for name, side in beside[1:]] == parts and beside[0][1]
+    assert [(name.split(", ")[0], side) for name, side in divided[1:]] == parts and divided[0][1]
     waits = dict(zip([item.name for item in items], side_stream_waits(items), strict=False))
     # What waits first is the list of all others, before their kernel.
     assert waits["list_other_families"] and not waits["undamaged_family_force"]
@@ -165,7 +165,7 @@ def test_on_a_gpu_undamaged_families_do_not_wait_and_all_others_do(streams, gpu_
 
 def test_an_exchange_waits_for_the_parts_around_an_earlier_one():
     def call(*writes):
-        return Call("", "", 0, lambda: None, None, Touched(writes=frozenset(writes)), side_stream=True, beside=True)
+        return Call("", "", 0, lambda: None, None, Touched(writes=frozenset(writes)), side_stream=True, divided=True)
 
     assert side_stream_waits([call(1), call(2)]) == [False, True, True]
 
@@ -175,7 +175,7 @@ def test_blocks_that_share_points_are_divided_by_them(name, streams, gpu_paths):
     """Clouds, and sheets too small for a thread a point, have one kernel; declared on a CPU, not run."""
     context = process(scene(name), 1, 2, begin=False).context
     parts = [i for i in context.stages["step"] if i.name == "family_block_force"]
-    assert all(part.beside for part in parts) and [part.side_stream for part in parts][-1] is False
+    assert all(part.divided for part in parts) and [part.side_stream for part in parts][-1] is False
     ranges = sorted(part.points for part in parts)
     assert ranges[0][0] <= context.partition.owned.start and ranges[-1][1] >= context.partition.owned.stop
     near = np.flatnonzero(context.partition.near)

@@ -6,6 +6,7 @@ import pytest
 
 from warp_pd import InputError
 from warp_pd.fitting import Curve, FieldData, read_table, read_tests
+from warp_pd.fitting.data import UNITS
 
 
 def written(tmp_path, text):
@@ -22,6 +23,22 @@ def test_units_are_those_of_the_header(tmp_path):
     comma = read_table(written(tmp_path, "time [min];force [N]\n1,5;2,25\n"))
     assert comma.columns["time"].tolist() == [90.0]
     assert comma.columns["force"].tolist() == [2.25]
+
+
+def test_units_agree_with_each_other():
+    """By definition: standard gravity, the inch, the pound and the density of mercury."""
+    si = {unit: factor for unit, (factor, _) in UNITS.items()}
+    gravity, pound, mercury = 9.80665, 0.45359237, 13595.1
+    assert si["kgf"] == pytest.approx(gravity, rel=1e-9) and si["gf"] == pytest.approx(1e-3 * gravity, rel=1e-9)
+    assert si["lbf"] == pytest.approx(pound * gravity, rel=1e-9)
+    assert si["psi"] == pytest.approx(si["lbf"] / si["in"] ** 2, rel=1e-9)
+    assert si["mmHg"] == pytest.approx(mercury * gravity * si["mm"], rel=1e-6)
+    assert si["kg/cm^2"] == pytest.approx(si["kgf"] / si["cm"] ** 2, rel=1e-9)
+    assert (si["in"], si["cm"], si["bar"], si["%"], si["min"], si["h"]) == (0.0254, 0.01, 1e5, 0.01, 60.0, 3600.0)
+    assert si["N/mm^2"] == si["MPa"] == 1e6 and si["N/mm"] == si["kJ/m^2"] == 1e3
+    assert (si["l"], si["ml"], si["mm^3"]) == pytest.approx((1e-3, si["cm"] ** 3, si["mm"] ** 3), rel=1e-12)
+    assert si["mm/min"] == pytest.approx(si["mm"] / si["min"], rel=1e-12)
+    assert (si["kPa"], si["GPa"], si["mbar"], si["kN"], si["mN"], si["ms"]) == (1e3, 1e9, 1e2, 1e3, 1e-3, 1e-3)
 
 
 def test_gaps_are_left_out_and_named(tmp_path):
@@ -81,6 +98,8 @@ def test_a_field_has_places_and_displacements_for_every_level(tmp_path):
     assert np.isnan(fields[0].displacements[0, 2])
     assert np.isnan(fields[1].displacements[0, 1])
     assert notes == ["data.csv, line 3: the displacement is missing: the row is left out"]
+    whole = "x [mm],y [mm],u [mm],v [mm]\n1,2,0.1,0.2\n"
+    assert [field.at for field in read_tests(written(tmp_path, whole), cases.ogden_strip, None)[0]] == [1.0]
     with pytest.raises(InputError, match="column 'u' is a force: expected a length"):
         read_tests(written(tmp_path, "x [m],y [m],u [N],v [m]\n1,2,3,4\n"), cases.ogden_strip, None)
 

@@ -6,6 +6,7 @@ import pytest
 
 from warp_pd import Explicit, InputError, Measure, Relaxation
 from warp_pd.fitting import sensitivity
+from warp_pd.fitting.equilibrium import Equilibrium
 from warp_pd.fitting.sensitivity import with_defaults
 
 STRIP = {"stretch": 1.3, "thickness": 1e-3}
@@ -130,3 +131,19 @@ def test_a_measure_that_is_a_probe_is_a_measure():
     result = scene.run(device="cpu")
     assert result.history[-1]["height"] > 0.0
     assert np.isfinite(result.history[-1]["pull"])
+
+
+def test_a_load_too_large_for_one_step_is_reached_in_several(monkeypatch):
+    equilibrium = Equilibrium(cases.ogden_strip(**STRIP), "cpu", 64)
+    settle, goals = equilibrium.search.settle, []
+
+    def only_near(goal, *rest):
+        goals.append(goal)
+        assert len(goals) < 10
+        return abs(goal - equilibrium.factor) < 0.3 and settle(goal, *rest)
+
+    monkeypatch.setattr(equilibrium.search, "settle", only_near)
+    equilibrium.reach(1.0)
+    assert goals == [1.0, 0.5, 0.25, 0.5, 0.75, 1.0]
+    expected = cases.ogden_strip(**STRIP).run(device="cpu", precision=64).frame.displacement
+    assert equilibrium.displacement == pytest.approx(expected, abs=1e-6)

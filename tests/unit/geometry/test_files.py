@@ -381,7 +381,7 @@ def test_other_surfaces_are_curved_sheets(tmp_path):
         ("a.obj", b"v 0 0\nf 1 2 3 x\n", "the file cannot be read: "),
         ("a.usd", b"hello", "the file cannot be read: "),
         ("a.usdc", b"PXR-USDC", "the file cannot be read: "),
-        ("b.usda", b"#usda 1.0\n", "no UsdGeom.Mesh: expected one"),
+        ("b.usda", b"#usda 1.0\n", "expected a file with a UsdGeom.Mesh, found none"),
     ],
 )
 def test_files_that_are_no_meshes(tmp_path, name, content, text):

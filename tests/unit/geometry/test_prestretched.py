@@ -124,17 +124,14 @@ def test_it_is_a_sheet_stretched_by_its_supports(shape, solver):
     assert one.frame.displacement[right, 0] == pytest.approx(0.01, abs=1e-12)
 
 
-@pytest.mark.parametrize("precision", [64, 32])
-def test_frames_and_motions_begin_at_the_clamped_sheet(precision):
+def test_frames_and_motions_begin_at_the_clamped_sheet():
     sheet = square(13).prestretched(1.3)
     right = sheet.edges("right")
     rest = np.setdiff1d(sheet.edges("all"), right)
     loads = [Fixed(rest), Motion(right, [0.0, 0.01], x=[0.0, 2e-3], y=0.0, z=[0.0, 1e-3])]
-    result = run(
-        sheet, Explicit(0.01, frames=2), loads=loads, material=RUBBER, precision=precision, weights="corrected"
-    )
+    result = run(sheet, Explicit(0.01, frames=2), loads=loads, material=RUBBER, precision=64, weights="corrected")
     assert result.frame.displacement[right] == pytest.approx(np.tile([2e-3, 0.0, 1e-3], (len(right), 1)), abs=1e-8)
-    assert result.frame.displacement[rest] == pytest.approx(0.0, abs=1e-15 if precision == 64 else 1e-9)
+    assert result.frame.displacement[rest] == pytest.approx(0.0, abs=1e-15)
     assert abs(result.history[-1]["balance_error"]) < 1e-2
 
 

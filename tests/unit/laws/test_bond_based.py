@@ -71,3 +71,7 @@ def test_wrong_input_is_one_line(make, text):
     with pytest.raises(InputError) as error:
         make()
     assert text in str(error.value) and "\n" not in str(error.value)
+
+
+def test_bonds_without_a_modulus_in_compression_go_slack():
+    assert [Bimodular(2.0, c).goes_slack for c in (0.0, 1.0, 2.0, None)] == [True, False, False, False]

@@ -75,31 +75,37 @@ def compare(sheet, horizon, bits, cut=None, material=GENT, law=None):
     return launches
 
 
-@pytest.mark.parametrize(
-    ("horizon", "bits", "material"),
-    [(1.5, 64, GENT), (1.5, 32, NEO), (2.015, 32, GENT), (3.15, 64, NEO), (3.15, 32, GENT)],
-)
+@pytest.mark.parametrize(("horizon", "bits", "material"), [(1.5, 64, GENT), (2.015, 32, GENT), (3.15, 32, NEO)])
 def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, material):
     quick, reference = compare(square(15), horizon, bits, material=material)
     assert {"undamaged_family_force", "family_block_force"} <= set(quick)
     assert "variational_force" in reference
 
 
-@pytest.mark.parametrize(
-    ("horizon", "bits", "cut"), [(1.5, 64, CUT), (2.015, 32, CUT), (3.15, 64, None), (3.15, 32, CUT)]
-)
+@pytest.mark.parametrize(("horizon", "bits", "cut"), [(1.5, 64, None), (3.15, 32, CUT)])
 def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu, horizon, bits, cut):
     quick, _ = compare(square((17, 15)), horizon, bits, cut=cut)
     assert "undamaged_family_force" in quick
 
 
-@pytest.mark.parametrize(("horizon", "bits"), [(1.5, 32), (3.15, 64), (4.15, 32)])
-@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
+SLIT = square(13).cut((0.0, 0.052), (0.06, 0.052))
+
+
 @pytest.mark.parametrize(
-    "sheet", [square(15), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052)), holed(19)],
-    ids=["lattice", "cloud", "slit", "grid"],
-)  # fmt: skip
-def test_a_cpu_sums_rows(sheet, horizon, cut, bits):
+    ("sheet", "horizon", "bits", "cut"),
+    [
+        (square(15), 1.5, 32, None),
+        (square(15), 3.15, 64, CUT),
+        (square(15), 4.15, 32, CUT),
+        (jittered(13), 1.5, 32, CUT),
+        (jittered(13), 3.15, 64, None),
+        (SLIT, 1.5, 32, CUT),
+        (SLIT, 3.15, 64, None),
+        (holed(19), 1.5, 32, CUT),
+        (holed(19), 3.15, 64, None),
+    ],
+)
+def test_a_cpu_sums_rows(sheet, horizon, bits, cut):
     quick, reference = compare(sheet, horizon, bits, cut=cut)
     assert "family_rows_force" in quick and "family_rows_force" not in reference
 
@@ -110,8 +116,7 @@ def test_a_cpu_sums_rows_of_any_material(material):
     assert "family_rows_force" in quick
 
 
-@pytest.mark.parametrize("bits", [32, 64])
-@pytest.mark.parametrize("torn", [False, True], ids=["undamaged", "torn"])
+@pytest.mark.parametrize(("torn", "bits"), [(False, 32), (True, 64)], ids=["undamaged", "torn"])
 def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
     tube, forces, energies = small_tube(), [], []
     for fast in (True, False):
@@ -125,10 +130,19 @@ def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
     assert np.abs(energies[0] - energies[1]).max() <= ENERGY_TOLERANCE[bits] * energies[1].max()
 
 
-@pytest.mark.parametrize("bits", [32, 64])
-@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-@pytest.mark.parametrize("sheet", [square(13), jittered(13), square(13).cut((0.0, 0.052), (0.06, 0.052)), holed(19)])
-def test_one_thread_per_bond(gpu_paths, sheet, cut, bits):
+@pytest.mark.parametrize(
+    ("sheet", "bits", "cut"),
+    [
+        (square(13), 32, None),
+        (square(13), 64, CUT),
+        (jittered(13), 32, CUT),
+        (jittered(13), 64, None),
+        (SLIT, 32, CUT),
+        (holed(19), 32, None),
+        (holed(19), 64, CUT),
+    ],
+)
+def test_one_thread_per_bond(gpu_paths, sheet, bits, cut):
     """A GPU takes small sheets so."""
     quick, _ = compare(sheet, 3.15 if bits == 64 else 2.015, bits, cut=cut)
     assert "family_block_force" in quick and "undamaged_family_force" not in quick
@@ -220,8 +234,7 @@ def test_softened_families():
     compare_softened(square(15), 2.015, 64)
 
 
-@pytest.mark.parametrize("bits", [32, 64])
-@pytest.mark.parametrize("sheet", [square(13), jittered(13)], ids=["lattice", "cloud"])
+@pytest.mark.parametrize(("sheet", "bits"), [(square(13), 64), (jittered(13), 32)], ids=["lattice", "cloud"])
 def test_softened_families_with_one_thread_per_bond(gpu_paths, sheet, bits):
     compare_softened(sheet, 3.15 if bits == 64 else 2.015, bits)
 

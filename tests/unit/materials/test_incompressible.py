@@ -52,3 +52,8 @@ def test_the_docs_show_the_material_of_the_tests():
     page = (own.parents[1] / "docs" / "materials.md").read_text()
     code = re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1)
     assert code.strip() == own.read_text().split('"""\n', 1)[1].strip()
+
+
+def test_ogden_takes_pairs_of_negative_numbers():
+    """As Ogden (1972) does: what counts is the sum of the products."""
+    assert Ogden((600.0, -10.0), (1.3, -2.0)).mu == (600.0, -10.0)

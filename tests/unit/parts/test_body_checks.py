@@ -1,9 +1,11 @@
 """Notes on bodies that do what contact does not prevent."""
 
+import numpy as np
 import pytest
 from helpers import NEO, square
 
 from warp_pd import BodyPath, BondAssociated, Capsule, Explicit, Fixed, Free, RigidBody, Simulation, Sphere
+from warp_pd.parts.body_checks import BodyChecks
 
 
 def notes(contact, duration=0.04, points=11):
@@ -29,6 +31,17 @@ def test_a_pin_between_stretched_points_is_noted_with_its_passage():
     assert "'pin' is 0.0145 m thick" in thin and "may pass between them (at 0.0" in thin
     assert "'pin' passed through the sheet without breaking it" in passed
     assert passed.endswith(" s)") and "(at 0.0" in passed
+
+
+def test_a_way_through_a_triangle_is_told_from_one_beside_it():
+    """Its plane passes the origin after a fifth of the way; there its sides are half a length from its middle."""
+    corners = np.array([[0.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    checks = BodyChecks.__new__(BodyChecks)
+    checks._intact = None
+    for beside, met in ((0.45, True), (0.55, False)):
+        begin, end = ((shift, 0.0, height) for shift, height in ((0.0, 0.2), (5.0 * beside, -0.8)))
+        passed = checks._passed((corners + begin)[None], (corners + end)[None], np.array([[0, 1, 2]]))
+        assert passed == met
 
 
 def test_a_pin_beside_the_sheet_is_not_noted():

@@ -1,5 +1,7 @@
 """BoundaryForce: the points that carry it, the arrays and launches that it needs, what it refuses."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from boundary_forces import built_on, families_of
@@ -38,6 +40,13 @@ def test_cuts_and_holes_are_edges():
     rim, outside = around < 0.018, (around > 0.03) & (around < 0.04)
     assert rim.any() and marked[rim].all()
     assert outside.any() and not marked[outside].any()
+
+
+def test_beyond_the_end_of_a_side_its_end_is_nearest():
+    """One triangle, and points past its corner along a side."""
+    corners, past = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], [(1.1, -0.17), (1.1, -0.19), (-0.1, -0.17), (-0.1, -0.19)]
+    sheet = SimpleNamespace(points=np.array(corners + past), triangles=np.array([[0, 1, 2]]))
+    assert near_edges(sheet, 0.2).tolist() == [0, 1, 2, 3, 5]
 
 
 def names_of(built):

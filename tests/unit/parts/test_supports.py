@@ -1,9 +1,13 @@
 """Supports: wrong input, and points that two of them would hold or move, are named."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from helpers import NEO, square
 
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, Motion, Simulation
+from warp_pd.parts import stretching_edges
 
 
 def built_with(*loads):
@@ -39,3 +43,16 @@ def test_wrong_supports_are_named(make, text):
 def test_a_point_cannot_be_held_twice():
     with pytest.raises(InputError, match="point 3"):
         built_with(Fixed([3]), Motion([3], [0.0], x=1.0))
+
+
+def test_stretching_edges_move_as_an_equal_stretch_of_the_sheet():
+    place = square(9, size=2.0).points - 1.0
+    sheet = SimpleNamespace(points=place, spacing=0.25)
+    moved = np.zeros_like(place)
+    for motion in stretching_edges(sheet, 0.75, [0.0, 2.0], [1.0, 1.5]):
+        for axis, path in enumerate((motion.x, motion.y)):
+            if path is not None:
+                assert path[0] == 0.0
+                moved[motion.points, axis] += path[1]
+    outside = np.abs(place).max(axis=1) > 0.7
+    np.testing.assert_allclose(moved, np.where(outside[:, None], 0.5 * place, 0.0), atol=1e-12)

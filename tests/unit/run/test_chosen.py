@@ -4,10 +4,12 @@ import json
 
 import numpy as np
 import pytest
+import warp as wp
 from helpers import square
 from small_runs import BALL, cli, simulate
 
 from warp_pd import BondBased, CriticalStretch, Explicit, Fixed, Frames, InputError, Simulation, read_series
+from warp_pd.interfaces import BuiltPart, Part
 from warp_pd.materials import Bimodular
 
 SHORT = (*BALL, "--duration", "0.05", "--frames", "2", "--no-usd")
@@ -74,6 +76,30 @@ def test_unknown_fields_are_refused_with_those_that_there_are(fields, said, tmp_
     done = cli("run", "pressure", "--points", "11", "--fields", fields, "--out", tmp_path / "a")
     assert done.exit_code == 2 and said in done.output and done.output.count("\n") == 1
     assert not (tmp_path / "a" / "summary.json").exists()
+
+
+class Marked(Part):
+    """A part with a field of its own."""
+
+    def build(self, context, law):
+        context.array("mark", "Marked", wp.float32, np.arange(context.sheet.size), output="mark")
+        return BuiltMark()
+
+
+class BuiltMark(BuiltPart):
+    label = "Marked"
+
+
+@pytest.mark.parametrize("fields", [("mark",), ("mark", "stretch")])
+def test_fields_of_a_part_can_be_chosen(fields, tmp_path):
+    sheet = square(9)
+    simulation = simulate(sheet, Explicit(0.01, frames=2), loads=[Marked()])
+    result = simulation.run(device="cpu", out=tmp_path / "a", usd=False, fields=fields)
+    arrays = {"mark": {"mark"}, "stretch": {"stretch_1", "stretch_2"}}
+    assert held(result.folder) == {"displacement"}.union(*(arrays[name] for name in fields))
+    assert (result.frame.point_data["mark"] == np.arange(sheet.size)).all()
+    with pytest.raises(InputError, match=r"expected one of .*'mark'.*did you mean 'mark'"):
+        simulation.run(device="cpu", out=tmp_path / "b", usd=False, fields=["marc"])
 
 
 def test_a_law_says_what_it_gives():

@@ -2,6 +2,7 @@
 
 import pytest
 from helpers import NEO, StopAt, square
+from point_laws import tiny
 
 from warp_pd import BondAssociated, Explicit, Fixed, InputError, Measure, Neural, Pressure, Simulation
 from warp_pd.run.folder import read_history
@@ -52,16 +53,19 @@ def test_an_animation_that_was_not_begun_is_no_traceback(tmp_path):
 
 
 def test_a_network_of_other_weights_is_refused():
-    """A module of one's own: its text has the shapes of its layers alone."""
+    """Also a user's module, whose text has only the shapes of its layers."""
     torch = pytest.importorskip("torch")
     from warp_pd.run.restart import identity
 
-    def known(bias):
-        layer = torch.nn.Linear(4, 2)
-        torch.nn.init.zeros_(layer.weight)
-        torch.nn.init.constant_(layer.bias, bias)
-        scene = simulation(force=Neural(NEO, network=layer))
+    def layer(bias):
+        made = torch.nn.Linear(4, 2)
+        torch.nn.init.zeros_(made.weight)
+        torch.nn.init.constant_(made.bias, bias)
+        return made
+
+    def known(network):
+        scene = simulation(force=Neural(NEO, network=network))
         return identity(scene, scene.build("cpu"))
 
-    assert known(0.0) == known(0.0)
-    assert known(0.0) != known(0.5)
+    for network in (layer, tiny):
+        assert known(network(0)) == known(network(0)) != known(network(1))

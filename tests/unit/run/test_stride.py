@@ -1,4 +1,4 @@
-"""Frames of some points: every so many-th column and row of a lattice, on any number of processes."""
+"""Frames of some points: every n-th column and row of a lattice, on any number of processes."""
 
 import itertools
 import os

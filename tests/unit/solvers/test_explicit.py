@@ -52,9 +52,8 @@ SHARED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("precision", [32, 64])
 @pytest.mark.parametrize("scene", SHARED)
-def test_steps_that_share_launches_are_the_steps_one_by_one(scene, precision):
+def test_steps_that_share_launches_are_the_steps_one_by_one(scene):
     """The end of a step and the beginning of the next are one launch, with the time ticked before both."""
     sheet = square(9)
     parts, joined = SHARED[scene]
@@ -63,9 +62,8 @@ def test_steps_that_share_launches_are_the_steps_one_by_one(scene, precision):
         values = {"force": BondAssociated(NEO, horizon=2.015, weights="plain"), **parts(sheet)}
         velocity = 0.1 * np.random.default_rng(0).normal(size=(sheet.size, 3))
         built = Simulation(sheet, solver=Explicit(1.0, damping=1.0), initial_velocity=velocity, **values).build(
-            "cpu", precision
+            "cpu", 64
         )
-        built.context.compile()
         wraparound = built.context.stages["step"].wraparound
         assert (wraparound and wraparound.parts) == joined
         built.state.step.fill_(2e-5)

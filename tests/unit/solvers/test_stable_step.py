@@ -57,7 +57,6 @@ def test_the_stable_step_is_a_bound(law, stretch):
     built = Simulation(
         sheet, law, Explicit(1.0), loads=[Fixed(sheet.edges("left"))], initial_displacement=start
     ).build("cpu", 64)  # fmt: skip
-    built.context.compile()
     estimate = built.solver.estimate(FIRST_ITERATIONS)
     exact = 2.0 / largest_frequency(built)
     assert 0.97 * exact < estimate <= exact

@@ -5,6 +5,9 @@ from helpers import square
 from small_runs import cli, simulate
 
 from warp_pd import BoundaryForce, CriticalStretch, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
+from warp_pd.geometry.triangulation import Lattice
+from warp_pd.solvers.multigrid import coarser
+from warp_pd.solvers.newton_settings import Report
 
 
 def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
@@ -20,6 +23,22 @@ def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
     stepping = {"step", "damping", "direction", "previous_force"}
     assert stepping <= fields["Relaxation"]
     assert not stepping & fields["Newton"]
+
+
+def test_the_summary_of_newton_counts_the_finest_lattice():
+    coarse = {"points": 9, "shares": [1.0], "products": 3, "residuals": [0.2]}
+    fine = {"points": 25, "shares": [0.5, 1.0], "products": 7, "residuals": [0.1, 1e-9]}
+    steps = [{"lattices": [coarse, fine], "rounds": 2}, {"lattices": [fine], "rounds": 1}]
+    found = Report("multigrid", steps).summary(25, 1.0)
+    assert (found["iterations"], found["products"], found["rounds"]) == (4, 14, 3)
+    assert found["residuals"] == 2 * [0.1, 1e-9]
+
+
+def test_coarser_lattices_cover_the_same_rectangle():
+    found = coarser(Lattice(65, 33, 0.02, 0.03))
+    assert len(found) > 1 and (found[0].columns, found[0].rows) == (33, 17)
+    for lattice in found:
+        assert (lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)) == pytest.approx((1.28, 0.96))
 
 
 WRONG = [

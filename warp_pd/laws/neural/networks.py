@@ -147,9 +147,9 @@ def load(path: str | Path) -> Network:
         facts = json.loads(bytes(arrays.pop("facts")))
         version = facts["version"]
     except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile) as error:
-        raise InputError(f"{said}: the file is damaged or no network ({type(error).__name__})") from None
+        raise InputError(f"{said}: the file is damaged or not a network ({type(error).__name__})") from None
     if version != VERSION:
-        raise InputError(f"{said}: it is of version {version!r}, expected {VERSION}; train it again")
+        raise InputError(f"{said}: expected a network of version {VERSION}, got version {version!r}; train it again")
     layers = sum(name.startswith("weights_") for name in arrays)
     try:
         network = Network(
@@ -164,7 +164,7 @@ def load(path: str | Path) -> Network:
             report=facts["report"],
         )
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(f"{said}: the file is damaged or no network ({type(error).__name__})") from None
+        raise InputError(f"{said}: the file is damaged or not a network ({type(error).__name__})") from None
     require_sound(network, said)
     return network
 

@@ -91,7 +91,7 @@ def training_data(material: Material, states: np.ndarray) -> TrainingData:
     forces = wp.zeros(n, dtype=types.vec2, device="cpu")
     given: Any = wp.array(np.ascontiguousarray(states), dtype=types.vec3, device="cpu")
     constants = types.parameters(*padded_constants(material))
-    wp.launch(kernel.kernel, dim=n, inputs=[given, constants, 0], outputs=[features, forces], device="cpu")
+    wp.launch(kernel, dim=n, inputs=[given, constants, 0], outputs=[features, forces], device="cpu")
     return TrainingData(states, features.numpy(), forces.numpy())
 
 

@@ -283,7 +283,7 @@ def own_device(name: str | None) -> str | None:
     """The device of this process: a GPU each, unless it is the CPU.
 
     Raises:
-        InputError: for one GPU of all, more processes than GPUs, or a torch without CUDA.
+        InputError: for the name of one GPU, more processes than GPUs, or a PyTorch without CUDA.
     """
     if name is not None and name.startswith("cuda:"):
         raise InputError(f"device = {name!r}: expected 'cuda', a GPU for each process, or 'cpu'")
@@ -292,7 +292,7 @@ def own_device(name: str | None) -> str | None:
         return name
     if not torch.cuda.is_available():
         raise InputError(
-            f"processes: expected GPUs and a torch that has CUDA, this is {torch.__version__}; or --device cpu"
+            f"processes: expected GPUs and a PyTorch built with CUDA, got {torch.__version__}; or take --device cpu"
         )
     processes, present = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), torch.cuda.device_count()
     if processes > present:

@@ -10,7 +10,7 @@ import warp as wp
 from helpers import NEO, array, internal_force, rough, square
 from point_laws import build, exact_module, tiny
 
-from warp_pd import Fixed, InputError, Neural
+from warp_pd import Explicit, Fixed, InputError, Neural, Simulation
 
 
 def test_modules_that_do_not_fit_are_refused():
@@ -84,3 +84,11 @@ def test_the_network_in_a_graph_on_cuda():
             assert (ended[1] == ended[2]).all()
             scale = np.abs(ended[0]).max()
             assert np.abs(ended[0] - ended[1]).max() < (1e-10 if precision == 64 else 1e-3) * scale
+
+
+def test_networks_of_users_are_told_apart_by_what_they_give():
+    def fingerprint(scale):
+        law = Neural(NEO, network=lambda features: scale * features[:, :2])
+        return Simulation(square(9), force=law, solver=Explicit(0.02)).build("cpu").law.fingerprint()
+
+    assert fingerprint(1.0) == fingerprint(1.0) != fingerprint(1.5)

@@ -1,0 +1,50 @@
+"""Base of the materials of the package, whose Warp functions are in one object of their kernels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from ..kernels.factories import FunctionFactory, PairFactory
+    from ..kernels.materials import MaterialFunctions
+
+
+class PlaneStress:
+    """Isotropic sheet in plane stress; its properties are those of `kernels.materials.MaterialFunctions`."""
+
+    isotropic: ClassVar[bool] = True
+
+    @property
+    def functions(self) -> PairFactory:
+        """Factory of (stress, energy)."""
+        return self.on_device.functions
+
+    @property
+    def near(self) -> FunctionFactory | None:
+        """Factory of the stress near a known state."""
+        return self.on_device.near
+
+    @property
+    def response(self) -> FunctionFactory | None:
+        """Factory of stress and moduli."""
+        return self.on_device.response
+
+    @property
+    def volume(self) -> FunctionFactory | None:
+        """Factory of the volume change."""
+        return self.on_device.volume
+
+    @property
+    def width(self) -> FunctionFactory | None:
+        """Factory of the width in uniaxial tension."""
+        return self.on_device.width
+
+    @property
+    def membrane(self) -> PairFactory | None:
+        """Factory of (volume change, shear modulus)."""
+        return self.on_device.membrane
+
+    @property
+    def on_device(self) -> MaterialFunctions:
+        """Factories of the material's Warp functions."""
+        raise NotImplementedError(f"{type(self).__name__}.on_device: a material needs its Warp functions")
