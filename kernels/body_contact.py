@@ -109,11 +109,11 @@ def body_contact(
 
     @wp.func
     def strike(
-        i: int, change: wp.vec3d, lost: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d,
+        i: int, change: wp.vec3d, arrested: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d,
         a: BodyContact,
     ):  # fmt: skip
         """The impulse is `weight` m times the change; it works along `start` and half the change, and damping takes
-        c dt / 2 of m change . `slowed`. Friction has the part `lost` of the change.
+        c dt / 2 of m change . `slowed`. Friction has the part `arrested` of the change.
         """
         before = a.velocity[i]
         after = before + narrow(change)
@@ -121,7 +121,7 @@ def body_contact(
         got = wide(after) - wide(before)
         momentum = wp.float64(weight * a.mass[i]) * got
         gained = wp.float64(0.0)
-        rub = wp.float64(weight * a.mass[i]) * lost
+        rub = wp.float64(weight * a.mass[i]) * arrested
         warmed = wp.float64(0.0)
         if wp.static(tracked):
             mean = start + wp.float64(0.5) * got
