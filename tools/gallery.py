@@ -94,7 +94,7 @@ SCENES: dict[str, Shown] = {
     "stable_crack": Shown({"load_steps": 4}, view="top"),
     "stretch": Shown({"defect": "hole", "stretch": 2.0}),
     "tension": Shown({}, "displacement along y"),
-    "trousers": Shown({"points": 16, "horizon": 2.015, "frames": 50}, share=0.6, view="side"),
+    "trousers": Shown({"points": 24, "frames": 50}, share=0.5, view="side"),
     "tube": Shown({"points": 48, "frames": 5}, "displacement"),
     "two_sheets": Shown({"points": 21, "frames": 30}, "displacement along x"),
     "visco_crack": Shown(
