@@ -35,7 +35,7 @@ GALLERY = DOCS / "gallery"
 SCRIPTS = "../../warp_pd/output/page"
 # A picture in pixels and colours; and what a page holds: points of a long and of a short run, frames, bits a number.
 WIDTH, HEIGHT, COLOURS = 720, 450, 96
-POINTS, MOST_POINTS, FRAMES, BITS = 1000, 1700, 16, 10
+POINTS, MOST_POINTS, FRAMES, BITS = 750, 1700, 16, 10
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Shown:
 SCENES: dict[str, Shown] = {
     "ball_penetration": Shown({"points": 61}, share=0.85),
     "balloon": Shown({"points": 12}, "displacement"),
-    "balloon_burst": Shown({"frames": 30}, share=0.8),
+    "balloon_burst": Shown({"critical_stretch": 3.5, "frames": 30}, share=0.6),
     "bimodular_bar": Shown({"points": 100}),
     "bulge_test": Shown({"points": 31}, "displacement along z", view="3D"),
     "cantilever": Shown({"points": 100}),
