@@ -40,7 +40,7 @@ def build(
     points: int = 24,
     horizon: float = 3.015,
     stretch: float = 2.0,
-    critical_stretch: float = 4.2,
+    critical_stretch: float = 3.5,
     tearing_energy: float | None = None,
     damage_length: float | None = None,
     speed: float = 30.0,

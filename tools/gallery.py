@@ -58,7 +58,7 @@ class Shown:
 SCENES: dict[str, Shown] = {
     "ball_penetration": Shown({"points": 61}, share=0.85),
     "balloon": Shown({"points": 12}, "displacement"),
-    "balloon_burst": Shown({"critical_stretch": 3.5, "frames": 30}, share=0.6),
+    "balloon_burst": Shown({"frames": 30}, share=0.6),
     "bimodular_bar": Shown({"points": 100}),
     "bulge_test": Shown({"points": 31}, "displacement along z", view="3D"),
     "cantilever": Shown({"points": 100}),
