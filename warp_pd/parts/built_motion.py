@@ -76,7 +76,7 @@ class BuiltMotion:
     def after(self, stage: Stage) -> None:
         """Add launches after points have got their impulses."""
 
-    def taken(self) -> dict[str, float]:
+    def sums(self) -> dict[str, Array]:
         """Momentum that the sheet was given since the last frame, and the loss; by name, if the motion knows them."""
         return {}
 
@@ -217,10 +217,10 @@ class InFlight(BuiltMotion):
             given=self.given,
         )  # fmt: skip
 
-    def taken(self) -> dict[str, float]:
+    def sums(self) -> dict[str, Array]:
         """Momentum and angular momentum given to the sheet since the last frame; energy lost in contact so far."""
         names = [*(f"impulse_{c}" for c in "xyz"), *(f"turn_{c}" for c in "xyz"), "loss"]
-        return {f"{self.name}_{n}": float(x) for n, x in zip(names, self.given.numpy(), strict=True)}
+        return {f"{self.name}_{name}": self.given[k : k + 1] for k, name in enumerate(names)}
 
     def columns(self) -> dict[str, float]:
         """Columns of the history, with the energies [J]."""
