@@ -13,6 +13,8 @@ energy and strain energy together change by P (v + P / 2m) + Q (v' - Q / 2m), wh
 kick and v' the last one; the rest are the terms that central differences have without contact. Mass damping takes
 its part of the impulses: `half_step` in kernels/integrate.py has the exact statement. It holds only if the way of a
 point and its velocity at the half step agree, so that the shift of `project` is dt times the change of the velocity.
+Both statements are linear in the last impulse, so that of friction has its exact part of what contact loses: by the
+same velocities of the point and of the body.
 
 The geometry is float64; what points get is the change of their velocity in their own precision.
 """
@@ -89,7 +91,10 @@ def body_contact(
     plane, may_touch_in_step, may_touch_now = search.plane, search.may_touch_in_step, search.may_touch_now
     half_kick, half_loss = half_step(bits, loaded, damped)
 
-    given = ("velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work")
+    given = (
+        "velocity", "work", "dissipated", "impulse", "turn", "loss", "rubbed", "push", "arms", "push_work", "rub",
+        "rub_work",
+    )  # fmt: skip
 
     @wp.func
     def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
@@ -104,10 +109,11 @@ def body_contact(
 
     @wp.func
     def strike(
-        i: int, change: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d, a: BodyContact
-    ):
+        i: int, change: wp.vec3d, arrested: wp.vec3d, start: wp.vec3d, slowed: wp.vec3d, weight: real, arm: wp.vec3d,
+        a: BodyContact,
+    ):  # fmt: skip
         """The impulse is `weight` m times the change; it works along `start` and half the change, and damping takes
-        c dt / 2 of m change . `slowed`.
+        c dt / 2 of m change . `slowed`. Friction has the part `arrested` of the change.
         """
         before = a.velocity[i]
         after = before + narrow(change)
@@ -115,8 +121,12 @@ def body_contact(
         got = wide(after) - wide(before)
         momentum = wp.float64(weight * a.mass[i]) * got
         gained = wp.float64(0.0)
+        rub = wp.float64(weight * a.mass[i]) * arrested
+        warmed = wp.float64(0.0)
         if wp.static(tracked):
-            gained = wp.dot(momentum, start + wp.float64(0.5) * got)
+            mean = start + wp.float64(0.5) * got
+            gained = wp.dot(momentum, mean)
+            warmed = wp.dot(rub, mean)
             a.work[i] = a.work[i] + gained
             if wp.static(damped and half_steps):
                 lost = wp.float64(half_loss(a.step, a.damping) * a.mass[i]) * wp.dot(got, slowed)
@@ -126,11 +136,17 @@ def body_contact(
             a.arms[i] = arm
             if wp.static(tracked):
                 a.push_work[i] = gained
+                if wp.static(rubs):
+                    a.rub[i] = rub
+                    a.rub_work[i] = warmed
         else:
             a.impulse[i] = a.impulse[i] + narrow(momentum)
             a.turn[i] = a.turn[i] + narrow(wp.cross(arm, momentum))
             if wp.static(tracked):
-                a.loss[i] = a.loss[i] + wp.dot(momentum, surface_velocity(arm, a)) - gained
+                passing = surface_velocity(arm, a)
+                a.loss[i] = a.loss[i] + wp.dot(momentum, passing) - gained
+                if wp.static(rubs):
+                    a.rubbed[i] = a.rubbed[i] + wp.dot(rub, passing) - warmed
 
     @wp.func
     def forget(i: int, a: BodyContact):
@@ -138,13 +154,9 @@ def body_contact(
             a.push[i] = wp.vec3d()
             if wp.static(tracked):
                 a.push_work[i] = wp.float64(0.0)
-
-    @wp.func
-    def warm(i: int, relative: wp.vec3d, lost: wp.vec3d, weight: real, a: BodyContact):
-        """Sum up what friction takes [J], `relative` being the velocity before it."""
-        if wp.static(tracked):
-            heat = wp.float64(weight * a.mass[i]) * wp.dot(lost, relative + wp.float64(0.5) * lost)
-            a.rubbed[i] = a.rubbed[i] - heat
+                if wp.static(rubs):
+                    a.rub[i] = wp.vec3d()
+                    a.rub_work[i] = wp.float64(0.0)
 
     @pointwise(BodyContact, writes=("need", "rows", "seen"))
     def find_inside(begin: int, end: int, a: BodyContact):
@@ -203,14 +215,13 @@ def body_contact(
                     change = shift / dt
                     kick = half_kick(i, a.step, a.mass, a.force, a.external)
                     start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
+                    lost = wp.vec3d()
                     if wp.static(rubs):
                         # Of a point at rest the shift has the digits that its place has lost.
                         pressed = wp.length(change)
                         if gap < a.skin:
                             pressed = wp.max(-wp.dot(relative, n), wp.float64(0.0))
                         lost = arrest(relative + change, pressed, n, a.friction)
-                        # A point that sticks gets its velocity back at the end of the step: no heat.
-                        warm(i, start - surface_velocity(arm, a), lost, real(1.0), a)
                         shift += dt * lost
                         q = a.rotation[0]
                         reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
@@ -221,7 +232,7 @@ def body_contact(
                         arm = x + shift - a.place[0]
                         change = shift / dt
                     a.displacement[i] = a.displacement[i] + narrow(shift)
-                    strike(i, change, start, start, real(1.0), arm, a)
+                    strike(i, change, lost, start, start, real(1.0), arm, a)
                     if wp.static(tracked and loaded):
                         # The drift took the load along the way that the point did not go.
                         a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
@@ -251,12 +262,12 @@ def body_contact(
                             # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
                             weight += half_loss(a.step, a.damping)
                             slowed = wide(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
+                        lost = wp.vec3d()
                         if wp.static(rubs):
                             lost = arrest(relative + change, approach, n, a.friction)
-                            warm(i, relative + change, lost, weight, a)
                             change += lost
                         if wp.static(damped):
                             start -= wp.float64(real(0.5) * half_loss(a.step, a.damping)) * change
-                        strike(i, change, start, slowed, weight, arm, a)
+                        strike(i, change, lost, start, slowed, weight, arm, a)
 
     return BodyContactKernels(project_out, separate_from, find_inside, find_touching, search.mark, search.mark_now)

@@ -128,8 +128,8 @@ class FreeMotion:
 
 
 @functools.cache
-def free_motion(bits: int, damped: bool, tracked: bool, marked: bool) -> FreeMotion:
-    """Kernels of a free body; `damped`, `tracked` and `marked` as in `body_contact`."""
+def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool) -> FreeMotion:
+    """Kernels of a free body; `damped`, `tracked`, `rubs` and `marked` as in `body_contact`."""
     types = numeric(bits)
     real = types.real
 
@@ -306,6 +306,8 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool) -> FreeMot
         push: wp.array(dtype=wp.vec3d),
         arms: wp.array(dtype=wp.vec3d),
         push_work: wp.array(dtype=wp.float64),
+        rub: wp.array(dtype=wp.vec3d),
+        rub_work: wp.array(dtype=wp.float64),
         block: int,
         first: int,
         sums: wp.array2d(dtype=wp.float64),
@@ -314,6 +316,9 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool) -> FreeMot
         linear = wp.vec3d()
         turn = wp.vec3d()
         work = wp.float64(0.0)
+        rubbing = wp.vec3d()
+        twist = wp.vec3d()
+        warmed = wp.float64(0.0)
         for i in range(b * block, wp.min((b + 1) * block, push.shape[0])):
             got = bool(True)
             if wp.static(marked):
@@ -323,10 +328,19 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool) -> FreeMot
                 turn += wp.cross(arms[i], push[i])
                 if wp.static(tracked):
                     work += push_work[i]
+                    if wp.static(rubs):
+                        rubbing += rub[i]
+                        twist += wp.cross(arms[i], rub[i])
+                        warmed += rub_work[i]
         for c in range(3):
             sums[c, b] = linear[c]
             sums[3 + c, b] = turn[c]
         sums[6, b] = work
+        if wp.static(tracked and rubs):
+            for c in range(3):
+                sums[7 + c, b] = rubbing[c]
+                sums[10 + c, b] = twist[c]
+            sums[13, b] = warmed
 
     @kernel(per="once")
     def give(
@@ -339,7 +353,9 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool) -> FreeMot
         momenta: wp.array(dtype=wp.vec3d),
         given: wp.array(dtype=wp.float64),
     ):
-        """`given`: momentum and angular momentum given to the sheet since the last frame, and what contact lost [J]."""
+        """`given`: momentum and angular momentum given to the sheet since the last frame, and what contact and, of it,
+        friction lost [J].
+        """
         linear = wp.vec3d(totals[0], totals[1], totals[2])
         turn = wp.vec3d(totals[3], totals[4], totals[5])
         before = momenta[0]
@@ -358,6 +374,10 @@ def free_motion(bits: int, damped: bool, tracked: bool, marked: bool) -> FreeMot
             moved = momenta[2] + half * (velocity - before)
             turned = momenta[3] + half * (spin - spin_before)
             given[6] = given[6] + wp.dot(linear, moved) + wp.dot(turn, turned) - totals[6]
+            if wp.static(rubs):
+                rubbing = wp.vec3d(totals[7], totals[8], totals[9])
+                twist = wp.vec3d(totals[10], totals[11], totals[12])
+                given[7] = given[7] + wp.dot(rubbing, moved) + wp.dot(twist, turned) - totals[13]
 
     return FreeMotion(
         move_body, kick_body, gather_touching, sum_rows, solve_touching, yield_to, foresee, gather_given, give

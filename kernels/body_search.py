@@ -103,6 +103,8 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         push: wp.array(dtype=wp.vec3d)
         arms: wp.array(dtype=wp.vec3d)
         push_work: wp.array(dtype=wp.float64)
+        rub: wp.array(dtype=wp.vec3d)
+        rub_work: wp.array(dtype=wp.float64)
 
     @wp.func
     def wide(v: vec3):

@@ -50,7 +50,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         wrinkles: "relaxed": the energy of tension field theory; "resolved"; "auto": relaxed for laws that take it.
         ball_speed: Speed of the ball [m/s].
         clamp_can_tear: Whether bonds of the clamped points break, too.

@@ -53,7 +53,7 @@ def build(
 
     Args:
         stretch: Stretch of the inflated balloon [-].
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         speed: Speed of the needle [m/s].
     """
     top = positive("stretch", stretch) * RADIUS

@@ -51,7 +51,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         notch: Length of each notch [m].
         speed: Speed of each grip [m/s].
         slow_from: Frames are 1 ms apart from this time on [s].

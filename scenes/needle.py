@@ -42,7 +42,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         thickness: Diameter of the needle, in spacings.
         speed: Speed of the needle [m/s].
         depth: How far the tip is pushed [m].

@@ -53,7 +53,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         slit: Length of the slit [m].
         slit_at: Distance of the slit from the fixed edge [m].
         seed_height: Height of the waves at the start [m].

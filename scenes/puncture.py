@@ -53,7 +53,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         slit: Length of the slit [m]; 0: there is none.
         speed: Speed of the ball, slow against waves of 20 to 100 m/s [m/s].
         depth: How far the ball is lowered [m].

@@ -69,7 +69,7 @@ def build(
 
     Args:
         points: Points along the height: rows.
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         advance: Growth of the crack at which its onset is read, in spacings.
     """
     sheet_material = with_wrinkles(MATERIALS[one_of("material", material, tuple(MATERIALS))], wrinkles)

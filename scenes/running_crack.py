@@ -42,7 +42,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         points: Points along the height: rows.
         overload: Energy release rate of the stretched strip over the tearing energy, above 1 [-].
     """

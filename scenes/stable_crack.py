@@ -43,7 +43,7 @@ def build(
 
     Args:
         points: Points along the height: rows.
-        damage_length: Length of the damage field [m], see TearingEnergy; by default two horizons.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         growth: Growth of Griffith's crack over the height, up to 1.75 [-].
         load_steps: The first one ends where Griffith's crack begins to grow.
     """

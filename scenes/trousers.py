@@ -57,7 +57,7 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m], see TearingEnergy; by default four spacings.
+        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         points: Points along the width of both legs.
         speed: Speed of each end [m/s].
     """

@@ -1,5 +1,7 @@
 """Contact with rigid bodies: momentum, energy, friction, no penetration, and that runs repeat."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -27,6 +29,7 @@ from warp_pd import (
 from warp_pd.kernels import distances
 from warp_pd.output.plots import frames_at, surfaces
 from warp_pd.parts.body_shapes import signed_distances
+from warp_pd.scenes import dropped_ball
 
 DENSITY, GRAVITY = 1000.0, 9.81
 TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
@@ -97,19 +100,32 @@ def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision, friction):
         assert rows[-1]["body_spin_y"] < 30.0
 
 
-def rubbing(shape, speed, safety):
+def rubbing(shape, speed, safety, rotation=(0.0, 0.0, 0.0, 1.0)):
     sheet = square(15)
     edge = sheet.where(lambda x, y: (abs(x - 0.05) > 0.0499) | (abs(y - 0.05) > 0.0499))
-    body = RigidBody(shape, falling(velocity=(speed, 0.0, -0.5)), friction=0.5)
+    body = RigidBody(shape, falling(velocity=(speed, 0.0, -0.5), rotation=rotation), friction=0.5)
     return run(sheet, Explicit(0.05, frames=5, safety=safety), precision=64, contact=body, loads=[Fixed(edge)]).history
 
 
-@pytest.mark.parametrize("speed", [0.1, 1.0])
-@pytest.mark.parametrize("shape", [Sphere(0.03), Box((0.03, 0.03, 0.03))], ids=["sphere", "box"])
+@pytest.mark.parametrize("speed", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("shape", [Sphere(0.03), Box((0.03, 0.03, 0.03)), Capsule(0.03, 0.03)], ids=lambda s: s.kind)
 def test_friction_takes_no_more_than_contact_loses(shape, speed):
-    rows = rubbing(shape, speed, 0.3)
+    lying = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
+    rows = rubbing(shape, speed, 0.3, lying)
     assert rows[-1]["body_rubbed"] > 0.0
     assert all(0.0 <= row["body_rubbed"] <= row["body_loss"] for row in rows)
+
+
+def test_a_ball_that_rolls_over_a_trampoline_rubs_no_more_than_it_loses():
+    scene = dropped_ball.build(
+        points=15, horizon=2.015, diameter=0.12, duration=0.3, frames=30, safety=0.3, friction=0.5
+    )  # fmt: skip
+    ball = scene.contact
+    thrown = replace(ball.motion, velocity=(1.0, 0.0, 0.0), position=(0.1, 0.15, 0.11))
+    scene = replace(scene, contact=replace(ball, motion=thrown))
+    rows = scene.run(device="cpu", precision=64).history
+    assert rows[-1]["ball_rubbed"] > 0.01
+    assert all(0.0 <= row["ball_rubbed"] <= row["ball_loss"] for row in rows)
 
 
 def test_heat_of_friction_does_not_depend_on_the_step():

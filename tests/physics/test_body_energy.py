@@ -18,12 +18,17 @@ from warp_pd.scenes import dropped_ball
 POINTS, STEPS, START = 9, 300, (0.05, 0.052, 0.01501)
 MASS = 5e-3
 GRAVITY = np.array([0.0, 0.0, -9.81])
+SLOPE = 0.15
 
 
 def bodies(kind):
-    """The ball of the papers; or a free body with friction, and another one without, which turns on its path."""
+    """The ball of the papers; a sloping plate too heavy to turn; or a free ball, and a body that turns on its path."""
     if kind == "ball":
         return RigidBall(0.03, START, (0.0, 0.0, -0.4))
+    if kind == "plate":
+        slope = (0.0, np.sin(0.5 * SLOPE), 0.0, np.cos(0.5 * SLOPE))
+        flight = Free(MASS, (0.05, 0.05, 0.018), (0.4, 0.1, -0.5), rotation=slope, inertia=(1e9, 1e9, 1e9))
+        return RigidBody(Box((0.3, 0.3, 0.02)), flight, friction=0.2, name="free")
     path = BodyPath(
         [0.0, 1.0], [(0.055, 0.05, -0.01002), (0.055, 0.05, 0.2)], [(0.0, 0.0, 0.0, 1.0), (0.0, 0.6, 0.0, 0.8)]
     )
@@ -34,7 +39,7 @@ def bodies(kind):
 @cache
 def steps(kind, damping, precision):
     """Step [s], and states of a small sheet at every step: one dictionary each, with arrays in float64."""
-    load = BodyForce((0.0, 0.0, -2e4))
+    load = BodyForce((0.0, 0.0, 2e4 if kind == "plate" else -2e4))
     simulation = simulate(square(POINTS), Explicit(1.0, damping=damping), loads=[load], contact=bodies(kind))
     built = simulation.build("cpu", precision)
     dt = float(np.float32(4e-5))
@@ -46,7 +51,8 @@ def steps(kind, damping, precision):
     one = built.context.sequence("step")
     names = ["displacement", "velocity", "force", "external", "mass", "work"] + ["dissipated"] * (damping > 0.0)
     found = {name: getattr(state, name) for name in names}
-    felt = ["impulse"] if kind == "ball" else ["body_impulse", "free_momenta", "free_given"]
+    free = ["free_momenta", "free_given"]
+    felt = {"ball": ["impulse"], "plate": free, "two": ["body_impulse", *free]}[kind]
     found |= {name: arrays[name] for name in felt}
     states = []
     for index in range(STEPS + 1):
@@ -99,6 +105,27 @@ def test_bodies_feel_the_momentum_that_they_give(kind, damping, precision):
         felt += lost
     bound = (1e-12 if precision == 64 else 3e-5) * sum(np.abs(v).sum() for v in (felt, given))
     np.testing.assert_allclose(felt, given, rtol=0.0, atol=bound)
+
+
+def test_friction_has_its_exact_part_of_the_loss():
+    """What points and plate lose along the plate, by the velocities before and after each impulse."""
+    dt, states = steps("plate", 0.0, 64)
+    normal = np.array([np.sin(SLOPE), 0.0, np.cos(SLOPE)])
+    along = np.eye(3) - np.outer(normal, normal)
+    heat, lost = [0.0], [0.0]
+    for s, t in itertools.pairwise(states):
+        mass, u = s["mass"][:, None], (t["displacement"] - s["displacement"]) / dt
+        early, late = u - s["velocity"] - half_kick(s, dt, 0.0), t["velocity"] - u - half_kick(t, dt, 0.0)
+        pushed = mass.T @ early / MASS, mass.T @ late / MASS
+        begin, end = s["free_momenta"][0], t["free_momenta"][0]
+        first = s["velocity"] + 0.5 * early - (begin - 0.5 * pushed[0])
+        second = t["velocity"] - 0.5 * late - (end + 0.5 * pushed[1])
+        heat.append(-(mass * ((early @ along) * first + (late @ along) * second)).sum())
+        lost.append(-(mass * (early * first + late * second)).sum())
+    given = np.array([s["free_given"] for s in states])
+    for found, expected in ((given[:, 6], np.cumsum(lost)), (given[:, 7], np.cumsum(heat))):
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
+    assert 0.0 < given[-1, 7] < given[-1, 6]
 
 
 def test_a_ball_that_bounces_keeps_the_energy():

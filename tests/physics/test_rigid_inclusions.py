@@ -5,7 +5,7 @@ import pytest
 from helpers import square
 from small_runs import run
 
-from warp_pd import Explicit, Fixed, Motion
+from warp_pd import Explicit, Fixed, InputError, Motion
 
 
 def test_a_rigid_inclusion_moves_as_a_body():
@@ -46,3 +46,24 @@ def test_a_free_sheet_with_an_inclusion_keeps_its_momenta_but_for_damping(dampin
     assert turning - np.cross(shift, after) == pytest.approx(left * angular, abs=1e-3 * np.abs(angular).max())
     total = [row["kinetic"] + row["strain"] for row in result.history]
     assert damping or total[-1] == pytest.approx(total[0], rel=5e-3)
+
+
+def test_an_inclusion_starts_with_the_velocity_of_its_points():
+    """A sheet and its inclusion that fly and spin as one body go on so, but for the angle squared."""
+    sheet = square(9).inclusion((0.03, 0.06), 0.02)
+    spin, drift, duration = 0.05, np.array([0.3, -0.1, 0.2]), 0.02
+    place = sheet.positions - np.average(sheet.positions, axis=0, weights=sheet.areas)
+    velocity = np.cross([0.0, 0.0, spin], place) + drift
+    result = run(sheet, initial_velocity=velocity, solver=Explicit(duration, frames=2, safety=0.3))
+    bent = (spin * duration) ** 2 * np.abs(place).max()
+    assert result.frame.displacement == pytest.approx(duration * velocity, abs=bent)
+
+
+def test_an_inclusion_that_would_deform_is_refused():
+    sheet = square(9).inclusion((0.05, 0.05), 0.02)
+    velocity = np.zeros((sheet.size, 3))
+    velocity[:, 0] = 0.1 * sheet.points[:, 0]
+    with pytest.raises(
+        InputError, match=r"initial_velocity of point \d+ = .*expected a rigid motion of its rigid inclusion"
+    ):
+        run(sheet, initial_velocity=velocity)

@@ -101,3 +101,16 @@ def test_a_torn_sheet_that_wrinkles_runs_to_its_end():
 
 def test_a_torn_sheet_that_is_crushed_outruns_such_steps():
     assert torn(safety=0.05, wrinkles="resolved").status == "diverged"
+
+
+def test_a_ramp_relaxes_by_the_rate_of_the_right_cauchy_green_tensor():
+    """VE eqs. 31 to 33 and 61: gamma' = stretch' - gamma / theta, with C of an incompressible bar at that stretch."""
+    rate, term, times = 0.8, Prony(c10=1e3, time=0.5, exponent=1.6), np.linspace(0.0, 2.0, 4001)
+    path = 1.0 + rate * times
+    squares = np.stack([path**2, 1.0 / path, 1.0 / path])
+    speed = np.linalg.norm(np.diff(squares, axis=1), axis=0) / np.diff(times)
+    gamma = 0.0
+    for dt, relaxation in zip(np.diff(times), term.time * speed**-term.exponent, strict=True):
+        gamma = (gamma * (1.0 - 0.5 * dt / relaxation) + rate * dt) / (1.0 + 0.5 * dt / relaxation)
+    viscous = published_stress(POLYUREA, (term,), times, path) - published_stress(POLYUREA, (), times, path)
+    assert viscous[-1] == pytest.approx(2.0 * term.c10 * gamma, rel=1e-4)

@@ -1,7 +1,8 @@
 """A sheet drawn with fewer points: its triangulation contracted onto clusters of points.
 
 Points of a cell of a cubic grid that hang together form a cluster, and the point nearest to the cell's node stands for
-it. What hangs together is taken from the last frame, so the two sides of a crack are never one cluster. A triangle
+it. What hangs together is taken from the last frame, so the two sides of a crack are never one cluster; points that
+the crack has left without a triangle form clusters of their own, by the first frame. A triangle
 whose corners are in three clusters becomes a triangle of their points; it is intact as long as one such triangle is.
 A crack between clusters is drawn as wide as a drawn triangle, one through a cluster as wide as it is.
 """
@@ -48,7 +49,10 @@ def clusters(reference: NDArray[np.floating], first: Triangles, last: Triangles,
     if np.count_nonzero(used) <= most:
         return cluster
     # What tore to shreds has no clusters: such a sheet is coarsened as it was at first.
-    for faces in (last, first):
+    loose = used.copy()
+    loose[last] = False
+    between = first[loose[first].all(axis=1)]
+    for faces in (np.concatenate([last, between]), first):
         cluster = _joined(reference, faces, used, most)
         if len(np.unique(cluster[used])) <= 1.5 * most:
             break

@@ -105,7 +105,8 @@ class BuiltBody(BuiltContact):
             resolved(f"RigidBody {name!r}: smallest extent", part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
         self._body, self._mesh = on_device(part.shape, context.device)
         self._check_apart()
-        self.motion = part.motion.build(name, part.shape, context)
+        self._rubs = part.friction > 0.0
+        self.motion = part.motion.build(name, part.shape, context, self._rubs)
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
         self._curved, tracked = curved, context.features.tracked
@@ -119,7 +120,7 @@ class BuiltBody(BuiltContact):
         self.turn: Array | None = None
         self.loss: Array | None = None
         self.rubbed: Array | None = None
-        if part.friction > 0.0 and tracked:
+        if self._rubs and tracked and not part.motion.free:
             self.rubbed = context.array(f"{name}_rubbed", name, wp.float64, shape=sheet.size, restart=True)
         if not part.motion.free:
             self.impulse, self.turn = (
@@ -158,7 +159,7 @@ class BuiltBody(BuiltContact):
             return
         context, part, f = self.context, self.part, self.context.features
         kernels = body_contact(
-            context.bits, part.shape.distance, part.motion.free, part.friction > 0.0, self._curved, f.held, f.loaded,
+            context.bits, part.shape.distance, part.motion.free, self._rubs, self._curved, f.held, f.loaded,
             f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None,
         )  # fmt: skip
         project = phase is Phase.PROJECT
@@ -180,7 +181,8 @@ class BuiltBody(BuiltContact):
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
-        flying = {name: getattr(motion, name, None) for name in ("need", "rows", "push", "arms", "push_work")}
+        names = ("need", "rows", "push", "arms", "push_work", "rub", "rub_work")
+        flying = {name: getattr(motion, name, None) for name in names}
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
@@ -202,8 +204,7 @@ class BuiltBody(BuiltContact):
     def column_names(self) -> Sequence[str]:
         """Force, torque, place and motion; what contact lost, and the energies of a free body."""
         name, motion = self.part.name, self.motion.columns()
-        lost = [f"{name}_loss"] if self.context.features.tracked else []
-        lost += [f"{name}_rubbed"] if self.rubbed is not None else []
+        lost = [f"{name}_{what}" for what in self._losses()]
         return [*(f"{name}_{what}_{c}" for what in ("force", "torque") for c in "xyz"), *motion, *lost]
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
@@ -215,11 +216,12 @@ class BuiltBody(BuiltContact):
             for c in "xyz"
         }
         row |= self.motion.columns()
-        if self.context.features.tracked:
-            row[f"{name}_loss"] = totals[f"{name}_loss"]
-        if self.rubbed is not None:
-            row[f"{name}_rubbed"] = totals[f"{name}_rubbed"]
-        return row
+        return row | {f"{name}_{what}": totals[f"{name}_{what}"] for what in self._losses()}
+
+    def _losses(self) -> list[str]:
+        if not self.context.features.tracked:
+            return []
+        return ["loss", "rubbed"] if self._rubs else ["loss"]
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque [N m] since the row before."""

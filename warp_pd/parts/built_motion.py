@@ -16,6 +16,8 @@ from ..kernels.body_motion import ROWS, free_motion, path_motion, vec6d
 
 # Points from which those that may touch are marked first: below, launches cost more than registers.
 MARKED_FROM = 2**17
+# What a free body gives to the sheet, and what is lost; the last with friction only.
+SUMS = (*(f"{name}_{c}" for name in ("impulse", "turn") for c in "xyz"), "loss", "rubbed")
 
 
 class Thrown(Protocol):
@@ -125,6 +127,8 @@ class InFlight(BuiltMotion):
         push: What each point got in the last half step [N s], (N,) vec3d.
         arms: From the centre to the point [m], (N,) vec3d.
         push_work: Its work [J], (N,) float64, or None.
+        rub: The part of `push` by friction [N s], (N,) vec3d, or None.
+        rub_work: Its work [J], (N,) float64, or None.
     """
 
     def __init__(
@@ -134,6 +138,7 @@ class InFlight(BuiltMotion):
         body: Thrown,
         inertia: np.ndarray,
         context: Context,
+        rubs: bool,
     ) -> None:
         super().__init__(name, pose, context)
         points, tracked = context.sheet.size, context.features.tracked
@@ -143,7 +148,9 @@ class InFlight(BuiltMotion):
         start = [body.velocity, angular, body.velocity, body.spin]
         self.motion.assign(np.array([body.velocity, body.spin], float))
         self.momenta = self._array("momenta", wp.vec3d, np.array(start, float))
-        self.given = self._array("given", wp.float64, np.zeros(7))
+        self._rubs = rubs and tracked
+        self._sums_given = SUMS if self._rubs else SUMS[:-1]
+        self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
         self.block = max(64, int(np.sqrt(points)))
         self.blocks = -(-points // self.block)
 
@@ -153,13 +160,15 @@ class InFlight(BuiltMotion):
         self.need, self.rows = room("need", wp.float64, points), room("rows", vec6d, points)
         self.push, self.arms = room("push", wp.vec3d, points), room("arms", wp.vec3d, points)
         self.push_work = room("push_work", wp.float64, points) if tracked else None
+        self.rub = room("rub", wp.vec3d, points) if self._rubs else None
+        self.rub_work = room("rub_work", wp.float64, points) if self._rubs else None
         self._sums = room("sums", wp.float64, (ROWS, self.blocks), "block")
         self._totals = room("totals", wp.float64, ROWS, "once")
         self._changes = room("changes", vec6d, 1, "once")
         self._inertia = wp.mat33d(*inertia.ravel().tolist())
         self._inverse = wp.mat33d(*np.linalg.inv(inertia).ravel().tolist())
         self._gravity = wp.vec3d(*map(float, body.gravity))
-        self._kernels = free_motion(context.bits, context.features.damped, tracked, self.marks is not None)
+        self._kernels = free_motion(context.bits, context.features.damped, tracked, rubs, self.marks is not None)
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that kick and drift the body."""
@@ -208,9 +217,9 @@ class InFlight(BuiltMotion):
         """Take from the body what the points got."""
         stage.launch(
             self.name, self._kernels.gather_given, self.blocks, marks=self.marks, push=self.push, arms=self.arms,
-            push_work=self.push_work, block=self.block, sums=self._sums,
+            push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self.block, sums=self._sums,
         )  # fmt: skip
-        stage.launch(self.name, self._kernels.reduce, 7, sums=self._sums, totals=self._totals)
+        stage.launch(self.name, self._kernels.reduce, 14 if self._rubs else 7, sums=self._sums, totals=self._totals)
         stage.launch(
             self.name, self._kernels.give, 1, totals=self._totals, mass=float(self.body.mass),
             inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion, momenta=self.momenta,
@@ -218,9 +227,8 @@ class InFlight(BuiltMotion):
         )  # fmt: skip
 
     def sums(self) -> dict[str, Array]:
-        """Momentum and angular momentum given to the sheet since the last frame; energy lost in contact so far."""
-        names = [*(f"impulse_{c}" for c in "xyz"), *(f"turn_{c}" for c in "xyz"), "loss"]
-        return {f"{self.name}_{name}": self.given[k : k + 1] for k, name in enumerate(names)}
+        """Momentum and angular momentum given to the sheet since the last frame; energies lost in contact so far."""
+        return {f"{self.name}_{name}": self.given[k : k + 1] for k, name in enumerate(self._sums_given)}
 
     def columns(self) -> dict[str, float]:
         """Columns of the history, with the energies [J]."""
@@ -233,7 +241,7 @@ class InFlight(BuiltMotion):
         return {**row, f"{self.name}_kinetic": float(kinetic), f"{self.name}_potential": float(height)}
 
     def end_frame(self) -> None:
-        """Set the sums of a frame to zero, but not the energy lost in contact."""
+        """Set the sums of a frame to zero, but not the energies lost in contact."""
         given = self.given.numpy().copy()
         given[:6] = 0.0
         self.given.assign(given)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from ..device.checks import InputError
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Constraint, Part
@@ -18,6 +19,8 @@ from ..kernels.integrate import RIGID
 from ..kernels.rigid import rigid_inclusions
 
 OWNER = "rigid inclusions"
+# How far velocities of an inclusion may be from those of a rigid body, over the largest.
+RIGID_WITHIN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,17 +29,23 @@ class RigidInclusions(Part):
 
     Attributes:
         groups: Point indices of each.
+        velocity: Of all points at time 0 [m/s], shape (N, 3).
     """
 
     groups: tuple[np.ndarray, ...]
+    velocity: np.ndarray
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """All components of the points of each."""
         return [Constraint("rigid inclusion", members, RIGID) for members in self.groups]
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
-        """The bodies on a device."""
-        return BuiltInclusions(self.groups, context)
+        """The bodies on a device.
+
+        Raises:
+            InputError: for an initial velocity of an inclusion that is not that of a rigid body.
+        """
+        return BuiltInclusions(self.groups, self.velocity, context)
 
 
 class BuiltInclusions(BuiltPart):
@@ -44,17 +53,21 @@ class BuiltInclusions(BuiltPart):
 
     label = "sheet.inclusions"
 
-    def __init__(self, groups: tuple[np.ndarray, ...], context: Context) -> None:
+    def __init__(self, groups: tuple[np.ndarray, ...], velocity: np.ndarray, context: Context) -> None:
         self.context, self.count = context, len(groups)
         sheet = context.sheet
         mass = sheet.areas * sheet.thickness * sheet.density
-        arms, masses, inertia = [], [], []
+        arms, masses, inertia, linear, angular = [], [], [], [], []
         for members in groups:
             m, X = mass[members], sheet.positions[members]
             arm = X - m @ X / m.sum()
             arms.append(arm)
             masses.append(m.sum())
             inertia.append(np.linalg.inv(((arm**2).sum(axis=1) * m).sum() * np.eye(3) - (arm.T * m) @ arm))
+            linear.append(m @ velocity[members])
+            angular.append(m @ np.cross(arm, velocity[members]))
+            rigid = linear[-1] / masses[-1] + np.cross(inertia[-1] @ angular[-1], arm)
+            _require_rigid(velocity[members], rigid, members)
         begins = np.concatenate([[0], np.cumsum([len(g) for g in groups])])
 
         def table(name: str, dtype: Any, values: np.ndarray) -> Any:
@@ -70,10 +83,9 @@ class BuiltInclusions(BuiltPart):
             "masses": table("body_masses", wp.float64, np.array(masses)),
             "inverse_inertia": table("body_inverse_inertia", wp.mat33d, np.array(inertia)),
         }
-        still = np.zeros((self.count, 3))
-        self.place = body("body_place", wp.vec3d, still)
-        self.linear = body("body_linear", wp.vec3d, still)
-        self.angular = body("body_angular", wp.vec3d, still)
+        self.place = body("body_place", wp.vec3d, np.zeros((self.count, 3)))
+        self.linear = body("body_linear", wp.vec3d, np.array(linear))
+        self.angular = body("body_angular", wp.vec3d, np.array(angular))
         self.rotation = body("body_rotation", wp.mat33d, np.repeat(np.eye(3)[None], self.count, axis=0))
 
     def add(self, phase: Phase, stage: Stage) -> None:
@@ -92,3 +104,13 @@ class BuiltInclusions(BuiltPart):
             stage.launch(OWNER, move, self.count, **shared, displacement=state.displacement, place=self.place)
         else:
             stage.launch(OWNER, kick, self.count, **shared)
+
+
+def _require_rigid(given: np.ndarray, rigid: np.ndarray, members: np.ndarray) -> None:
+    off = np.linalg.norm(given - rigid, axis=1)
+    worst = int(off.argmax())
+    if off[worst] > RIGID_WITHIN * np.linalg.norm(given, axis=1).max():
+        raise InputError(
+            f"initial_velocity of point {members[worst]} = {given[worst]}: expected a rigid motion of its rigid "
+            f"inclusion, {rigid[worst]} m/s here"
+        )

@@ -347,7 +347,9 @@ class DamageField(Damaged):
         intact, field = self.memory[0].numpy().copy(), self.field.numpy().copy()
         if not again:
             self._least = field.copy()
+        # Sweeps write the points of the list alone: others have the damage of now in both arrays.
         self.field.assign(self._least)
+        self._other.assign(self._least)
         # Sweeps leave the outermost ghost points wrong.
         before, own = self._least, self._own
         for _ in range(MAX_REPEATS):

@@ -123,7 +123,9 @@ def parts_of(scene: Scene) -> list[Part]:
     Raises:
         InputError: for parts that cannot be combined.
     """
-    inclusions: list[Part] = [RigidInclusions(scene.sheet.inclusions)] if scene.sheet.inclusions else []
+    inclusions: list[Part] = []
+    if scene.sheet.inclusions:
+        inclusions = [RigidInclusions(scene.sheet.inclusions, scene.initial("initial_velocity"))]
     parts = [part for part in (*inclusions, *scene.loads, *scene.contacts, scene.damage) if part is not None]
     for index, part in enumerate(parts):
         part.check([*parts[:index], *parts[index + 1 :]])

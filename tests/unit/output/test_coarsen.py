@@ -66,6 +66,17 @@ def test_a_crack_is_drawn_where_it_is(row):
     assert not np.any((left.min(axis=1) < height) & (left.max(axis=1) > height))
 
 
+def test_points_that_a_wide_tear_leaves_loose_stand_for_no_face():
+    """They fly away; a face that is drawn at such a point would follow it."""
+    sheet = square(61)
+    centres = sheet.positions[sheet.triangles].mean(axis=1)
+    left = sheet.triangles[np.abs(centres[:, 1] - 0.45 * SIZE) > 3.0 * sheet.spacing]
+    found, (before, after) = coarse(sheet.positions, [sheet.triangles, left], 200)
+    assert before == pytest.approx(SIZE**2, rel=1e-6) and after == pytest.approx(area(sheet.positions, left), rel=0.02)
+    assert np.isin(found.points[found.triangles[found.intact[1]]], left).all()
+    assert len(found.points) < 350
+
+
 def test_sheets_that_lie_close_are_not_joined():
     below = square(41).positions
     above = below + [0.0, 0.0, 1e-5]

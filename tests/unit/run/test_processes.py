@@ -24,7 +24,7 @@ pytest.importorskip("torch.distributed")
 FILE = Path(shared_scenes.__file__)
 # Processes, and the scenes that so many run: more kinds are in `shared_scenes`.
 RUNS = {
-    2: ("torn", "cloud", "field hole"), 3: ("loads", "relaxed", "scattered", "field cloud"),
+    2: ("torn", "cloud", "field hole"), 3: ("loads", "relaxed", "scattered", "field cloud", "field relaxed"),
     4: ("torn", "energy", "field"),
 }  # fmt: skip
 

@@ -4,7 +4,7 @@ import pytest
 from helpers import square
 from small_runs import cli, simulate
 
-from warp_pd import BoundaryForce, CriticalStretch, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
+from warp_pd import BoundaryForce, Explicit, Fixed, InputError, Newton, Relaxation, RigidBall
 from warp_pd.geometry.triangulation import Lattice
 from warp_pd.solvers.multigrid import coarser
 from warp_pd.solvers.newton_settings import Report
@@ -52,7 +52,6 @@ WRONG = [
     (lambda: Relaxation(load_steps=0), "load_steps = 0"),
     (lambda: Relaxation(most_steps=0), "most_steps = 0"),
     (lambda: simulate(square(9), Newton(preconditioner="multigrid")).build("cpu"), "preconditioner = 'multigrid'"),
-    (lambda: simulate(square(9), Newton(), damage=CriticalStretch(2.0)).build("cpu"), "damage: expected None"),
     (
         lambda: simulate(square(9), Newton(), contact=RigidBall(0.05, (0.05, 0.05, 0.1), (0, 0, -1))).build("cpu"),
         "contact = RigidBall",
