@@ -283,6 +283,15 @@ def test_a_stretch_at_break_is_a_strength():
     assert by_stretch.wanted_length() == pytest.approx(by_energy.wanted_length(), rel=5e-3)
 
 
+def test_the_spacing_that_is_named_for_a_strength_resolves_it():
+    coarse = build(square(11), damage=TearingEnergy(60.0, strength=3e4)).rupture
+    needed = coarse.resolving_length()
+    spacing = coarse.context.sheet.spacing * needed / coarse.length
+    fine = Sheet.rectangle(10 * spacing, 10 * spacing, thickness=1e-3, density=1000.0, points=11)
+    rupture = build(fine, damage=TearingEnergy(60.0, strength=3e4)).rupture
+    assert rupture.length == pytest.approx(needed) and rupture.limit == pytest.approx(3e4)
+
+
 def test_a_strength_that_the_spacing_resolves_gives_the_length():
     built = build(square(41), damage=TearingEnergy(60.0, strength=300.0))
     assert built.rupture.limit == pytest.approx(300.0) and built.rupture.length > 4.0 * built.context.sheet.spacing

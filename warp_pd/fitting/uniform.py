@@ -93,6 +93,8 @@ class UniformTests:
             if not isinstance(test, Curve):
                 raise InputError("UniformTests: expected curves")
             one_of("control", test.control, LOADINGS)
+            if np.min(test.at) <= 0.0:
+                raise InputError(f"{test.name}: expected positive stretches, got {np.min(test.at):g}")
             curves.append(test)
         return UniformModel(self.material, curves, list(vary), dict(self.settings))
 

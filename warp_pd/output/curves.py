@@ -94,9 +94,8 @@ def draw_sweep(path: Path, runs: Sequence[tuple[Mapping[str, str], Mapping[str, 
     rows = -(-len(names) // columns)
     figure = new_figure(4.6 * columns, 3.3 * rows + 0.4)
     panels = figure.subplots(rows, columns, squeeze=False)
-    keys = list(runs[0][0])
-    first = next((key for key in keys if len({values[key] for values, _ in runs}) > 1), keys[0])
-    others = [key for key in keys if key != first]
+    varied = [key for key in runs[0][0] if len({values[key] for values, _ in runs}) > 1]
+    first, *others = varied or list(runs[0][0])[:1]
     for axes, name in zip(panels.flat, names, strict=False):
         curves: dict[str, list[tuple[Any, float]]] = {}
         for values, found in runs:

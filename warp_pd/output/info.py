@@ -45,7 +45,7 @@ def _vtkhdf(path: Path) -> str:
         first, last = (format_time(float(t), series.metadata.get("load_duration")) for t in series.times[[0, -1]])
         lines.append(f"  {first} to {last}")
     lines.append(f"  fields {', '.join(series.fields)}")
-    lines += [f"  {key} {value}" for key, value in series.metadata.items()]
+    lines += [f"  {key} {value}" for key, value in series.metadata.items() if value != ""]
     return "\n".join(lines)
 
 
@@ -56,7 +56,8 @@ def _summary(path: Path) -> str:
         raise InputError(f"file = {str(path)!r}: it is not a summary.json") from None
     if not isinstance(summary, dict) or "scene" not in summary:
         raise InputError(f"file = {str(path)!r}: it is not a summary.json")
-    lines = [f"{path}: {summary['scene']} ({summary['section']}), {summary['status']}"]
+    section = f" ({summary['section']})" if summary["section"] else ""
+    lines = [f"{path}: {summary['scene']}{section}, {summary['status']}"]
     lines.append(f"  {summary['points']} points, horizon {summary['horizon']}, {summary['weights']} weights")
     for name, measure in summary["measures"].items():
         value = "none" if measure["value"] is None else f"{measure['value']:.6g} {measure['unit']}".removesuffix(" 1")

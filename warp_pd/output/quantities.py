@@ -41,6 +41,7 @@ ENERGIES = tuple(COLUMNS)
 UNITS = {
     "force": "N", "torque": "N m", "position": "m", "velocity": "m/s", "spin": "rad/s", "pressure": "Pa",
     "volume": "m\u00b3", "potential": "J", "kinetic": "J", "loss": "J", "rubbed": "J",
+    "fracture": "J",
 }  # fmt: skip
 
 

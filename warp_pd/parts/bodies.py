@@ -196,9 +196,10 @@ class BuiltBody(BuiltContact):
         }  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
-        """What the points were given, unless the motion sums it up."""
+        """What the points were given; the motion of a free body has summed it up."""
         found = {"impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed}
-        return {f"{self.part.name}_{name}": array for name, array in found.items() if array is not None}
+        own = {f"{self.part.name}_{name}": array for name, array in found.items() if array is not None}
+        return own | self.motion.sums()
 
     def column_names(self) -> Sequence[str]:
         """Force, torque, place and motion; what contact lost, and the energies of a free body."""
@@ -209,7 +210,6 @@ class BuiltBody(BuiltContact):
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Force [N] and torque about the centre [N m] on the body since the last frame; its place and motion."""
         name = self.part.name
-        totals = {**totals, **self.motion.taken()}
         row = {
             f"{name}_{what}_{c}": -totals[f"{name}_{given}_{c}"] / elapsed if elapsed > 0.0 else 0.0
             for what, given in (("force", "impulse"), ("torque", "turn"))
@@ -224,7 +224,7 @@ class BuiltBody(BuiltContact):
         return ["loss", "rubbed"] if self._rubs else ["loss"]
 
     def row_columns(self, before: Mapping[str, float], totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """Mean force [N] and torque [N m] since the row before, where the device sums them."""
+        """Mean force [N] and torque [N m] since the row before."""
         name = self.part.name
         sums = {
             f"{name}_{what}_{c}": f"{name}_{given}_{c}"
@@ -234,7 +234,6 @@ class BuiltBody(BuiltContact):
         return {
             column: (before.get(given, 0.0) - totals[given]) / elapsed if elapsed > 0.0 else 0.0
             for column, given in sums.items()
-            if given in totals
         }
 
     def column_units(self) -> Mapping[str, str]:

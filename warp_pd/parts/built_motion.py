@@ -78,7 +78,7 @@ class BuiltMotion:
     def after(self, stage: Stage) -> None:
         """Add launches after points have got their impulses."""
 
-    def taken(self) -> dict[str, float]:
+    def sums(self) -> dict[str, Array]:
         """Momentum that the sheet was given since the last frame, and the loss; by name, if the motion knows them."""
         return {}
 
@@ -226,9 +226,9 @@ class InFlight(BuiltMotion):
             given=self.given,
         )  # fmt: skip
 
-    def taken(self) -> dict[str, float]:
+    def sums(self) -> dict[str, Array]:
         """Momentum and angular momentum given to the sheet since the last frame; energies lost in contact so far."""
-        return {f"{self.name}_{n}": float(x) for n, x in zip(self._sums_given, self.given.numpy(), strict=True)}
+        return {f"{self.name}_{name}": self.given[k : k + 1] for k, name in enumerate(self._sums_given)}
 
     def columns(self) -> dict[str, float]:
         """Columns of the history, with the energies [J]."""

@@ -263,6 +263,11 @@ class DamageField(Damaged):
         whole, part = 3.0 * self.rupture.energy / (16.0 * strength), BIAS * self.law.families.horizon**2
         return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * part, 0.0))))
 
+    def resolving_length(self) -> float:
+        """The length of the strength on a sheet whose spacing just resolves it [m]."""
+        strength = self._given_strength()
+        return 3.0 * self.rupture.energy / (16.0 * (strength or self.limit) * self._bias(self._resolved))
+
     def _bias(self, length: float) -> float:
         """Energy that a tear takes over the one that the field is given."""
         return 1.0 + BIAS * (self.law.families.horizon / length) ** 2
@@ -484,9 +489,10 @@ class DamageField(Damaged):
         ]
         wanted = self.wanted_length()
         if wanted is not None and wanted < self._resolved:
-            spacing = self.context.sheet.spacing * wanted / self._resolved
+            needed = self.resolving_length()
+            spacing = self.context.sheet.spacing * needed / self._resolved
             said.append(
-                f"the strength needs a length of {wanted:.3g} m, which a spacing of {spacing:.3g} m resolves: "
+                f"the strength needs a length of {needed:.3g} m, which a spacing of {spacing:.3g} m resolves: "
                 f"intact material is weaker here than it should be, cracks are not"
             )
         gained = history[-1]["mean_damage"] - self._profile_mean

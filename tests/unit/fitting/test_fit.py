@@ -240,3 +240,9 @@ def test_a_constant_without_a_default_that_nothing_gives_is_named():
 
     with pytest.raises(InputError, match=r"^pressure has no default: expected a value in settings"):
         fit(SceneTests(scene, [curve]), ["mu"], start={"mu": 1e5})
+
+
+def test_stretches_that_are_not_positive_are_refused():
+    curve = Curve("uniaxial", [-1.1, 2.0], "stress", [1e5, 2e5], name="pulled")
+    with pytest.raises(InputError, match=r"pulled: expected positive stretches, got -1\.1"):
+        fit(UniformTests(MooneyRivlin, [curve]), ["c10"], start={"c10": 1e5})

@@ -6,7 +6,7 @@ import warp as wp
 from helpers import square
 from small_runs import BALL, cli, simulate
 
-from warp_pd import Explicit, Fixed, InputError, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
+from warp_pd import Explicit, Fixed, Free, InputError, Measure, Motion, Newton, Reaction, RigidBall, RigidBody, Sphere
 from warp_pd.measures import support_force
 from warp_pd.parts import BodyPath
 from warp_pd.run.folder import read_history
@@ -64,12 +64,13 @@ def test_rows_follow_the_energy_between_frames():
     assert work[-1] == pytest.approx(rows["external"][-1], rel=0.1)
 
 
-@pytest.mark.parametrize("contact", ["ball", "body"])
+@pytest.mark.parametrize("contact", ["ball", "body", "free body"])
 def test_mean_forces_of_rows_add_up_to_those_of_frames(contact):
     sheet, start = square(11), (0.05, 0.05, 0.016)
     body = {
         "ball": lambda: RigidBall(0.03, start, (0.0, 0.0, -2.0)),
         "body": lambda: RigidBody(Sphere(0.015), BodyPath([0.0, 1.0], [start, (0.05, 0.05, 0.016 - 2.0)]), name="ball"),
+        "free body": lambda: RigidBody(Sphere(0.015), Free(0.02, start, velocity=(0.0, 0.0, -2.0)), name="ball"),
     }[contact]()
     result = simulate(
         sheet, Explicit(0.01, frames=2, history_every=5e-4), loads=[Fixed(sheet.edges("all"))], contact=body
