@@ -98,7 +98,11 @@ def body_contact(
 
     @wp.func
     def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
-        """Change of velocity by friction, after a change `pressed` along the normal."""
+        """Change of a point's velocity by friction [m/s]; it stops sliding at most.
+
+        relative: velocity of the point relative to the body [m/s]. pressed: change of velocity along the normal n
+        by the contact [m/s].
+        """
         slip = relative - wp.dot(relative, n) * n
         speed = wp.length(slip)
         least = wp.min(friction * pressed, speed)

@@ -76,7 +76,10 @@ def bonds_once(bits: int, members: int, breakable: bool, pull: wp.Function) -> B
         i: int,
         ahead: wp.array2d(dtype=vec3),
     ):
-        """Fill in the forces of a point; whether one of its bonds is stretched beyond `nearly`, squared."""
+        """Fill row i of `ahead` with the forces, over the unit of force, of the intact bonds of i to later points.
+
+        Returns whether one of these bonds has a squared stretch |Y|^2/|X|^2 above `nearly`; False if no bond can break.
+        """
         ui = displacement[i]
         row = family_class[i]
         mask = wp.uint32(0)

@@ -143,7 +143,7 @@ def nearest_of_triangle(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
 
 @wp.func
 def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
-    """Sizes: the largest distance of a vertex from the origin."""
+    """Signed distance of a triangle mesh; body.size[0] is the largest distance of a vertex from the origin [m]."""
     point = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
     # The search is float32: it must not miss what is within reach.
     further = reach + wp.float64(1e-5) * body.size[0]

@@ -51,7 +51,10 @@ class FrameSink(Protocol):
         ...
 
     def keep_going(self) -> None:
-        """Called within a frame: ends it by KeyboardInterrupt if the user has waited for its end for long."""
+        """Raise KeyboardInterrupt if the user asked to stop and the frame has gone on for too long since.
+
+        Solvers call it between the steps of a frame.
+        """
         ...
 
 

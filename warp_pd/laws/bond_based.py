@@ -164,9 +164,10 @@ class BondBasedForce(FamilyLaw):
         }  # fmt: skip
 
     def screen_with_force(self, stage: Stage, squared_stretch: float, exceeding: Array) -> bool:
-        """Add the launch that computes each bond once, before bonds break.
+        """Add the launch that computes the force of each bond once and finds blocks in which bonds may break.
 
-        The sum of the forces later in the stage leaves out what has broken since.
+        It runs before bonds break; the sum of the forces, later in the stage, leaves out bonds that broke in between.
+        Arguments and result are those of `BuiltLaw.screen_with_force`.
         """
         if self.once is None or self.once.forces_and_screen is None:
             return False

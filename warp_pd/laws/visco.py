@@ -69,7 +69,7 @@ class Visco(BondAssociated):
 
 
 class ElasticVisco(BondAssociatedForce):
-    """The law without Prony terms, on paths that keep the force of every pair."""
+    """Visco without Prony terms. It takes only force paths that store the force of every pair in `pairs`."""
 
     paths: ClassVar[Sequence[type[ForcePath]]] = (RowSums, Reference)
 

@@ -69,7 +69,7 @@ class TensionField(PlaneStress):
 
     @property
     def on_device(self) -> MaterialFunctions:
-        """See `kernels.tension_field.tension_field`."""
+        """Warp functions of the material with wrinkles, made by `kernels.tension_field.tension_field`."""
         from ..kernels.tension_field import tension_field
 
         known = capabilities(self.material)

@@ -41,7 +41,7 @@ class Background:
             writer.save()
 
     def save_then(self, work: Callable[[], None]) -> None:
-        """In the thread, bring everything written so far to the disk, then do the work; neither after a failure."""
+        """Let the writer thread save all files, then call `work`; neither if the last frame was not written."""
         before = self._waiting
 
         def save() -> None:

@@ -91,9 +91,9 @@ class EnclosedGas(Enclosed):
         amount: Pairs (time [s], amount of gas over that at the start), or None: it stays. Gas that is pumped in has
             the entropy (n = 1: the temperature) of the gas inside.
         chamber: Volume besides that under the sheet [m^3], such as that of a rigid vessel that a flat sheet closes.
-        leak: Discharge coefficient of what cracks open [-], 0.6 to 1: gas flows through the torn triangles as through
-            an orifice, dm/dt = -leak A sqrt(2 p rho). 0: the gas stays in the torn sheet, which then drives its pieces
-            too hard. With the solver Explicit.
+        leak: Discharge coefficient of the torn triangles [-], 0.6 to 1: gas flows through them as through an orifice,
+            dm/dt = -leak A sqrt(2 p rho). 0: the gas stays in the torn sheet, which then drives its pieces
+            too hard. Only the solver Explicit takes a leak.
         density: Density of the gas at the ambient pressure [kg/m^3], for the leak.
     """
 

@@ -80,7 +80,7 @@ def stored_fields(built: Built) -> frozenset[str] | None:
 
 
 def arrays_of(names: Sequence[str]) -> list[str]:
-    """Names of the arrays that names stand for: "stretch" for "stretch_1" and "stretch_2"."""
+    """Names of the arrays of some fields: "stretch" gives "stretch_1" and "stretch_2"."""
     return [array for name in names for array in GROUPS.get(name, (name,))]
 
 

@@ -198,7 +198,7 @@ class Recorder:
         return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
 
     def accept(self, frame: Frame) -> None:
-        """Take a sound frame as the last one."""
+        """Keep a frame that has passed the checks as the last good one."""
         self.last, self.soundness.last_time = frame, frame.time
 
     def _restart_due(self, index: int) -> bool:

@@ -21,7 +21,11 @@ from .sweep import REFUSED, Row, Start, Task, printed_table, sweep, write_table
 
 
 def here(options: Mapping[str, Any]) -> Start:
-    """Runs in this process, with some options of `Simulation.run`."""
+    """A function that runs one task of a sweep in this process.
+
+    Args:
+        options: Options of `Simulation.run`, the same for every task.
+    """
 
     def start(task: Task) -> Mapping[str, Any]:
         found = task.simulation.run(out=task.folder, resume=task.resume, overwrite=task.overwrite, **options)

@@ -147,7 +147,7 @@ class BuiltRelaxation(BuiltSolver):
         """Compose the step, the residual and the stable step.
 
         Raises:
-            InputError: for parts that need time.
+            InputError: for parts that act in a phase which relaxation does not have.
         """
         self.system, context, state = system, self.context, self.context.state
         system.refuse_phases("Relaxation", NOT_DONE)

@@ -19,11 +19,15 @@ INTERRUPTED, LOST = 130, 4
 
 
 def launch(processes: int, arguments: Sequence[str]) -> int:
-    """Run `python -m warp_pd` with some arguments in several processes of this machine; the exit code of the first.
+    """Run `python -m warp_pd` in several processes of this machine.
 
     Args:
-        processes: Their number.
-        arguments: Of each.
+        processes: Number of processes.
+        arguments: Arguments of the command, the same for every process.
+
+    Returns:
+        0 if all succeed, otherwise the exit code of a process that says what is wrong; LOST if one was killed, and
+        INTERRUPTED if a signal ended this one.
     """
     # They say in one line themselves what went wrong.
     logging.disable(logging.CRITICAL)

@@ -73,7 +73,7 @@ class Message:
         return found
 
     def unpack(self) -> None:
-        """Put what came where it belongs."""
+        """Copy the received values into the target array, unless they arrived there directly."""
         if not _same_storage(self.incoming, self._target):
             self._target[self._arriving] = self.incoming
 
