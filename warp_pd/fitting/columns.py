@@ -67,7 +67,8 @@ def _measured(table: Table, control: str, measure: str | None, scene: Simulation
         column = named[0] if len(named) == 1 and measure is None else others[0] if len(others) == 1 else None
     if column is None:
         raise InputError(
-            f"{table.path.name}: columns {', '.join(others)}: expected one called {measure or 'as a measure'}"
+            f"{table.path.name}: columns {', '.join(others)}: expected one called "
+            f"{measure or 'as a measure of the scene is, and no other'}"
         )
     name = measure or column
     if measure is None and column not in known:

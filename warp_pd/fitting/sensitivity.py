@@ -52,7 +52,7 @@ def value_of(scene: Simulation, name: str) -> Value:
             if name in part.column_names():
                 return float(part.columns({}, 0.0)[name])
         known = ", ".join(m.name for m in scene.measures) or "none"
-        raise InputError(f"measure = {name!r}: expected one of the scene: {known}")
+        raise InputError(f"measure = {name!r}: expected a measure of the scene: {known}")
 
     return column
 

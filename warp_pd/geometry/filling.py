@@ -133,8 +133,8 @@ def _cells(low: np.ndarray, size: float, spacing: Spacing) -> tuple[np.ndarray, 
         needed = float(np.sum((2.0 * size / spacing(centres[wide])) ** 2)) if depth >= COARSEST else 0.0
         if needed > MAX_CELLS or (depth == DIVISIONS and wide.any()):
             raise InputError(
-                f"spacing(x, y) is {float(spacing(centres).min()):.3g} m: expected larger spacings, "
-                "or a number where the sheet has millions of points"
+                f"spacing(x, y) is {float(spacing(centres).min()):.3g} m: expected larger spacings; "
+                "for a sheet of millions of points give a number in place of the function"
             )
         centres = (centres[wide][:, None] + corners).reshape(-1, 2)
         if not len(centres):

@@ -57,7 +57,7 @@ def named(kind: str, given: Any) -> list[tuple[str, Any]]:
     if isinstance(given, Mapping):
         for name in given:
             if not isinstance(name, str) or not name.strip():
-                raise InputError(f"{kind}s has the name {said(name)}: expected text")
+                raise InputError(f"{kind}s: the name {said(name)}: expected text")
         return list(given.items())
     one = "polyline" if kind == "crack" else "curve"
     expected = f"expected a list of {one}s, or a mapping of names to {one}s"

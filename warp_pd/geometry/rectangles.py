@@ -43,7 +43,7 @@ def rectangle(
     columns, rows, x0, y0 = columns + 2 * across, rows + 2 * along, x0 - across * dx, y0 - along * dy
     if columns * rows > MAX_POINTS:
         raise InputError(
-            f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: expected {MAX_POINTS}"
+            f"points = {points!r} with layers = {layers!r}, {columns} x {rows} in all: expected at most {MAX_POINTS}"
         )
     x, y = x0 + dx * np.arange(columns), y0 + dy * np.arange(rows)
     width_x, width_y = np.full(columns, dx), np.full(rows, dy)

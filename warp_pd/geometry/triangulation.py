@@ -181,7 +181,7 @@ def counter_clockwise(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) == 0:
         raise InputError(f"triangles has shape {triangles.shape}: expected (F, 3) with F of 1 or more")
     if triangles.min() < 0 or triangles.max() >= len(points):
-        raise InputError(f"triangles names point {int(triangles.max())}: expected 0 to {len(points) - 1}")
+        raise InputError(f"triangles: point {int(triangles.max())}: expected 0 to {len(points) - 1}")
     turned = signed_areas(points, triangles) < 0.0
     triangles = triangles.copy()
     triangles[turned] = triangles[turned][:, ::-1]

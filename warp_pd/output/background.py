@@ -18,7 +18,7 @@ class Background:
     loses one frame at most. What goes wrong in the thread is raised at the next call.
 
     Args:
-        writers: Take every frame, in turn; see `warp_pd.runner.Writer`.
+        writers: Take every frame, in turn; see `warp_pd.interfaces.Writer`.
         require_room: Called before anything is written; raises OutputError where there is no room for it. A file whose
             writing failed half-way may be beyond repair, and HDF5 with it.
     """

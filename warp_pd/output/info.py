@@ -20,7 +20,7 @@ def describe(path: Path) -> str:
     if path.is_dir():
         known = [p for p in sorted(path.iterdir()) if p.suffix in (".vtkhdf", ".usd") or p.name == "summary.json"]
         if not known:
-            raise InputError(f"file = {str(path)!r}: the folder holds no result of a run")
+            raise InputError(f"file = {str(path)!r}: the folder holds no frames.vtkhdf, animation.usd or summary.json")
         return "\n".join(describe(p) for p in known)
     if path.suffix == ".vtkhdf":
         return _vtkhdf(path)

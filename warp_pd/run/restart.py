@@ -161,7 +161,9 @@ def load(path: Path, known: Identity) -> dict[str, Any]:
     began = Identity(numbers["parts"], numbers["settings"])
     if began != known and not extends(began, known):
         other = difference(began, known)
-        raise InputError(f"{where}: it belongs to other settings ({other}); expected those that the run began with")
+        raise InputError(
+            f"{where}: it was written with other settings ({other}); expected those that the run began with"
+        )
     return {**data, "numbers": numbers}
 
 

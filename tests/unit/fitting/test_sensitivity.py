@@ -117,7 +117,7 @@ def test_what_has_no_derivative_is_refused():
             sensitivity(build, ["mu"], ["height"])
     with pytest.raises(InputError, match="vary = 'nu': expected an argument of the scene"):
         sensitivity(cases.blown, ["nu"], ["height"])
-    with pytest.raises(InputError, match="measure = 'width': expected one of the scene: height"):
+    with pytest.raises(InputError, match="measure = 'width': expected a measure of the scene: height"):
         sensitivity(cases.blown, ["mu"], ["width"])
     with pytest.raises(InputError, match="free = False: expected a number"):
         sensitivity(cases.blown, ["free"], ["height"])

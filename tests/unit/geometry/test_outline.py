@@ -273,7 +273,7 @@ REFUSED = {
     "name all": (lambda: outline(holes={"all": HOLE}), "two parts have the name 'all'"),
     "one name twice": (lambda: outline(holes={"a": HOLE}, cracks={"a": CRACK}), "two parts have the name 'a'"),
     "name that is made": (lambda: outline(holes=[HOLE], cracks={"hole 1": CRACK}), "two parts have the name 'hole 1'"),
-    "number as a name": (lambda: outline(holes={1: HOLE}), "holes has the name 1: expected text"),
+    "number as a name": (lambda: outline(holes={1: HOLE}), "holes: the name 1: expected text"),
     "spacing below zero": (lambda: outline(spacing=-1.0), "spacing = -1.0: expected a positive number"),
     "no spacing": (lambda: outline(spacing=None), "spacing = None: expected a number"),
     "spacing too wide": (lambda: outline(spacing=1.0), "spacing is 1 m in a sheet 0.1 m long"),

@@ -101,8 +101,9 @@ class Network:
         same = type(material).__name__ == self.material and set(ratios) == set(self.ratios)
         if not same or any(abs(ratios[k] / self.ratios[k] - 1.0) > SAME for k in ratios):
             raise InputError(
-                f"material = {_material(type(material).__name__, ratios)}: expected with network {name!r} "
-                f"{_material(self.material, self.ratios)}; tools/train_neural_law.py trains another"
+                f"material = {_material(type(material).__name__, ratios)}: expected "
+                f"{_material(self.material, self.ratios)}, for which network {name!r} was trained; "
+                f"tools/train_neural_law.py trains one for another material"
             )
 
     def save(self, path: Path) -> None:
