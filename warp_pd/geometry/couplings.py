@@ -46,7 +46,7 @@ def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Those of some points of a lattice: the angles that face a diagonal are right ones."""
     columns, rows = lattice.columns, lattice.rows
     row, column = np.divmod(of, columns)
-    across, along = lattice.dy / lattice.dx * _share(row, rows), lattice.dx / lattice.dy * _share(column, columns)
+    across, along = lattice.dy / lattice.dx * _width(row, rows), lattice.dx / lattice.dy * _width(column, columns)
     steps = [
         (1, column < columns - 1, across), (-1, column > 0, across),
         (columns, row < rows - 1, along), (-columns, row > 0, along),
@@ -55,8 +55,8 @@ def _of_lattice(lattice: Lattice, of: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return np.array(neighbours, np.int32), np.array([np.where(there, weight, 0.0) for _, there, weight in steps])
 
 
-def _share(place: np.ndarray, places: int) -> np.ndarray:
-    """Half for the first and the last of several rows, one for the others."""
+def _width(place: np.ndarray, places: int) -> np.ndarray:
+    """Width of the row of each point over the spacing: half for the first and the last of several, else one."""
     return np.where((places > 1) & ((place == 0) | (place == places - 1)), 0.5, 1.0)
 
 

@@ -145,12 +145,13 @@ class DamageField(Damaged):
         spacing = np.full(n, sheet.spacing) if sheet.spacings is None else sheet.spacings
         finest = whole.spacing if whole.spacings is None else whole.spacings.min()
         areas = law.represented_areas()
-        self._ghosts = None if context.partition is None else DamageGhosts(self.owner, context)
-        self._own = slice(0, n) if self._ghosts is None else self._ghosts.own
-        if self._ghosts is None:
-            neighbours, couplings = gradient_couplings(sheet)
+        self._ghosts: DamageGhosts | None = None
+        if context.partition is None:
+            self._own, (neighbours, couplings) = slice(0, n), gradient_couplings(sheet)
         else:
-            areas, (neighbours, couplings) = self._ghosts.areas(areas), self._ghosts.couplings()
+            self._ghosts = DamageGhosts(self.owner, context)
+            self._own, areas = self._ghosts.own, self._ghosts.areas(areas)
+            neighbours, couplings = self._ghosts.couplings()
         couplings *= 2.0 * self.length**2 / areas
         profile, ahead = self._profile(whole)
         self._profile_mean, profile = float(profile.mean()), context.here(profile)
