@@ -7,7 +7,7 @@
     python tools/tears.py flaws --device cuda:0
 
 `strips` are those of `pure_shear_tear`, in which G = H W(stretch) is exact. A row holds G / Gc when the tip has moved
-by 1, 3, 6 and 12 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at four
+by 1, 3, 6 and 10 spacings. `scenes` are others with a tear: their load at a fixed damage length, or G / Gc, at four
 spacings and on grids of five kinds. `flaws` are those of `flaw_sensitivity`. A file keeps the rows of earlier
 calls; a row of the same settings is replaced.
 """
@@ -38,7 +38,7 @@ from study import (
 GRIDS: dict[str, dict[str, float]] = {
     "0": {}, "15": {"turn": 15.0}, "30": {"turn": 30.0}, "45": {"turn": 45.0}, "jittered": {"jitter": 0.25}
 }  # fmt: skip
-ADVANCES = (1, 3, 6, 12)
+ADVANCES = (1, 3, 6, 10)
 
 
 @dataclass(frozen=True)
@@ -136,15 +136,14 @@ def further(options: Any) -> dict[str, str]:
 
 def run(scene: str, settings: dict[str, Any], device: str | None) -> Row:
     """One run: its status, the values of its measures, and the onset of a strip."""
-    strip = {"overload": 1.8, "duration": 6.0, "frames": 100} if scene == "pure_shear_tear" else {}
-    simulation = build_scene(scene, strip | settings)
+    simulation = build_scene(scene, settings)
     result = simulation.run(device=device, usd=False, pictures=False)
     measures = {name: found["value"] for name, found in result.summary["measures"].items()}
     onset = {
         f"onset_{n}": next(
             (r["release_ratio"] for r in result.history if r["tip"] > n * simulation.sheet.spacing), None
         )
-        for n in (ADVANCES if strip else ())
+        for n in (ADVANCES if scene == "pure_shear_tear" else ())
     }
     return {"scene": scene, "settings": settings, "status": result.status, **measures, **onset}
 
@@ -161,14 +160,14 @@ def strips_table(rows: Sequence[Row]) -> list[str]:
     for horizon, points in sorted({(row["settings"]["horizon"], row["settings"]["points"]) for row in rows}):
         some = [row for row in rows if (row["settings"]["horizon"], row["settings"]["points"]) == (horizon, points)]
         cells = []
-        for advance in (3, 12):
+        for advance in (3, 10):
             values = [row[f"onset_{advance}"] for row in some if row[f"onset_{advance}"] is not None]
             known = (min(values), sum(values) / len(values), max(values)) if values else ()
             cells.append(", ".join(f"{value:.2f}" for value in known))
         worst = max((row["worst_energy_balance"] or 0.0 for row in some), default=0.0)
         ended = sum(row["status"] == "finished" for row in some)
         lines.append([f"{horizon:g}", f"{points}", f"{len(some)}", f"{ended}", *cells, f"{100.0 * worst:.2f} %"])
-    head = ["horizon", "rows", "strips", "finished", "G / Gc after 3 spacings", "after 12", "worst energy balance"]
+    head = ["horizon", "rows", "strips", "finished", "G / Gc after 3 spacings", "after 10", "worst energy balance"]
     return table(head, lines)
 
 

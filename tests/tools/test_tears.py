@@ -16,7 +16,7 @@ def test_a_strip_has_an_onset_and_a_balance():
     assert row["worst_energy_balance"] < 0.05
     assert row["settings"]["turn"] == 45.0
     assert found([row], "pure_shear_tear", row["settings"]) is row
-    assert {f"onset_{n}" for n in (1, 3, 6, 12)} < set(row)
+    assert {f"onset_{n}" for n in (1, 3, 6, 10)} < set(row)
     assert strips_table([row])[-1].startswith("| 2.015 | 8 | 1 | 1 |")
 
 

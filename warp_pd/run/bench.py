@@ -6,6 +6,7 @@ work, however long it is measured. The benchmark writes nothing and takes no fra
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -22,12 +23,14 @@ from ..interfaces import Law, Part
 from ..interfaces.context import find_device
 from ..laws import BondAssociated, BondBased
 from ..materials import Bimodular, Gent
-from ..parts import CriticalStretch, Fixed, Pressure, RigidBall
+from ..parts import CriticalStretch, Fixed, Pressure, RigidBall, TearingEnergy
 from ..solvers import Explicit
 from .built import Built
 from .simulation import Simulation
 
 FEATURES = ("supports", "pressure", "contact", "rupture", "energy", "damping")
+# Rupture by a damage field, in place of "rupture" by a critical stretch.
+DAMAGE_FIELD = "damage_field"
 LAYOUTS = ("lattice", "hole", "cloud", "tube")
 # Radius of the hole [m] in a square of 1 m.
 HOLE = 0.15
@@ -43,10 +46,11 @@ class Case:
         points: Points along a side of a square sheet, or around and along a tube.
         horizon: Horizon in spacings.
         precision: 32 or 64.
-        features: A selection from FEATURES.
+        features: A selection from FEATURES and DAMAGE_FIELD.
         layout: One of LAYOUTS; "hole" is a grid with a hole in its middle, "tube" a curved cloud, the square rolled up.
         weights: As for `BondAssociated`.
-        damaged: Fraction of the points that have lost a bond, with "rupture".
+        damaged: Fraction of the points that have lost a bond, with "rupture"; with DAMAGE_FIELD the fraction that has
+            damage, around cuts.
         fast: Whether to use the fast kernels.
         law: "bond_associated" (Gent) or "bond_based" (one modulus).
     """
@@ -63,13 +67,15 @@ class Case:
 
     def __post_init__(self) -> None:
         for feature in self.features:
-            one_of("features", feature, FEATURES)
+            one_of("features", feature, (*FEATURES, DAMAGE_FIELD))
         one_of("layout", self.layout, LAYOUTS)
         one_of("law", self.law, ("bond_associated", "bond_based"))
         if not 0.0 <= finite("damaged", self.damaged) <= 1.0:
             raise InputError(f"damaged = {self.damaged!r}: expected a fraction from 0 to 1")
-        if self.damaged > 0.0 and "rupture" not in self.features:
-            raise InputError(f"damaged = {self.damaged!r}: expected 0 without the feature 'rupture'")
+        if {"rupture", DAMAGE_FIELD} <= set(self.features):
+            raise InputError(f"features = {self.features!r}: expected 'rupture' or {DAMAGE_FIELD!r}, not both")
+        if self.damaged > 0.0 and not {"rupture", DAMAGE_FIELD} & set(self.features):
+            raise InputError(f"damaged = {self.damaged!r}: expected 0 without 'rupture' or {DAMAGE_FIELD!r}")
 
     def simulation(self) -> Simulation:
         """The sheet with its loads, supports and contact."""
@@ -83,6 +89,8 @@ class Case:
             sheet = sheet.as_cloud()
         if self.layout == "hole":
             sheet = sheet.hole((0.5, 0.5), HOLE)
+        for start, end in self.cuts(sheet.spacing):
+            sheet = sheet.cut(start, end)
         loads: list[Part] = []
         if "supports" in self.features:
             loads.append(Fixed(sheet.edges("all")))
@@ -94,11 +102,27 @@ class Case:
             force=self.force(),
             loads=loads,
             contact=ball if "contact" in self.features else None,
-            damage=CriticalStretch(1e3) if "rupture" in self.features else None,
+            damage=self.rupture(),
             solver=Explicit(duration=1.0, damping=0.1 if "damping" in self.features else 0.0),
             track_energy="energy" in self.features,
             initial_displacement=_rough(sheet),
         )
+
+    def rupture(self) -> Part | None:
+        """The criterion of rupture; the sheet is far from both."""
+        if DAMAGE_FIELD in self.features:
+            return TearingEnergy(100.0)
+        return CriticalStretch(1e3) if "rupture" in self.features else None
+
+    def cuts(self, spacing: float) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+        """Cuts across the sheet around which the given fraction of the points has damage."""
+        if DAMAGE_FIELD not in self.features or self.damaged == 0.0:
+            return []
+        # The damage around a cut is four lengths wide, and the length is four spacings by default.
+        whole = self.damaged / (16.0 * spacing)
+        number = math.ceil(whole / 0.9)
+        reach = 0.5 * whole / number
+        return [((0.5 - reach, y), (0.5 + reach, y)) for y in (np.arange(number) + 0.5) / number]
 
     def force(self) -> Law:
         """The force law."""
@@ -153,7 +177,7 @@ def measure(case: Case, device: Any, seconds: float = 1.0, repeats: int = 9) -> 
     """
     begin = perf_counter()
     built = case.simulation().build(device, case.precision)
-    if case.damaged > 0.0:
+    if case.damaged > 0.0 and "rupture" in case.features:
         break_some(built, case.damaged)
     wp.synchronize_device(built.context.device)
     setup = perf_counter() - begin
@@ -177,6 +201,7 @@ def time_step(built: Built, seconds: float, repeats: int = 9) -> tuple[float, fl
     assert built.state.step is not None
     built.state.step.fill_(STEP)
     built.set_clock(STEP, 1.0)
+    built.context.run("start")
     built.context.sequence("setup").run()
     times = _clock(built, seconds / repeats, repeats)
     ordered = sorted(times)
@@ -325,6 +350,7 @@ def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case
     """Every feature alone, all together, damaged sheets, a hole, the cloud, the reference kernels."""
     alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
     torn = [Case(points, horizon, precision, features=("rupture",), damaged=fraction) for fraction in (0.01, 1.0)]
+    torn += [Case(points, horizon, precision, features=(DAMAGE_FIELD,), damaged=part) for part in (0.0, 0.01, 0.05)]
     return [
         Case(points, horizon, precision),
         *alone,
