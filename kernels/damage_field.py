@@ -11,7 +11,9 @@ one times g, and g stands where forces are gathered alone. At a fixed displaceme
 
     d_i = max(d_i earlier, min(1, (2 y_i - 1 + sum_k c_ik d_k) / (2 y_i + sum_k c_ik))),      y_i = 8 l Y_i / (3 Gc),
 
-is one sweep of Jacobi's method; for another g it is a step of Newton's method, which comes from below.
+is one sweep of Jacobi's method, or of Newton's for another g. Chebyshev's semi-iteration (Varga, Matrix Iterative
+Analysis, 1962) makes some sweeps worth many: the next damage is that of the last sweep but one, plus a factor times the
+difference between the sweep and that.
 c_ik = 2 l^2 w_ik / A_i come from the piecewise linear interpolation of d on the triangles, with
 sum_ik w_ik (d_i - d_k)^2 / 2 the integral of |grad d|^2: symmetric, so that d has no slope across a free edge, and
 exact for a linear field on any triangles.
@@ -87,8 +89,9 @@ class DamageFieldKernels:
 
 @functools.cache
 def damage_field(
-    layout: Layout, atomics: bool, spared: bool, screened: bool, tracked: bool, weak: bool, earlier_energy: wp.Function
-) -> DamageFieldKernels:
+    layout: Layout, atomics: bool, spared: bool, screened: bool, few: int, tracked: bool, weak: bool,
+    earlier_energy: wp.Function,
+) -> DamageFieldKernels:  # fmt: skip
     """Kernels of the field.
 
     Args:
@@ -97,6 +100,7 @@ def damage_field(
         spared: Whether some points stay undamaged.
         screened: Whether points far from all damage are listed only if one of their bonds is stretched far enough;
             otherwise all points are listed.
+        few: Number of members that the screen looks at, if they are few; otherwise 0.
         tracked: Whether to sum the energy that is released.
         weak: Whether the strength is less than 3 Gc / (16 l).
         earlier_energy: Warp function of the force law's energy of a family a moment ago.
@@ -111,6 +115,25 @@ def damage_field(
     together = 1 if atomics else TOGETHER
 
     @wp.func
+    def outside(
+        family: Family,
+        displacement: wp.array(dtype=vec3),
+        intact: wp.array2d(dtype=wp.uint32),
+        horizon: real,
+        shortest: real,
+        longest: real,
+        i: int,
+        k: int,
+    ):
+        """Whether the squared stretch of a bond is outside a range; that of a broken bond is not."""
+        word = k // word_size
+        m = wp.where(bit_of(intact[word, i], k - word * word_size), f.neighbour(family, i, k), i)
+        X, Y = bond_vectors(family, displacement, horizon, i, k, m)
+        there = wp.dot(X, X)
+        now = wp.dot(Y, Y)
+        return m != i and (now > longest * there or now < shortest * there)
+
+    @wp.func
     def stretched(
         family: Family,
         displacement: wp.array(dtype=vec3),
@@ -123,14 +146,13 @@ def damage_field(
     ):
         """Whether the squared stretch of a bond that is looked at is outside the range where no energy is too high."""
         found = bool(False)
-        for n in range(looked_at.shape[0]):
-            k = looked_at[n]
-            word = k // word_size
-            m = wp.where(bit_of(intact[word, i], k - word * word_size), f.neighbour(family, i, k), i)
-            X, Y = bond_vectors(family, displacement, horizon, i, k, m)
-            there = wp.dot(X, X)
-            now = wp.dot(Y, Y)
-            found = found or (m != i and (now > longest * there or now < shortest * there))
+        if wp.static(few > 0):
+            # Unrolled: a thread of a GPU then waits for all positions at once.
+            for n in range(wp.static(few)):
+                found = outside(family, displacement, intact, horizon, shortest, longest, i, looked_at[n]) or found
+        else:
+            for n in range(looked_at.shape[0]):
+                found = outside(family, displacement, intact, horizon, shortest, longest, i, looked_at[n]) or found
         return found
 
     @wp.func
@@ -251,7 +273,9 @@ def damage_field(
         neighbours: wp.array2d(dtype=wp.int32),
         couplings: wp.array2d(dtype=real),
         driving: wp.array(dtype=real),
+        before: wp.array(dtype=real),
         fastest: real,
+        relaxation: real,
         source: wp.array(dtype=real),
         listed: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
@@ -259,6 +283,7 @@ def damage_field(
         first: int,
         target: wp.array(dtype=real),
     ):
+        """`target` holds the damage of the sweep before the last one."""
         for n in range(wp.tid() + first, count[0], stride):
             i = listed[n]
             d = source[i]
@@ -270,7 +295,9 @@ def damage_field(
                     c = couplings[k, i]
                     above += c * (source[neighbours[k, i]] - d)
                     below += c
-                d = wp.min(d + wp.max(above / below, real(0.0)), real(1.0))
+                # A factor of 1 must leave no trace of the target.
+                d = relaxation * (d + above / below) + (real(1.0) - relaxation) * target[i]
+                d = wp.clamp(d, before[i], real(1.0))
             target[i] = d
 
     @wp.func

@@ -99,7 +99,7 @@ def build(
 
     def slope(history, key, over):
         """Slope of a number against another while the tear runs, away from both of its ends."""
-        rows = [(row[over], row[key]) for row in history if advance * spacing < row["tip"] < 1.5 * HEIGHT]
+        rows = [(row[over], row[key]) for row in history if advance * spacing < row["tip"] < 2.0 * HEIGHT]
         return None if len(rows) < 3 else float(np.polyfit(*np.transpose(rows), 1)[0])
 
     def released_ratio(history):

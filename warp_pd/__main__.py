@@ -339,7 +339,7 @@ def info(file: Path) -> None:
 @click.option("--horizon", type=float, multiple=True, default=(2.015, 3.15), help="In spacings; may be repeated.")
 @click.option("--law", default="bond_associated", help="bond_associated or bond_based.")
 @click.option("--precision", type=int, default=32, help="32 or 64.")
-@click.option("--features", default="", help="supports, pressure, contact, rupture, energy, damping; all; damage_field.")
+@click.option("--features", default="", help="supports, pressure, contact, rupture or damage_field, ...")
 @click.option("--layout", default="lattice", help="lattice, hole, cloud, or tube: a curved cloud.")
 @click.option("--damaged", type=float, default=0.0, help="Fraction of the points that are damaged.")
 @click.option("--plain", is_flag=True, help="Use the reference kernels.")

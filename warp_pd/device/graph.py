@@ -31,14 +31,20 @@ class LaunchSequence:
     On CUDA they are one captured graph; if one is a Call, the Call captures them. On a CPU every launch is recorded
     once; one that takes long is cut into slices that run on all cores (a launch releases the interpreter lock), and
     calls run in between. The stage's wraparound launch replaces the last launch and the first of the next repetition.
+
+    Args:
+        stage: The stage.
+        repeat: Number of repetitions.
+        begin: Number of repetitions before the first one: in number 0 all launches run; see `Launch.every`.
     """
 
-    def __init__(self, stage: Stage, repeat: int = 1) -> None:
+    def __init__(self, stage: Stage, repeat: int = 1, begin: int = 0) -> None:
         self.device, self.repeat = stage.device, repeat
-        once = list(stage)
-        self.items = once * repeat
+        rounds = [[item for item in stage if number % item.every == 0] for number in range(begin, begin + repeat)]
+        self.items = [item for once in rounds for item in once]
         if stage.wraparound is not None:
-            self.items = [*once[:-1], *[stage.wraparound, *once[1:-1]] * (repeat - 1), once[-1]]
+            between = [item for once in rounds[1:] for item in (stage.wraparound, *once[1:-1])]
+            self.items = [*rounds[0][:-1], *between, rounds[-1][-1]]
         self._replay: Callable[[], None] | None = None
         self._commands: list[Callable[[], None]] = []
         if not self.device.is_cuda:

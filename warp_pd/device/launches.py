@@ -6,9 +6,11 @@ which pointwise stages may share one launch, and which launches must wait for a 
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import warp as wp
@@ -122,6 +124,7 @@ class Launch:
         span: How points are divided among blocks, where threads do not stand for points.
         only_if: A CPU leaves it out while the first entry of this array is 0; elsewhere it then does nothing.
         grouped: Whether a GPU leaves it out, too, together with those next to it of the same `only_if`.
+        every: A repeated stage runs it in one repetition of so many.
     """
 
     name: str
@@ -139,6 +142,7 @@ class Launch:
     span: Span | None = None
     only_if: Array | None = None
     grouped: bool = False
+    every: int = 1
 
     @property
     def points(self) -> tuple[int, int]:
@@ -190,6 +194,7 @@ class Call:
         touched: Arrays that it touches.
         side_stream: As of a launch.
         divided: Whether launches were divided around it.
+        every: As of a launch.
     """
 
     name: str
@@ -200,6 +205,7 @@ class Call:
     touched: Touched
     side_stream: bool = False
     divided: bool = False
+    every: int = 1
 
     @property
     def parts(self) -> list[str]:
@@ -229,9 +235,22 @@ class Stage:
     block_dim: int
     items: list[Item]
     wraparound: Launch | None = None
+    _every: int = field(default=1, init=False)
 
     def __iter__(self) -> Iterator[Item]:
         return iter(self.items)
+
+    @property
+    def interval(self) -> int:
+        """Number of repetitions after which all items have run."""
+        return math.lcm(*(item.every for item in self.items))
+
+    @contextlib.contextmanager
+    def every(self, repetitions: int) -> Iterator[None]:
+        """What is added within runs in one repetition of so many."""
+        self._every = repetitions
+        yield
+        self._every = 1
 
     def __len__(self) -> int:
         return len(self.items)
@@ -260,7 +279,7 @@ class Stage:
         made = Launch(
             kernel.name, owner, kernel, threads, arguments, touched(kernel.effects, arguments),
             block_dim or self.block_dim, begin, side_stream=side_stream, span=span, only_if=only_if,
-            grouped=grouped,
+            grouped=grouped, every=self._every,
         )  # fmt: skip
         self.items.append(made)
 
@@ -289,18 +308,18 @@ class Stage:
         alone = alone or (only_if is not None and not self.device.is_cuda)
         launch = Launch(
             part.name, owner, part, threads, {"arguments": values}, touched(part.effects, arguments), self.block_dim,
-            begin, run, alone=alone, only_if=only_if,
+            begin, run, alone=alone, only_if=only_if, every=self._every,
         )  # fmt: skip
         joined = _joined(self.items[-1], launch) if self.items else None
         self.items[-1 if joined else len(self.items) :] = [joined or launch]
 
     def call(self, call: Call) -> None:
         """Add a step that is not a kernel."""
-        self.items.append(call)
+        self.items.append(replace(call, every=self._every))
 
     def fuse_wraparound(self) -> None:
         """Join the last launch with the first one of the next repetition, if they may share a launch."""
-        if len(self.items) > 1:
+        if len(self.items) > 1 and self.items[0].every == self.items[-1].every == 1:
             self.wraparound = _joined(self.items[-1], self.items[0])
 
     def launches(self) -> Iterator[Launch]:
@@ -334,7 +353,9 @@ def _joined(first: Item, second: Item) -> Launch | None:
         return None
     if not (isinstance(first.source, Pointwise) and isinstance(second.source, Pointwise)):
         return None
-    if first.alone or second.alone or (first.threads, first.begin) != (second.threads, second.begin):
+    if first.alone or second.alone or first.every != second.every:
+        return None
+    if (first.threads, first.begin) != (second.threads, second.begin):
         return None
     if not first.touched.may_share_launch(second.touched):
         return None

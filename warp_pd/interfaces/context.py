@@ -146,7 +146,7 @@ class Context:
     prefix: str = ""
     compact: str = ""
     state: State = field(init=False)
-    _sequences: dict[tuple[str, int], LaunchSequence] = field(init=False, default_factory=dict)
+    _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
     @property
     def whole(self) -> Sheet:
@@ -320,11 +320,12 @@ class Context:
             placement=None, compact="",
         )  # fmt: skip
 
-    def sequence(self, name: str, repeat: int = 1) -> LaunchSequence:
-        """The launches of a stage, ready to run any number of times; made on first use."""
-        if (name, repeat) not in self._sequences:
-            self._sequences[name, repeat] = LaunchSequence(self.stages[self.prefix + name], repeat)
-        return self._sequences[name, repeat]
+    def sequence(self, name: str, repeat: int = 1, begin: int = 0) -> LaunchSequence:
+        """The launches of a stage, ready to run any number of times; made on first use. For `begin` see there."""
+        key = name, repeat, begin
+        if key not in self._sequences:
+            self._sequences[key] = LaunchSequence(self.stages[self.prefix + name], repeat, begin)
+        return self._sequences[key]
 
     def run(self, name: str) -> None:
         """Run a stage once, now."""

@@ -35,12 +35,18 @@ MOST_AT_START, GROWN = 0.98, 1e-3
 SEVERED = 0.96
 # Fraction of the limit of the energy density that no bond reaches outside the stretches that are looked at.
 SCREEN = 0.8
-# Sweeps of a step: LEAST_SWEEPS + SWEEPS (length / spacing)^2, at most MAX_SWEEPS, as the next step goes on.
-LEAST_SWEEPS, SWEEPS, MAX_SWEEPS = 4, 0.25, 64
+# Steps for which the damage is found once, and sweeps by which: LEAST_SWEEPS + SWEEPS length / spacing. The next steps
+# go on from there; see docs/tearing-energy.md for what more of them change.
+INTERVAL = 2
+LEAST_SWEEPS, SWEEPS = 4, 1.0
+# By what half of the sweeps reduce all errors but the smoothest, which take longer.
+REDUCED = 3.0
+# Members that the screen looks at one by one.
+FEW = 4
 # Threads among which the list of points is divided: as many as a GPU holds at once, and few where each has its turn.
 GPU_THREADS, CPU_THREADS = 2**15, 64
 # Static equilibrium: change of the damage below which nothing more happens; sweeps between two looks at it, over those
-# of a step; largest number of looks at one displacement.
+# in motion; largest number of looks at one displacement.
 SETTLED, SWEEPS_AT_REST, MAX_REPEATS = 1e-3, 4, 50
 # Relative residual down to which the displacement follows the damage while this changes.
 CLOSE_ENOUGH = 1e-3
@@ -123,7 +129,7 @@ class DamageField(Damaged):
         field: Damage of the points, (N,), in the precision of the device.
         length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3].
-        sweeps: Sweeps in a step.
+        sweeps: Sweeps in one of INTERVAL steps.
         memory: The bits of intact bonds, the field, and what follows from them in the course of a tear.
     """
 
@@ -181,7 +187,8 @@ class DamageField(Damaged):
         )
         self._awake = context.array("awake", self.owner, wp.uint8, shape=n, restart=True)
         self._reach = put("severed_reach", (NEAR * spacing / horizon) ** 2)
-        self.sweeps = 2 * round(0.5 * min(LEAST_SWEEPS + SWEEPS * (self.length / finest) ** 2, MAX_SWEEPS))
+        # Without acceleration a length takes as many as its square in spacings.
+        self.sweeps = 2 * round(0.5 * (LEAST_SWEEPS + SWEEPS * (self.length / finest) ** (2 if weak else 1)))
         self._threads = min(GPU_THREADS if context.device.is_cuda else CPU_THREADS, n)
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
@@ -191,7 +198,7 @@ class DamageField(Damaged):
         self._fracture_at_start = context.total(self.fracture)
         self.kernels = damage_field(
             context.layout, context.device.is_cuda, self.spared is not None, rupture.screened,
-            self.released is not None, weak, law.earlier_energy,
+            len(looked_at) if len(looked_at) <= FEW else 0, self.released is not None, weak, law.earlier_energy,
         )  # fmt: skip
         self._softening = self.field
         if weak:
@@ -325,8 +332,9 @@ class DamageField(Damaged):
 
     def add_breaking(self, stage: Stage) -> None:
         """Add the launches that find the damage of a step, and break bonds."""
-        self._add_sweeps(stage, self.sweeps)
-        self._add_severing(stage)
+        with stage.every(INTERVAL):
+            self._add_sweeps(stage, self.sweeps)
+            self._add_severing(stage)
 
     def prepare_at_rest(self) -> None:
         """Compose the stages of alternate minimisation."""
@@ -385,14 +393,29 @@ class DamageField(Damaged):
                 listed=self._listed, count=self._count,
             )  # fmt: skip
         source, target = self.field, self._other
-        for number in range(sweeps):
+        for number, relaxation in enumerate(self._relaxations(sweeps)):
             if self._ghosts is not None and number and number % LAYERS == 0:
-                self._ghosts.add_exchange(stage, source)
+                self._ghosts.add_exchange(stage, source, target)
             stage.launch(
                 self.owner, k.sweep, self._threads, neighbours=self._neighbours, couplings=self._couplings,
-                driving=self._driving, fastest=self._fastest, source=source, target=target, **shared,
+                driving=self._driving, before=self._before, fastest=self._fastest, relaxation=relaxation, source=source,
+                target=target, **shared,
             )  # fmt: skip
             source, target = target, source
+
+    def _relaxations(self, sweeps: int) -> list[float]:
+        """Factors of sweeps by which they converge as the square of a Chebyshev polynomial.
+
+        A square, as an error that changes its sign is too much damage, which never heals. Newton's steps, for a sheet
+        of less strength, are not linear: they come from below by themselves alone.
+        """
+        if self._fastest > 2.0:
+            return sweeps * [1.0]
+        quarter = 0.25 / np.cosh(np.arccosh(REDUCED) / (sweeps // 2)) ** 2
+        found = [1.0, 1.0 / (1.0 - 2.0 * quarter)]
+        while len(found) < sweeps // 2:
+            found.append(1.0 / (1.0 - quarter * found[-1]))
+        return 2 * found[: sweeps // 2]
 
     def _add_severing(self, stage: Stage) -> None:
         """Add the launch that breaks bonds of listed points."""

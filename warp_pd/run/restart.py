@@ -24,7 +24,7 @@ from .recorder import Recorder
 from .scene import Scene
 
 NAME = "restart.npz"
-VERSION = 5
+VERSION = 6
 # Numbers of the recorder that a restart keeps.
 NUMBERS = ("frame_index", "time", "steps", "dt", "stable_dt", "step_seconds", "residual", "solve", "history", "missing")
 # What a scene says that changes nothing of the state of a run; of measures the names count all the same.

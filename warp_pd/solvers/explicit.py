@@ -24,6 +24,8 @@ from .stable_step import StableStep
 FIRST_ITERATIONS = 120
 LATER_ITERATIONS = 10
 STEPS_BETWEEN = 400
+# Steps in one graph, at least.
+MANY = 10
 # Step over the stable step: unless bonds can break, any stable step is accurate for what moves slowly. A bond that
 # breaks moves within a few steps, and the energy balance of tears needs shorter ones (docs/tearing.md).
 SAFETY, RUPTURE_SAFETY = 0.9, 0.5
@@ -122,7 +124,7 @@ class BuiltExplicit(BuiltSolver):
 
     def __init__(self, solver: Explicit, context: Context) -> None:
         self.solver, self.context = solver, context
-        self._since_estimate = self._since_row = 0
+        self._since_estimate = self._since_row = self._place = 0
         default = RUPTURE_SAFETY if context.features.breakable else SAFETY
         self.safety = default if solver.safety is None else solver.safety
 
@@ -146,7 +148,9 @@ class BuiltExplicit(BuiltSolver):
 
     def run(self, sink: FrameSink) -> str:
         """Run to the end, handing every frame to the sink; returns the final status."""
-        self._one, self._ten = self.context.sequence("step"), self.context.sequence("step", repeat=10)
+        self._interval = self.context.stages[self.context.prefix + "step"].interval
+        self._ones = [self.context.sequence("step", begin=place) for place in range(self._interval)]
+        self._many = self.context.sequence("step", repeat=self._interval * math.ceil(MANY / self._interval))
         since = self._since_estimate
         if sink.stable_dt is None:
             sink.stable_dt = self.estimate(FIRST_ITERATIONS)
@@ -179,16 +183,22 @@ class BuiltExplicit(BuiltSolver):
         taken = 0
         while taken < steps:
             chunk = steps if every is None else min(steps - taken, max(1, round(every / dt) - self._since_row))
-            for _ in range(chunk // 10):
-                self._ten.run()
-            for _ in range(chunk % 10):
-                self._one.run()
+            self._take_chunk(chunk)
             taken += chunk
             if every is not None:
                 self._since_row += chunk
                 if self._since_row >= max(1, round(every / dt)):
                     self._since_row = 0
                     sink.row(begin + taken * dt, dt)
+
+    def _take_chunk(self, steps: int) -> None:
+        """Take steps, many at once where they begin as the stage does."""
+        while steps > 0:
+            many = self._place == 0 and steps >= self._many.repeat
+            sequence = self._many if many else self._ones[self._place]
+            sequence.run()
+            steps -= sequence.repeat
+            self._place = (self._place + sequence.repeat) % self._interval
 
     def estimate(self, iterations: int) -> float:
         """Stable step [s], a bound of it from below; infinite if nothing resists."""
@@ -208,10 +218,10 @@ class BuiltExplicit(BuiltSolver):
         self.system.set_clock(dt, self.solver.duration, begin)
 
     def host_state(self) -> dict[str, Any]:
-        """Steps since the last estimate, and the noise of the next one."""
-        return {"since_estimate": self._since_estimate, "noise": self.stable_step.host_state()}
+        """Steps since the last estimate and since the stage's last full one, and the noise of the next estimate."""
+        return {"since_estimate": self._since_estimate, "place": self._place, "noise": self.stable_step.host_state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Put back what `host_state` gave."""
-        self._since_estimate = state["since_estimate"]
+        self._since_estimate, self._place = state["since_estimate"], state["place"]
         self.stable_step.restore(state["noise"])

@@ -40,7 +40,7 @@ def test_a_step_exchanges_what_its_launches_gather_and_nothing_else():
     of_field = ["exchange displacement, velocity", "exchange damage_field, driving, severed_at"]
     assert exchanged("field") == of_field
     # More sweeps than there are layers of ghost points.
-    assert exchanged("field hole") == [*of_field, "exchange damage_field"]
+    assert exchanged("field hole") == [*of_field, "exchange damage_field, damage_after_sweep"]
     # Bonds that break by their work follow from forces, which the halo does not have.
     assert any("intact_bonds" in name for name in exchanged("energy"))
 

@@ -140,6 +140,23 @@ def test_wraparound_is_the_stage_again_and_again():
     np.testing.assert_array_equal(results[0], results[1])
 
 
+def test_what_runs_in_one_of_so_many_repetitions_runs_in_the_first():
+    a, b = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0)
+    made = stage()
+    made.pointwise("one", twice(), 3, source=a, out=a)
+    with made.every(3):
+        made.launch("two", add_kernel(), 3, a=a, b=b)
+    made.pointwise("three", twice(), 3, source=a, out=a)
+    made.fuse_wraparound()
+    assert made.interval == 3
+    sequences = [LaunchSequence(made, repeat, begin) for repeat, begin in ((4, 0), (1, 1), (1, 2), (1, 3))]
+    assert [[name for item in made.items for name in item.parts].count("add") for made in sequences] == [2, 0, 0, 1]
+    sequences[0].run()
+    # Each repetition doubles twice: what is added after the first doubling of repetitions 0 and 3.
+    np.testing.assert_array_equal(a.numpy(), 256.0 * np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(b.numpy(), 130.0 * np.array([1.0, 2.0, 3.0]))
+
+
 def test_wraparound_is_left_out_where_the_next_step_gathers():
     a, b, c = array(1.0, 2.0, 3.0), array(0.0, 0.0, 0.0), array(0.0, 0.0, 0.0)
     made = stage()
