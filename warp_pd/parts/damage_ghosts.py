@@ -1,7 +1,7 @@
 """The ghost points of a damage field on several processes.
 
-Every other step exchanges the damage and what drives it once. The sweeps then run over ghost points, too: each makes one
-layer of them wrong, from the outside, and after LAYERS sweeps the halo is still right.
+Every other step exchanges the damage and what drives it once. The sweeps then run over ghost points, too: each makes
+one layer of them wrong, from the outside, and after LAYERS sweeps the halo is still right.
 """
 
 from __future__ import annotations

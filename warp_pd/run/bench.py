@@ -19,7 +19,7 @@ import warp as wp
 from ..device.checks import InputError, finite, one_of
 from ..families import unpack
 from ..geometry.sheet import Sheet
-from ..interfaces import Law, Part
+from ..interfaces import Law, Part, Rupture
 from ..interfaces.context import find_device
 from ..laws import BondAssociated, BondBased
 from ..materials import Bimodular, Gent
@@ -108,7 +108,7 @@ class Case:
             initial_displacement=_rough(sheet),
         )
 
-    def rupture(self) -> Part | None:
+    def rupture(self) -> Rupture | None:
         """The criterion of rupture; the sheet is far from both."""
         if DAMAGE_FIELD in self.features:
             return TearingEnergy(100.0)
