@@ -104,9 +104,10 @@ def plan(built: Built) -> str:
     lines += [f"  {total} bytes, {total / points:.1f} per point", "", "launches"]
     launches = []
     for stage in context.stages.values():
-        counted = Counter((x.name, x.threads, x.owner) for x in stage)
-        for (name, threads, owner), times in counted.items():
-            often = stage.when if times == 1 else f"{stage.when}, {times} times"
+        counted = Counter((x.name, x.threads, x.owner, x.every) for x in stage)
+        for (name, threads, owner, every), times in counted.items():
+            often = stage.when if every == 1 else f"{stage.when}, once in {every}"
+            often = often if times == 1 else f"{often}, {times} times"
             launches.append((stage.name, name, f"{threads}", owner, often))
         if stage.wraparound is not None:
             joined = stage.wraparound
