@@ -56,9 +56,8 @@ def build(
         clamp_can_tear: Whether bonds of the clamped points break, too.
     """
     count("points", points, 3)
-    positive("horizon", horizon)
-    # The clamp continues outside the sheet for one horizon, so that no family inside is cut off.
-    layer = math.ceil(horizon)
+    # A critical stretch breaks families that are cut off at an edge first: its clamp continues outside for a horizon.
+    layer = 0 if tearing_energy is not None else math.ceil(positive("horizon", horizon))
     sheet = Sheet.filled(
         1.0, 1.0, thickness=0.01, density=1000.0, points=points, layers=(layer, layer), turn=turn, jitter=jitter,
         seed=seed,

@@ -60,10 +60,11 @@ def build(
     width, height = 20e-3, 10e-3
     if not 0.0 < positive("notch", notch) < 0.5 * width:
         raise InputError(f"notch = {notch!r}: expected a length less than {0.5 * width:g} m, half the width")
-    # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
+    # A critical stretch breaks families that are cut off at an edge first: its grips continue outside for a horizon.
+    layers = 0 if tearing_energy is not None else math.ceil(positive("horizon", horizon))
     sheet = Sheet.filled(
         width, height, thickness=1e-3, density=1000.0, points=points,
-        layers=(0, math.ceil(positive("horizon", horizon))), turn=turn, jitter=jitter, seed=seed,
+        layers=(0, layers), turn=turn, jitter=jitter, seed=seed,
     )  # fmt: skip
     resolved("notch", notch, sheet.spacing)
     positive("speed", speed)

@@ -60,10 +60,11 @@ def build(
     side = 0.1
     if not 0.0 < positive("cut", cut) < side:
         raise InputError(f"cut = {cut!r}: expected a length less than {side:g} m, the width")
-    # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
+    # A critical stretch breaks families that are cut off at an edge first: its grips continue outside for a horizon.
+    layers = 0 if tearing_energy is not None else math.ceil(positive("horizon", horizon))
     sheet = Sheet.filled(
-        side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(positive("horizon", horizon)), 0),
-        turn=turn, jitter=jitter, seed=seed,
+        side, side, thickness=1e-3, density=1000.0, points=points, layers=(layers, 0), turn=turn, jitter=jitter,
+        seed=seed,
     )  # fmt: skip
     middle, tip = 0.5 * side, (side - cut, 0.5 * side)
     resolved("cut", cut, sheet.spacing)

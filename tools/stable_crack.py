@@ -33,7 +33,7 @@ def energies(points: int, horizon: float = 2.015) -> tuple[np.ndarray, np.ndarra
     force = BondAssociated(NeoHookean(stable_crack.MU, 100.0 * stable_crack.MU), horizon=horizon)
     stored = []
     for length in lengths:
-        sheet, loads, _ = stable_crack.wedged_strip(points, horizon, length, times, [0.0, *SLOPES])
+        sheet, loads, _ = stable_crack.wedged_strip(points, length, times, [0.0, *SLOPES])
         result = Simulation(sheet, force, Newton(load_steps=len(SLOPES)), loads=loads).run(device="cpu")
         stored.append([row["strain"] for row in result.history[1:]])
     return lengths, np.array(stored)
