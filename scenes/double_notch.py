@@ -4,11 +4,11 @@ Gent sheet of 20 x 10 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 60
 move apart at 1.2 mm/s each; bonds break at a stretch of 2. The paper shows the damage as the crack runs from
 both notches straight to the middle, and gives no numbers.
 
-The paper does not specify the length of the notches (here 2.5 mm, `notch`), how the edges are held (here by grips that
-continue outside the sheet, where it neither contracts nor tears), or its damping (here 20 /s, which settles waves
-but is far below the load). The crack crosses the sheet in some hundredths of a second: frames from `slow_from` to
-`slow_to` are 1 ms apart. Their defaults fit 60 points; coarser grids tear later, finer ones earlier. At 60 points
-a row of points lies on the line of the notches; it belongs to the upper side.
+The paper does not specify the length of the notches (here 2.5 mm, `notch`), how the edges are held (here by grips,
+where the sheet neither contracts nor tears; with a critical stretch they continue outside), or its damping (here 20
+/s, which settles waves but is far below the load). The crack crosses the sheet in some hundredths of a second: frames
+from `slow_from` to `slow_to` are 1 ms apart. Their defaults fit 60 points; coarser grids tear later, finer ones
+earlier. At 60 points a row of points lies on the line of the notches; it belongs to the upper side.
 
 An exactly flat sheet stays flat. When it snaps, its recoil then crushes families next to its edges in plane, which
 ended the run on rotated and jittered grids; a real sheet buckles. `roughness`, the height of random bumps in

@@ -12,10 +12,10 @@ side after 10 to 30 mm, and cuts off a leg (docs/tearing.md): by then the straig
 rotated by 45 degrees is no exception: its points lie symmetric about the cut, but those on the cut itself belong to its
 lower side.
 
-The grips continue outside the sheet, and points in them do not tear out. The paper does not say whether the pulled
-halves may move towards the left edge (here they may not), nor its damping (here 20 /s). The pull is slow: waves
-cross the sheet in a tenth of a second. `--set speed=4e-3` begins to tear at the same separation within 1 %, ten times
-sooner, but runs straight for longer. The run at the printed speed takes 265 000 steps.
+Points in the grips, which with a critical stretch continue outside the sheet, do not tear out. The paper does not say
+whether the pulled halves may move towards the left edge (here they may not), nor its damping (here 20 /s). The pull
+is slow: waves cross the sheet in a tenth of a second. `--set speed=4e-3` begins to tear at the same separation within
+1 %, ten times sooner, but runs straight for longer. The run at the printed speed takes 265 000 steps.
 """
 
 import math

@@ -2,7 +2,7 @@
 
     python tools/stable_crack.py --points 16 24 32        # some minutes
 
-Families at the grips give the energies an error of first order, so they are fitted with a term in the spacing. The tool
+The end of a cut gives the energies an error of first order, so they are fitted with a term in the spacing. The tool
 prints the coefficients without it, and the largest residual.
 """
 
