@@ -15,8 +15,8 @@ MATERIAL = TensionField(NEO)
 def gripped(rows, wave=0.0, precision=64, **grid):
     """An uncut strip at rest: its energy over that of uniform pure shear, and its largest damage.
 
-    Between rollers its edges move apart by a mean times 1 + `wave` cos(pi x / LENGTH): a smooth state. In the uniform one
-    the energy density is 0.97 times the strength.
+    Between rollers its edges move apart by a mean times 1 + `wave` cos(pi x / LENGTH): a smooth state. In the
+    uniform one the energy density is 0.97 times the strength.
     """
     points = (3 * (rows - 1) // 2 + 1, rows)
     sheet = Sheet.filled(LENGTH, HEIGHT, thickness=THICKNESS, density=1000.0, points=points, **grid)
