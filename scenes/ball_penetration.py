@@ -13,7 +13,8 @@ With `--set self_contact=true` the torn flaps do not pass through each other.
 
 The paper does not say how the edges are held. Here the clamp continues outside the sheet for one horizon. If only the
 outermost points were held, families at the edge would be cut off and soft, and the sheet would tear there first. Bonds
-into the clamp do not break: the kink there distributes a mean stretch of 1.13 unequally over the first rows.
+into the clamp do not break: the kink there distributes a mean stretch of 1.13 unequally over the first rows. With a
+tearing energy, whose weights are corrected, the clamp holds the edges alone (docs/tearing-energy.md).
 """
 
 import math
@@ -56,9 +57,8 @@ def build(
         clamp_can_tear: Whether bonds of the clamped points break, too.
     """
     count("points", points, 3)
-    positive("horizon", horizon)
-    # The clamp continues outside the sheet for one horizon, so that no family inside is cut off.
-    layer = math.ceil(horizon)
+    # A critical stretch breaks families that are cut off at an edge first: its clamp continues outside for a horizon.
+    layer = 0 if tearing_energy is not None else math.ceil(positive("horizon", horizon))
     sheet = Sheet.filled(
         1.0, 1.0, thickness=0.01, density=1000.0, points=points, layers=(layer, layer), turn=turn, jitter=jitter,
         seed=seed,

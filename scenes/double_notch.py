@@ -4,11 +4,11 @@ Gent sheet of 20 x 10 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 60
 move apart at 1.2 mm/s each; bonds break at a stretch of 2. The paper shows the damage as the crack runs from
 both notches straight to the middle, and gives no numbers.
 
-The paper does not specify the length of the notches (here 2.5 mm, `notch`), how the edges are held (here by grips that
-continue outside the sheet, where it neither contracts nor tears), or its damping (here 20 /s, which settles waves
-but is far below the load). The crack crosses the sheet in some hundredths of a second: frames from `slow_from` to
-`slow_to` are 1 ms apart. Their defaults fit 60 points; coarser grids tear later, finer ones earlier. At 60 points
-a row of points lies on the line of the notches; it belongs to the upper side.
+The paper does not specify the length of the notches (here 2.5 mm, `notch`), how the edges are held (here by grips,
+where the sheet neither contracts nor tears; with a critical stretch they continue outside), or its damping (here 20
+/s, which settles waves but is far below the load). The crack crosses the sheet in some hundredths of a second: frames
+from `slow_from` to `slow_to` are 1 ms apart. Their defaults fit 60 points; coarser grids tear later, finer ones
+earlier. At 60 points a row of points lies on the line of the notches; it belongs to the upper side.
 
 An exactly flat sheet stays flat. When it snaps, its recoil then crushes families next to its edges in plane, which
 ended the run on rotated and jittered grids; a real sheet buckles. `roughness`, the height of random bumps in
@@ -60,10 +60,11 @@ def build(
     width, height = 20e-3, 10e-3
     if not 0.0 < positive("notch", notch) < 0.5 * width:
         raise InputError(f"notch = {notch!r}: expected a length less than {0.5 * width:g} m, half the width")
-    # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
+    # A critical stretch breaks families that are cut off at an edge first: its grips continue outside for a horizon.
+    layers = 0 if tearing_energy is not None else math.ceil(positive("horizon", horizon))
     sheet = Sheet.filled(
         width, height, thickness=1e-3, density=1000.0, points=points,
-        layers=(0, math.ceil(positive("horizon", horizon))), turn=turn, jitter=jitter, seed=seed,
+        layers=(0, layers), turn=turn, jitter=jitter, seed=seed,
     )  # fmt: skip
     resolved("notch", notch, sheet.spacing)
     positive("speed", speed)

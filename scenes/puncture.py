@@ -11,10 +11,6 @@ The sheet snaps back when the ball is through. Only then do the energies miss th
 with the squared step, whatever breaks: 0.5 % at the default `safety` of tears, half of it here.
 """
 
-import math
-
-import numpy as np
-
 from warp_pd import (
     BondAssociated,
     Explicit,
@@ -58,17 +54,15 @@ def build(
         speed: Speed of the ball, slow against waves of 20 to 100 m/s [m/s].
         depth: How far the ball is lowered [m].
     """
-    # The clamp continues outside the sheet for one horizon, so that no family inside is cut off.
-    layer = math.ceil(positive("horizon", horizon))
     sheet = Sheet.filled(
-        SIZE, SIZE, thickness=THICKNESS, density=DENSITY, points=count("points", points, 9), layers=(layer, layer),
-        turn=turn, jitter=jitter, seed=seed,
+        SIZE, SIZE, thickness=THICKNESS, density=DENSITY, points=count("points", points, 9), turn=turn, jitter=jitter,
+        seed=seed,
     )  # fmt: skip
     middle = 0.5 * SIZE
     if not_negative("slit", slit) > 0.0:
         resolved("slit", slit, sheet.spacing)
         sheet = sheet.cut((middle - 0.5 * slit, middle), (middle + 0.5 * slit, middle))
-    clamp = sheet.where(lambda x, y: np.maximum(abs(x - middle), abs(y - middle)) > middle - 1e-9)
+    clamp = sheet.edges("all")
     line = TearLine(sheet)
     duration = positive("depth", depth) / positive("speed", speed)
     return Simulation(

@@ -75,7 +75,7 @@ def build(
         advance: Growth of the crack at which its onset is read, in spacings.
     """
     sheet_material = with_wrinkles(MATERIALS[one_of("material", material, tuple(MATERIALS))], wrinkles)
-    sheet, top, bottom = strip(points, horizon, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
+    sheet, top, bottom = strip(points, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
     spacing, grips = sheet.spacing, np.concatenate([top, bottom])
     energy = positive("tearing_energy", tearing_energy)
     damage = TearingEnergy(energy, length=damage_length, spared=grips)
@@ -145,16 +145,13 @@ def even_rows(points):
     return points
 
 
-def strip(points, horizon, length, cut, **grid):
-    """A strip of HEIGHT with a cut along its middle, and its points in the upper and the lower grip."""
+def strip(points, length, cut, **grid):
+    """A strip of HEIGHT with a cut along its middle, and its points on the upper and the lower edge."""
     rows = even_rows(points)
-    # The grips are as wide as the horizon.
     sheet = Sheet.filled(
-        length, HEIGHT, thickness=THICKNESS, density=DENSITY, points=(round(length / HEIGHT * rows), rows),
-        layers=(0, math.ceil(positive("horizon", horizon))), **grid,
-    ).cut((-HEIGHT, 0.5 * HEIGHT), (cut, 0.5 * HEIGHT))  # fmt: skip
-    top, bottom = (sheet.where(lambda x, y, s=s: s * (y - 0.5 * HEIGHT) > 0.5 * HEIGHT - 1e-9) for s in (1.0, -1.0))
-    return sheet, top, bottom
+        length, HEIGHT, thickness=THICKNESS, density=DENSITY, points=(round(length / HEIGHT * rows), rows), **grid
+    ).cut((-HEIGHT, 0.5 * HEIGHT), (cut, 0.5 * HEIGHT))
+    return sheet, sheet.edges("top"), sheet.edges("bottom")
 
 
 def stretch_at(material, density):

@@ -49,13 +49,13 @@ def build(
     if positive("overload", overload) <= 1.0:
         raise InputError(f"overload = {overload!r}: expected a number greater than 1, or the crack rests")
     material = with_wrinkles(NeoHookean(MU, 100.0 * MU), wrinkles)
-    sheet, top, bottom = strip(points, horizon, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
+    sheet, top, bottom = strip(points, LENGTH, CUT, turn=turn, jitter=jitter, seed=seed)
     grips = np.concatenate([top, bottom])
     energy = positive("tearing_energy", tearing_energy)
     stretch = stretch_at(material, overload * energy / HEIGHT)
     travel = 0.5 * (stretch - 1.0) * HEIGHT
     stretched = rough_surface(sheet, roughness, seed, grips)
-    stretched[:, 1] = (stretch - 1.0) * np.clip(sheet.points[:, 1] - 0.5 * HEIGHT, -0.5 * HEIGHT, 0.5 * HEIGHT)
+    stretched[:, 1] = (stretch - 1.0) * (sheet.points[:, 1] - 0.5 * HEIGHT)
     line = TearLine(sheet)
     tip, ahead = (CUT, 0.5 * HEIGHT), (LENGTH, 0.5 * HEIGHT)
 

@@ -54,7 +54,7 @@ def build(
         raise InputError(f"growth = {growth:g}: expected more than 0 and up to {LONGEST - CUT:g}")
     begin, end = (griffith_slope(length * HEIGHT, energy) for length in (CUT, CUT + growth))
     times, slopes = [0.0, 1.0 / count("load_steps", load_steps, 2), 1.0], [0.0, begin, end]
-    sheet, loads, grips = wedged_strip(points, horizon, CUT * HEIGHT, times, slopes)
+    sheet, loads, grips = wedged_strip(points, CUT * HEIGHT, times, slopes)
     damage = TearingEnergy(energy, damage_length, spared=grips)
     line, tip, ahead = TearLine(sheet), (CUT * HEIGHT, 0.5 * HEIGHT), (LENGTH * HEIGHT, 0.5 * HEIGHT)
 
@@ -106,14 +106,14 @@ def build(
     )
 
 
-def wedged_strip(points, horizon, cut, times, slopes):
+def wedged_strip(points, cut, times, slopes):
     """The strip with a cut [m], what holds and moves it, and the points of its grips.
 
     Args:
         times: [s].
         slopes: What the edges move apart over the distance from the hinge [-], one per time.
     """
-    sheet, *grips = strip(points, horizon, LENGTH * HEIGHT, cut)
+    sheet, *grips = strip(points, LENGTH * HEIGHT, cut)
     loads = [Fixed(np.arange(sheet.size), "z")]
     for sign, grip in zip((1.0, -1.0), grips, strict=True):
         places = sheet.points[grip, 0].round(9)

@@ -2,7 +2,7 @@
 
     python tools/stable_crack.py --points 16 24 32        # some minutes
 
-Families at the grips give the energies an error of first order, so they are fitted with a term in the spacing. The tool
+The end of a cut gives the energies an error of first order, so they are fitted with a term in the spacing. The tool
 prints the coefficients without it, and the largest residual.
 """
 
@@ -33,7 +33,7 @@ def energies(points: int, horizon: float = 2.015) -> tuple[np.ndarray, np.ndarra
     force = BondAssociated(NeoHookean(stable_crack.MU, 100.0 * stable_crack.MU), horizon=horizon)
     stored = []
     for length in lengths:
-        sheet, loads, _ = stable_crack.wedged_strip(points, horizon, length, times, [0.0, *SLOPES])
+        sheet, loads, _ = stable_crack.wedged_strip(points, length, times, [0.0, *SLOPES])
         result = Simulation(sheet, force, Newton(load_steps=len(SLOPES)), loads=loads).run(device="cpu")
         stored.append([row["strain"] for row in result.history[1:]])
     return lengths, np.array(stored)

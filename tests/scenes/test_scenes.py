@@ -135,7 +135,7 @@ def test_the_release_rate_of_the_wedged_strip_is_the_loss_of_energy_per_length_o
     for rows, columns in ((12, (18, 21)), (24, (36, 42))):
         lengths, energies = [(c + 0.75) / (4 * rows - 1) * 4.0 * stable_crack.HEIGHT for c in columns], []
         for length in lengths:
-            sheet, loads, _ = stable_crack.wedged_strip(rows, 2.015, length, [0.0, 1.0], [0.0, 0.06])
+            sheet, loads, _ = stable_crack.wedged_strip(rows, length, [0.0, 1.0], [0.0, 0.06])
             strip = Simulation(sheet, BondAssociated(NeoHookean(1e3, 1e5), horizon=2.015), Newton(), loads=loads)
             energies.append(strip.run(device="cpu").history[-1]["strain"])
         rate = (energies[0] - energies[1]) / (lengths[1] - lengths[0]) / stable_crack.THICKNESS

@@ -80,7 +80,8 @@ class Sheet(SelectableShape):
                 x as whole points allow.
             origin: Position of the lower left corner [m].
             layers: Rows of points outside the left and right edges, and outside the bottom and top edges: a clamp
-                as wide as the horizon leaves every family in the rectangle whole there (HE section 4.3).
+                as wide as the horizon leaves every family in the rectangle whole there (HE section 4.3). With
+                corrected weights hold the edge itself: families across it see a kink, an error of first order.
             centred: Whether the points are the centres of equal cells, half a spacing inside the edges, as in most
                 peridynamic papers; the triangles, which join points, then end there too.
 
