@@ -22,7 +22,7 @@ from warp_pd import BondAssociated, Explicit, Measure, Motion, NeoHookean, Outco
 from warp_pd.device.checks import InputError, count, not_negative, positive, resolved
 from warp_pd.materials import energy_density, with_wrinkles
 from warp_pd.measures import largest, support_force, worst_balance
-from warp_pd.parts.tearing_energy import BIAS, DEFAULT_LENGTH
+from warp_pd.parts.tearing_energy import DEFAULT_LENGTH, bias
 
 SIDE, THICKNESS, DENSITY, MU = 0.1, 1e-3, 1000.0, 1e3
 # C = G / (2 pi a W), by a / b (rows) and stretch.
@@ -79,7 +79,7 @@ def build(
             f"flaw = {flaw!r}: expected a length of at most {SIDE * RATIOS[-1]:g} m together with pi / 2 of the damage "
             f"length, got {2.0 * crack:.4g} m"
         )
-    most = 3.0 * energy / (16.0 * length * (1.0 + BIAS * (reach / length) ** 2))
+    most = 3.0 * energy / (16.0 * length * bias(reach / length))
     limit = most if strength is None else positive("strength", strength)
     stretches = np.linspace(1.0, 6.0, 2000)
     densities = np.asarray(energy_density(material, stretches, stretches), float)

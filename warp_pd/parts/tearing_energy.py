@@ -26,9 +26,9 @@ from .rupture import AT_REST, CriticalStretch, Damaged
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
-# A tear begins at 1 + BIAS (horizon / length)^2 times the energy that the field is given, as families average over the
-# horizon. Measured on strips at lengths from 1 to 2 horizons and all grids, see docs/tearing-energy.md.
-BIAS = 0.28
+# A tear begins at 1 + BIAS[0] x + BIAS[1] x^2 times the energy that the field is given, x = horizon / length, as families
+# average over the horizon. Fitted to strips of three horizons and five grids, see docs/tearing-energy.md.
+BIAS = (0.12, 0.075)
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
 # Fraction of the damage of a crack's profile, half a spacing from the crack, at which a point is severed.
@@ -267,9 +267,10 @@ class DamageField(Damaged):
         strength = self._given_strength()
         if strength is None or self.rupture.length is not None:
             return None
-        # length * bias(length) = whole
-        whole, part = 3.0 * self.rupture.energy / (16.0 * strength), BIAS * self.law.families.horizon**2
-        return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * part, 0.0))))
+        # length * bias(length) = 3 Gc / (16 strength)
+        horizon = self.law.families.horizon
+        whole = 3.0 * self.rupture.energy / (16.0 * strength) - BIAS[0] * horizon
+        return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * BIAS[1] * horizon**2, 0.0))))
 
     def resolving_length(self) -> float:
         """The length of the strength on a sheet whose spacing just resolves it [m]."""
@@ -278,7 +279,7 @@ class DamageField(Damaged):
 
     def _bias(self, length: float) -> float:
         """Energy that a tear takes over the one that the field is given."""
-        return 1.0 + BIAS * (self.law.families.horizon / length) ** 2
+        return bias(self.law.families.horizon / length)
 
     def _profile(self, sheet: Sheet) -> tuple[np.ndarray, np.ndarray]:
         """Damage at the start, (N,), that of cracks where the sheet is cut; and which points are beyond their ends."""
@@ -526,6 +527,11 @@ class DamageField(Damaged):
                 f"J/m^3, not a tear alone"
             )
         return said
+
+
+def bias(ratio: float) -> float:
+    """Energy that a tear takes over the one that the field is given, at a ratio of the horizon to the length."""
+    return 1.0 + BIAS[0] * ratio + BIAS[1] * ratio**2
 
 
 def stretch_or_energy(
