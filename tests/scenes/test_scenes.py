@@ -130,7 +130,7 @@ def test_a_crack_at_rest_follows_griffiths_curve():
 
 
 def test_the_release_rate_of_the_wedged_strip_is_the_loss_of_energy_per_length_of_its_cut():
-    """Elastic strips; families at the grips make the error one of first order in the spacing."""
+    """Elastic strips; the end of the cut makes the error one of first order in the spacing."""
     found = {}
     for rows, columns in ((12, (18, 21)), (24, (36, 42))):
         lengths, energies = [(c + 0.75) / (4 * rows - 1) * 4.0 * stable_crack.HEIGHT for c in columns], []
