@@ -26,8 +26,8 @@ from .rupture import AT_REST, CriticalStretch, Damaged
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
 # Smallest length over the horizon: of a shorter one the damage would not reach all families that a tear cuts.
 MIN_LENGTH = 0.75
-# A tear begins at 1 + BIAS[0] x + BIAS[1] x^2 times the energy that the field is given, x = horizon / length, as families
-# average over the horizon. Fitted to strips of three horizons and five grids, see docs/tearing-energy.md.
+# A tear begins at 1 + BIAS[0] x + BIAS[1] x^2 times the energy that the field is given, x = horizon / length, as
+# families average over the horizon. Fitted to strips of three horizons and five grids, see docs/tearing-energy.md.
 BIAS = (0.12, 0.075)
 # Largest damage of a cut at the start, and by how much it must grow until bonds break there.
 MOST_AT_START, GROWN = 0.98, 1e-3
