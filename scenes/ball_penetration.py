@@ -24,22 +24,23 @@ from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, RigidBall, Se
 from warp_pd.device.checks import count, positive
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
-from warp_pd.parts import stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
 
 
 def build(
     points: int = 101,
-    horizon: float = 3.15,
+    horizon: float | None = None,
     weights: str = "auto",
     force: str = "bond_associated",
     duration: float = 4.0,
     frames: int = 96,
     damping: float = 0.0,
     safety: float | None = None,
-    critical_stretch: float = 1.3,
-    tearing_energy: float | None = None,
+    tearing_energy: float = 8.0,
     damage_length: float | None = None,
+    critical_stretch: float | None = None,
     wrinkles: str = "auto",
+    ball_diameter: float | None = None,
     ball_speed: float = 0.1,
     clamp_can_tear: bool = False,
     self_contact: bool = False,
@@ -50,13 +51,18 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
+        horizon: Horizon in spacings; by default 2.015, with a critical stretch 3.15.
+        damage_length: Length of the damage field [m]; by default 20 mm, or the horizon if that is more.
         wrinkles: "relaxed": the energy of tension field theory; "resolved"; "auto": relaxed for laws that take it.
+        ball_diameter: Diameter of the ball [m]; by default 0.3, with a critical stretch 0.15.
         ball_speed: Speed of the ball [m/s].
         clamp_can_tear: Whether bonds of the clamped points break, too.
     """
     count("points", points, 3)
-    positive("horizon", horizon)
+    horizon = horizon_for_tears(horizon, critical_stretch)
+    if ball_diameter is None:
+        ball_diameter = 0.3 if critical_stretch is None else 0.15
+    positive("ball_diameter", ball_diameter)
     # The clamp continues outside the sheet for one horizon, so that no family inside is cut off.
     layer = math.ceil(horizon)
     sheet = Sheet.filled(
@@ -65,15 +71,15 @@ def build(
     )  # fmt: skip
     clamp = sheet.where(lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) > 0.5 - 1e-9)
     line = TearLine(sheet)
-    ball = RigidBall(diameter=0.15, start=(0.5, 0.5, 0.075), velocity=(0.0, 0.0, -positive("ball_speed", ball_speed)))
+    length = length_for_tears(damage_length, 0.02, horizon, sheet)
+    start, velocity = (0.5, 0.5, 0.5 * ball_diameter), (0.0, 0.0, -positive("ball_speed", ball_speed))
+    ball = RigidBall(ball_diameter, start, velocity)
     return Simulation(
         sheet,
         force=force_law(force, NeoHookean(mu=1e3, bulk=100e3), horizon, weights, wrinkles),
         loads=[Fixed(clamp)],
         contact=[ball, SelfContact()] if self_contact else ball,
-        damage=stretch_or_energy(
-            critical_stretch, tearing_energy, damage_length, spared=None if clamp_can_tear else clamp
-        ),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, length, None if clamp_can_tear else clamp),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("lowest_point", "m", lambda built, frame: lowest(sheet, frame)),

@@ -24,16 +24,16 @@ from warp_pd.device.checks import InputError, count, finite, positive, resolved
 from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
-from warp_pd.parts import stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
 
 
 def build(
     points: int = 60,
-    horizon: float = 3.15,
+    horizon: float | None = None,
     weights: str = "auto",
-    critical_stretch: float = 2.0,
-    tearing_energy: float | None = None,
+    tearing_energy: float = 0.784,
     damage_length: float | None = None,
+    critical_stretch: float | None = None,
     wrinkles: str = "relaxed",
     notch: float = 2.5e-3,
     speed: float = 1.2e-3,
@@ -51,19 +51,21 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
+        horizon: Horizon in spacings; by default 2.015, with a critical stretch 3.15.
+        damage_length: Length of the damage field [m]; by default 0.75 mm, or the horizon if that is more.
         notch: Length of each notch [m].
         speed: Speed of each grip [m/s].
         slow_from: Frames are 1 ms apart from this time on [s].
         slow_to: Frames are 1 ms apart up to this time [s].
     """
     width, height = 20e-3, 10e-3
+    horizon = horizon_for_tears(horizon, critical_stretch)
     if not 0.0 < positive("notch", notch) < 0.5 * width:
         raise InputError(f"notch = {notch!r}: expected a length less than {0.5 * width:g} m, half the width")
     # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
     sheet = Sheet.filled(
         width, height, thickness=1e-3, density=1000.0, points=points,
-        layers=(0, math.ceil(positive("horizon", horizon))), turn=turn, jitter=jitter, seed=seed,
+        layers=(0, math.ceil(horizon)), turn=turn, jitter=jitter, seed=seed,
     )  # fmt: skip
     resolved("notch", notch, sheet.spacing)
     positive("speed", speed)
@@ -81,6 +83,7 @@ def build(
     travel = speed * duration
     material = with_wrinkles(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), wrinkles)
     line = TearLine(sheet)
+    length = length_for_tears(damage_length, 7.5e-4, horizon, sheet)
     grips = np.concatenate([top, bottom])
     left, right = line.centres[:, 0] < 0.5 * width, line.centres[:, 0] >= 0.5 * width
     return Simulation(
@@ -90,7 +93,7 @@ def build(
             Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
             Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
         ],
-        damage=stretch_or_energy(critical_stretch, tearing_energy, damage_length, spared=grips),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, length, grips),
         initial_displacement=rough_surface(sheet, roughness, seed, grips),
         solver=Explicit(duration=duration, frames=times, damping=damping, safety=safety),
         measures=[

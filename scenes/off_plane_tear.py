@@ -26,16 +26,16 @@ from warp_pd import BondAssociated, BoundaryForce, Explicit, Fixed, Gent, Measur
 from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
-from warp_pd.parts import stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
 
 
 def build(
     points: int = 80,
-    horizon: float = 3.15,
+    horizon: float | None = None,
     weights: str = "corrected",
-    critical_stretch: float = 2.0,
-    tearing_energy: float | None = None,
+    tearing_energy: float = 2.95,
     damage_length: float | None = None,
+    critical_stretch: float | None = None,
     wrinkles: str = "relaxed",
     boundary_force: float = 0.0,
     cut: float = 0.03,
@@ -51,18 +51,20 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
+        horizon: Horizon in spacings; by default 2.015, with a critical stretch 3.15.
+        damage_length: Length of the damage field [m]; by default 5 mm, or the horizon if that is more.
         boundary_force: A of the empirical force along free edges [N/m^7].
         cut: Length of the cut [m].
         speed: Speed of each leg [m/s].
         travel: How far each leg moves [m].
     """
     side = 0.1
+    horizon = horizon_for_tears(horizon, critical_stretch)
     if not 0.0 < positive("cut", cut) < side:
         raise InputError(f"cut = {cut!r}: expected a length less than {side:g} m, the width")
     # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
     sheet = Sheet.filled(
-        side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(positive("horizon", horizon)), 0),
+        side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(horizon), 0),
         turn=turn, jitter=jitter, seed=seed,
     )  # fmt: skip
     middle, tip = 0.5 * side, (side - cut, 0.5 * side)
@@ -75,6 +77,7 @@ def build(
     duration = positive("travel", travel) / positive("speed", speed)
     material = with_wrinkles(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), wrinkles)
     line = TearLine(sheet)
+    length = length_for_tears(damage_length, 5e-3, horizon, sheet)
     ahead = (0.0, middle)
     loads = [
         Fixed(left),
@@ -87,7 +90,7 @@ def build(
         sheet,
         force=BondAssociated(material, horizon=horizon, weights=weights),
         loads=loads,
-        damage=stretch_or_energy(critical_stretch, tearing_energy, damage_length, spared=np.concatenate([left, right])),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, length, np.concatenate([left, right])),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("separation", "m", lambda built, frame: 2.0 * speed * frame.time),
