@@ -1,14 +1,16 @@
 """A sheet with a notch in each side is pulled until it separates. BA paper, section 6.3 (figures 9 and 10).
 
 Gent sheet of 20 x 10 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 60 x 30 points. Top and bottom edge
-move apart at 1.2 mm/s each; bonds break at a stretch of 2. The paper shows the damage as the crack runs from
-both notches straight to the middle, and gives no numbers.
+move apart at 1.2 mm/s each. The sheet tears at a tearing energy of 0.9 J/m^2, the damage length is 0.75 mm. In the
+paper bonds break at a stretch of 2: `critical_stretch=2`. It shows the damage as the crack runs from both notches
+straight to the middle, and gives no numbers.
 
 The paper does not specify the length of the notches (here 2.5 mm, `notch`), how the edges are held (here by grips,
 where the sheet neither contracts nor tears; with a critical stretch they continue outside), or its damping (here 20
 /s, which settles waves but is far below the load). The crack crosses the sheet in some hundredths of a second: frames
-from `slow_from` to `slow_to` are 1 ms apart. Their defaults fit 60 points; coarser grids tear later, finer ones
-earlier. At 60 points a row of points lies on the line of the notches; it belongs to the upper side.
+from `slow_from` to `slow_to` are 1 ms apart. Their defaults fit both criteria at 60 points; with a critical stretch
+coarser grids tear later, finer ones earlier. At 60 points a row of points lies on the line of the notches; it belongs
+to the upper side.
 
 An exactly flat sheet stays flat. When it snaps, its recoil then crushes families next to its edges in plane, which
 ended the run on rotated and jittered grids; a real sheet buckles. `roughness`, the height of random bumps in
@@ -24,16 +26,16 @@ from warp_pd.device.checks import InputError, count, finite, positive, resolved
 from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
-from warp_pd.parts import stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
 
 
 def build(
     points: int = 60,
-    horizon: float = 3.15,
+    horizon: float | None = None,
     weights: str = "auto",
-    critical_stretch: float = 2.0,
-    tearing_energy: float | None = None,
+    tearing_energy: float = 0.9,
     damage_length: float | None = None,
+    critical_stretch: float | None = None,
     wrinkles: str = "relaxed",
     notch: float = 2.5e-3,
     speed: float = 1.2e-3,
@@ -51,17 +53,19 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
+        horizon: Horizon in spacings; by default 2.015, with a critical stretch 3.15.
+        damage_length: Length of the damage field [m]; by default 0.75 mm, or the horizon if that is more.
         notch: Length of each notch [m].
         speed: Speed of each grip [m/s].
         slow_from: Frames are 1 ms apart from this time on [s].
         slow_to: Frames are 1 ms apart up to this time [s].
     """
     width, height = 20e-3, 10e-3
+    horizon = horizon_for_tears(horizon, critical_stretch)
     if not 0.0 < positive("notch", notch) < 0.5 * width:
         raise InputError(f"notch = {notch!r}: expected a length less than {0.5 * width:g} m, half the width")
     # A critical stretch breaks families that are cut off at an edge first: its grips continue outside for a horizon.
-    layers = 0 if tearing_energy is not None else math.ceil(positive("horizon", horizon))
+    layers = 0 if critical_stretch is None else math.ceil(horizon)
     sheet = Sheet.filled(
         width, height, thickness=1e-3, density=1000.0, points=points,
         layers=(0, layers), turn=turn, jitter=jitter, seed=seed,
@@ -82,6 +86,7 @@ def build(
     travel = speed * duration
     material = with_wrinkles(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), wrinkles)
     line = TearLine(sheet)
+    length = length_for_tears(damage_length, 7.5e-4, horizon, sheet)
     grips = np.concatenate([top, bottom])
     left, right = line.centres[:, 0] < 0.5 * width, line.centres[:, 0] >= 0.5 * width
     return Simulation(
@@ -91,7 +96,7 @@ def build(
             Motion(top, times=[0.0, duration], x=0.0, y=[0.0, travel], z=0.0),
             Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
         ],
-        damage=stretch_or_energy(critical_stretch, tearing_energy, damage_length, spared=grips),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, length, grips),
         initial_displacement=rough_surface(sheet, roughness, seed, grips),
         solver=Explicit(duration=duration, frames=times, damping=damping, safety=safety),
         measures=[

@@ -1,16 +1,18 @@
 """A cut sheet is torn by pulling its two legs apart, out of its plane. BA paper, section 6.5 (figures 14 and 15).
 
-Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 80 x 80 points, with a cut of 30 mm
-in from the middle of the right edge. The left edge is held; the two halves of the right edge move up and
-down at 0.4 mm/s; bonds break at a stretch of 2. The paper shows the damage while the crack runs straight on
-from the cut "for some distance", as experiments do, and gives no numbers.
+Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 80 x 80 points, with a cut of 30 mm in
+from the middle of the right edge. The left edge is held; the two halves of the right edge move up and down at 0.4
+mm/s. The sheet tears at a tearing energy of 1.5 J/m^2, the damage length is 3.5 mm; in the paper bonds break at a
+stretch of 2: `critical_stretch=2`. It shows the damage while the crack runs straight on from the cut "for some
+distance", as experiments do, and gives no numbers.
 
-On a grid aligned with the cut and symmetric about it the tear runs straight for 20 mm; then it forks into both legs and
-cuts them off. Ten times as fast it runs straight for 64 mm, with half the step or ten times the damping for 53 mm and
-more: only the first 13 to 20 mm are common to all (docs/papers/ba.md). On rotated or jittered grids it turns to one
-side after 10 to 30 mm, and cuts off a leg (docs/tearing.md): by then the straight tear is no longer stable. The grid
-rotated by 45 degrees is no exception: its points lie symmetric about the cut, but those on the cut itself belong to its
-lower side.
+With the tearing energy the crack runs straight for 34 mm; then the legs, which are held at their length, are stretched
+so far that it forks and cuts them off. With a critical stretch, on a grid aligned with the cut and symmetric about it,
+it runs straight for 20 mm before it forks. Ten times as fast it runs straight for 64 mm, with half the step or ten
+times the damping for 53 mm and more: only the first 13 to 20 mm are common to all (docs/papers/ba.md). On rotated or
+jittered grids it turns to one side after 10 to 30 mm, and cuts off a leg (docs/tearing.md): by then the straight tear
+is no longer stable. The grid rotated by 45 degrees is no exception: its points lie symmetric about the cut, but those
+on the cut itself belong to its lower side.
 
 Points in the grips, which with a critical stretch continue outside the sheet, do not tear out. The paper does not say
 whether the pulled halves may move towards the left edge (here they may not), nor its damping (here 20 /s). The pull
@@ -26,16 +28,16 @@ from warp_pd import BondAssociated, BoundaryForce, Explicit, Fixed, Gent, Measur
 from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, when_above, worst_balance
-from warp_pd.parts import stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
 
 
 def build(
     points: int = 80,
-    horizon: float = 3.15,
+    horizon: float | None = None,
     weights: str = "corrected",
-    critical_stretch: float = 2.0,
-    tearing_energy: float | None = None,
+    tearing_energy: float = 1.5,
     damage_length: float | None = None,
+    critical_stretch: float | None = None,
     wrinkles: str = "relaxed",
     boundary_force: float = 0.0,
     cut: float = 0.03,
@@ -51,17 +53,19 @@ def build(
     """Build the scene.
 
     Args:
-        damage_length: Length of the damage field [m]; by default that of TearingEnergy.
+        horizon: Horizon in spacings; by default 2.015, with a critical stretch 3.15.
+        damage_length: Length of the damage field [m]; by default 3.5 mm, or the horizon if that is more.
         boundary_force: A of the empirical force along free edges [N/m^7].
         cut: Length of the cut [m].
         speed: Speed of each leg [m/s].
         travel: How far each leg moves [m].
     """
     side = 0.1
+    horizon = horizon_for_tears(horizon, critical_stretch)
     if not 0.0 < positive("cut", cut) < side:
         raise InputError(f"cut = {cut!r}: expected a length less than {side:g} m, the width")
     # A critical stretch breaks families that are cut off at an edge first: its grips continue outside for a horizon.
-    layers = 0 if tearing_energy is not None else math.ceil(positive("horizon", horizon))
+    layers = 0 if critical_stretch is None else math.ceil(horizon)
     sheet = Sheet.filled(
         side, side, thickness=1e-3, density=1000.0, points=points, layers=(layers, 0), turn=turn, jitter=jitter,
         seed=seed,
@@ -76,6 +80,7 @@ def build(
     duration = positive("travel", travel) / positive("speed", speed)
     material = with_wrinkles(Gent(mu=1e3, bulk=2 * 100e3, lock=160.0), wrinkles)
     line = TearLine(sheet)
+    length = length_for_tears(damage_length, 3.5e-3, horizon, sheet)
     ahead = (0.0, middle)
     loads = [
         Fixed(left),
@@ -88,7 +93,7 @@ def build(
         sheet,
         force=BondAssociated(material, horizon=horizon, weights=weights),
         loads=loads,
-        damage=stretch_or_energy(critical_stretch, tearing_energy, damage_length, spared=np.concatenate([left, right])),
+        damage=stretch_or_energy(critical_stretch, tearing_energy, length, np.concatenate([left, right])),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("separation", "m", lambda built, frame: 2.0 * speed * frame.time),

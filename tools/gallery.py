@@ -56,13 +56,13 @@ class Shown:
 
 
 SCENES: dict[str, Shown] = {
-    "ball_penetration": Shown({"points": 61}, share=0.85),
+    "ball_penetration": Shown({"frames": 60}, share=0.95),
     "balloon": Shown({"points": 12}, "displacement"),
-    "balloon_burst": Shown({"frames": 30}, share=0.6),
+    "balloon_burst": Shown({"points": 24, "frames": 30}, share=0.5),
     "bimodular_bar": Shown({"points": 100}),
     "bulge_test": Shown({"points": 31}, "displacement along z", view="3D"),
     "cantilever": Shown({"points": 100}),
-    "double_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, share=0.93),
+    "double_notch": Shown({"points": 40, "duration": 1.3, "frames": 30}, share=0.6),
     "dropped_ball": Shown({"points": 31, "frames": 40}, "displacement along z", 0.32),
     "drum": Shown({"points": 41, "amplitude": 0.05, "frames": 40}, "displacement along z", 0.25, "3D"),
     "edge_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, "damage", 0.93, "top"),
@@ -81,9 +81,9 @@ SCENES: dict[str, Shown] = {
         "displacement along z",
         view="top",
     ),
-    "off_plane_tear": Shown({"points": 40, "horizon": 2.015, "speed": 2e-2, "travel": 0.08, "frames": 40}),
+    "off_plane_tear": Shown({"points": 40, "speed": 2e-2, "travel": 0.06, "frames": 40}, share=0.75),
     "out_of_plane": Shown({"points": 51, "horizon": 2.015, "frames": 30}, "displacement along z"),
-    "precut_tear": Shown({"points": 60, "horizon": 2.015, "frames": 60}, share=0.95),
+    "precut_tear": Shown({"points": 60, "frames": 60}, share=0.8),
     "pressure": Shown({}, "displacement along z"),
     "pressure_dynamic": Shown({"points": 51, "horizon": 2.015, "frames": 40}, "displacement along z", 0.8),
     "pressure_static": Shown({"points": 51, "horizon": 2.015}, "displacement along z"),

@@ -12,7 +12,7 @@ SCENES = {
     "pressure_dynamic": {"force": "nodal", "points": 9, "duration": 0.02, "frames": 2},
     "out_of_plane": {"force": "neural_fused", "points": 15, "duration": 0.02, "frames": 2},
     "precut_tear": {"force": "nodal", "points": 15, "duration": 0.02, "frames": 2},
-    "ball_penetration": {"force": "neural", "points": 11, "duration": 0.02, "frames": 2},
+    "ball_penetration": {"force": "neural", "critical_stretch": 1.3, "points": 11, "duration": 0.02, "frames": 2},
 }
 
 

@@ -12,7 +12,7 @@ from .reaction import Reaction
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
 from .self_contact import SelfContact
 from .supports import Fixed, Motion, stretching_edges
-from .tearing_energy import TearingEnergy, stretch_or_energy
+from .tearing_energy import TearingEnergy, horizon_for_tears, length_for_tears, stretch_or_energy
 
 __all__ = [
     "BodyForce",
@@ -41,6 +41,8 @@ __all__ = [
     "Sphere",
     "TearingEnergy",
     "TriangleMesh",
+    "horizon_for_tears",
+    "length_for_tears",
     "stretch_or_energy",
     "stretching_edges",
 ]

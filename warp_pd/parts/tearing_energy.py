@@ -76,6 +76,7 @@ class TearingEnergy(Rupture):
         spared: Points that stay undamaged, such as those in a clamp; None if all may be damaged.
         cut_profile: Whether cuts of the sheet have the damage of a crack around them from the start. Without it they
             are notches, and a tear must begin first, at 1.2 to 1.3 Gc.
+        initial_damage: Damage of the points at the start besides that of cuts, (N,), such as a place that was pricked.
         screened: Whether to look only at points near damage, or with a stretched bond; otherwise at all in every
             step, which is slow and must give the same.
 
@@ -89,6 +90,7 @@ class TearingEnergy(Rupture):
     spared: Any = None
     stretch_at_break: float | None = None
     cut_profile: bool = True
+    initial_damage: np.ndarray | None = None
     screened: bool = True
 
     is_field: ClassVar[bool] = True
@@ -287,9 +289,18 @@ class DamageField(Damaged):
         segments = crack_segments(sheet) if self.rupture.cut_profile else np.zeros((0, 2, 2))
         if len(segments):
             apart = distance_from_segments(sheet.points, segments, 2.0 * self.length)
-            damage = np.minimum(np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2, MOST_AT_START)
+            damage = np.maximum(1.0 - apart / (2.0 * self.length), 0.0) ** 2
             from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), self.length)
             ahead = from_end <= apart * (1.0 + 1e-9)
+        if self.rupture.initial_damage is not None:
+            given = np.asarray(self.rupture.initial_damage, float)
+            if given.shape != damage.shape or not ((given >= 0.0) & (given <= 1.0)).all():
+                raise InputError(
+                    f"TearingEnergy.initial_damage: expected {sheet.size} numbers from 0 to 1, got shape {given.shape} "
+                    f"from {given.min():g} to {given.max():g}"
+                )
+            damage = np.maximum(damage, given)
+        damage = np.minimum(damage, MOST_AT_START)
         if self.rupture.spared is not None:
             damage[point_indices("TearingEnergy.spared", self.rupture.spared, sheet.size)] = 0.0
         return damage, ahead
@@ -535,9 +546,24 @@ def bias(ratio: float) -> float:
 
 
 def stretch_or_energy(
-    critical_stretch: float, tearing_energy: float | None, length: float | None = None, spared: Any = None
+    critical_stretch: float | None, tearing_energy: float, length: float | None = None, spared: Any = None
 ) -> Rupture:
-    """The criterion of a scene: a tearing energy [J/m^2] if one is given, a critical stretch [-] otherwise."""
-    if tearing_energy is not None:
-        return TearingEnergy(tearing_energy, length, spared=spared)
-    return CriticalStretch(critical_stretch, spared)
+    """The criterion of a scene: a critical stretch [-] if one is given, a tearing energy [J/m^2] otherwise."""
+    if critical_stretch is not None:
+        return CriticalStretch(critical_stretch, spared)
+    return TearingEnergy(tearing_energy, length, spared=spared)
+
+
+def horizon_for_tears(horizon: float | None, critical_stretch: float | None) -> float:
+    """Horizon of a scene in spacings: the given one, or 2.015, or 3.15 with a critical stretch.
+
+    With a critical stretch cracks follow the grid at smaller horizons.
+    """
+    if horizon is not None:
+        return positive("horizon", horizon)
+    return 2.015 if critical_stretch is None else 3.15
+
+
+def length_for_tears(length: float | None, default: float, horizon: float, sheet: Sheet) -> float:
+    """Length of the damage field of a scene [m]: the given one, or the default, or the horizon if that is more."""
+    return max(default, horizon * sheet.spacing) if length is None else length

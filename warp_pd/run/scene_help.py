@@ -11,7 +11,7 @@ from .scene_files import load_scene
 
 # Arguments that mean the same in every scene; a scene says otherwise under "Args:" of its `build`.
 COMMON = {
-    "critical_stretch": "Stretch at which a bond breaks [-].",
+    "critical_stretch": "Stretch at which bonds break, in place of the tearing energy [-].",
     "damping": "Mass damping [1/s].",
     "density": "Density [kg/m^3].",
     "depth": "How far the body is pushed down [m].",
@@ -33,7 +33,7 @@ COMMON = {
     "solver": "explicit, relaxation or newton, those that the scene takes.",
     "speed": "Speed of what moves [m/s].",
     "stretch": "Stretch at the end [-].",
-    "tearing_energy": "Energy of torn area [J/m^2]; bonds break by it where it is given.",
+    "tearing_energy": "Energy of torn area [J/m^2].",
     "tolerance": "Unbalanced force over loads and reactions at equilibrium; None: the solver's.",
     "turn": "Angle by which the grid is turned [degrees].",
     "weights": "published, plain, corrected or auto.",
