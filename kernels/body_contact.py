@@ -88,6 +88,7 @@ def body_contact(
     search = body_search(bits, distance, curved, held, searched, marked)
     BodyContact, wide, narrow, position = search.struct, search.wide, search.narrow, search.position
     surface_velocity, touch_in_step, touch_now = search.surface_velocity, search.touch_in_step, search.touch_now
+    push_out = search.push_out
     plane, may_touch_in_step, may_touch_now = search.plane, search.may_touch_in_step, search.may_touch_now
     half_kick, half_loss = half_step(bits, loaded, damped)
 
@@ -162,7 +163,12 @@ def body_contact(
                     a.rub[i] = wp.vec3d()
                     a.rub_work[i] = wp.float64(0.0)
 
-    @pointwise(BodyContact, writes=("need", "rows", "seen"))
+    @wp.func
+    def slipping(v: wp.vec3d, arm: wp.vec3d, end: wp.vec3d, a: BodyContact):
+        """Velocity relative to the body of a point that moves from one arm to another one in the step [m/s]."""
+        return v - surface_velocity(wp.float64(0.5) * (arm + end), a)
+
+    @pointwise(BodyContact, writes=("need", "rows", "arms", "slips", "seen"))
     def find_inside(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
@@ -171,16 +177,17 @@ def body_contact(
                 a.need[i] = wp.float64(-1.0)
             if near:
                 needed = wp.float64(-1.0)
-                x = position(i, a)
-                touches, n, shift, _gap = touch_in_step(i, a)
+                touches, n, shift, _pressed, arm = touch_in_step(i, a)
                 if touches:
-                    arm = x + shift - a.place[0]
                     needed = wp.length(shift) / wp.float64(a.step[0])
                     t = wp.cross(arm, n)
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
+                    if wp.static(rubs):
+                        a.arms[i] = arm
+                        a.slips[i] = slipping(wide(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
                 a.need[i] = needed
 
-    @pointwise(BodyContact, writes=("need", "rows"))
+    @pointwise(BodyContact, writes=("need", "rows", "arms", "slips"))
     def find_touching(begin: int, end: int, a: BodyContact):
         here = plane(a)
         for i in range(begin, end):
@@ -193,11 +200,15 @@ def body_contact(
                 touches, n = touch_now(x, a)
                 if touches:
                     arm = x - a.place[0]
-                    approach = wp.dot(surface_velocity(arm, a) - wide(a.velocity[i]), n)
+                    relative = slipping(wide(a.velocity[i]), arm, arm, a)
+                    approach = -wp.dot(relative, n)
                     if approach > wp.float64(0.0):
                         needed = approach
                     t = wp.cross(arm, n)
                     a.rows[i] = vec6d(n[0], n[1], n[2], t[0], t[1], t[2])
+                    if wp.static(rubs):
+                        a.arms[i] = arm
+                        a.slips[i] = relative
                 a.need[i] = needed
 
     @pointwise(BodyContact, writes=("displacement", "seen", *given))
@@ -210,31 +221,19 @@ def body_contact(
             if near:
                 if wp.static(marked):
                     forget(i, a)
-                x = position(i, a)
-                touches, n, shift, gap = touch_in_step(i, a)
+                touches, n, shift, pressed, arm = touch_in_step(i, a)
                 if touches:
                     dt = wp.float64(a.step[0])
-                    arm = x + shift - a.place[0]
-                    relative = wide(a.velocity[i]) - surface_velocity(arm, a)
-                    change = shift / dt
                     kick = half_kick(i, a.step, a.mass, a.force, a.external)
                     start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
                     lost = wp.vec3d()
                     if wp.static(rubs):
-                        # Of a point at rest the shift has the digits that its place has lost.
-                        pressed = wp.length(change)
-                        if gap < a.skin:
-                            pressed = wp.max(-wp.dot(relative, n), wp.float64(0.0))
-                        lost = arrest(relative + change, pressed, n, a.friction)
-                        shift += dt * lost
-                        q = a.rotation[0]
+                        x = position(i, a) + shift
+                        relative = slipping(wide(a.velocity[i]) + shift / dt, arm, x - a.place[0], a)
+                        lost = arrest(relative, pressed / dt, n, a.friction)
                         reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
-                        for _again in range(3):
-                            left = distance(wp.quat_rotate_inv(q, x + shift - a.place[0]), reach, a.body)
-                            if left[3] < wp.float64(0.0):
-                                shift -= left[3] * wp.quat_rotate(q, wp.vec3d(left[0], left[1], left[2]))
-                        arm = x + shift - a.place[0]
-                        change = shift / dt
+                        shift += dt * lost + push_out(x + dt * lost, n, reach, a)
+                    change = shift / dt
                     a.displacement[i] = a.displacement[i] + narrow(shift)
                     strike(i, change, lost, start, start, real(1.0), arm, a)
                     if wp.static(tracked and loaded):
@@ -255,7 +254,7 @@ def body_contact(
                 touches, n = touch_now(x, a)
                 if touches:
                     arm = x - a.place[0]
-                    relative = wide(a.velocity[i]) - surface_velocity(arm, a)
+                    relative = slipping(wide(a.velocity[i]), arm, arm, a)
                     approach = -wp.dot(relative, n)
                     if approach > wp.float64(0.0):
                         change = approach * n

@@ -10,8 +10,9 @@ A free body takes the step of the sheet: half kick, drift, half kick. What touch
 at once. If every point i that moves into the body by the speed a_i along its normal n_i, at the arm r_i, ends with the
 velocity of the body's surface, then with j_i = (n_i, r_i x n_i) the change d of velocity and spin of the body solves
     [diag(M, I) + sum m_i j_i j_i^T] d = -sum m_i a_i j_i.
-Points that would have to be pulled are left out of a second solution. The body is moved by it; then the points are
-projected, and the momentum that they took is what the body loses.
+Points that would have to be pulled are left out of a second solution, in which friction acts as the first one tells:
+points that stick to the body move with it, the others drag it by the coefficient times their impulse. The body is moved
+by that; then the points are projected, and the momentum that they took is what the body loses.
 """
 
 import functools
@@ -56,6 +57,12 @@ def turn_between(begin: wp.quatd, end: wp.quatd):
 @wp.func
 def spin_of(rotation: wp.quatd, inverse_inertia: wp.mat33d, angular: wp.vec3d):
     return wp.quat_rotate(rotation, inverse_inertia * wp.quat_rotate_inv(rotation, angular))
+
+
+@wp.func
+def wrench(force: wp.vec3d, arm: wp.vec3d):
+    turn = wp.cross(arm, force)
+    return vec6d(force[0], force[1], force[2], turn[0], turn[1], turn[2])
 
 
 @functools.cache
@@ -180,6 +187,9 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         marks: wp.array(dtype=wp.uint8),
         need: wp.array(dtype=wp.float64),
         rows: wp.array(dtype=vec6d),
+        arms: wp.array(dtype=wp.vec3d),
+        slips: wp.array(dtype=wp.vec3d),
+        friction: wp.float64,
         changes: wp.array(dtype=vec6d),
         use_changes: int,
         at_end: int,
@@ -213,6 +223,25 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                     m = weight * wp.float64(mass[i])
                     A += m * wp.outer(j, j)
                     side -= (m * need[i]) * j
+                    if wp.static(rubs):
+                        if use_changes != 0:
+                            n = wp.vec3d(j[0], j[1], j[2])
+                            d = changes[0]
+                            moved = wp.vec3d(d[0], d[1], d[2]) + wp.cross(wp.vec3d(d[3], d[4], d[5]), arms[i])
+                            slip = slips[i] - moved
+                            slip -= wp.dot(slip, n) * n
+                            speed = wp.length(slip)
+                            most = friction * (need[i] + wp.dot(j, d))
+                            if speed > most:
+                                side += (m * most / speed) * wrench(slip, arms[i])
+                            else:
+                                for c in range(3):
+                                    unit = wp.vec3d()
+                                    unit[c] = wp.float64(1.0)
+                                    unit -= n[c] * n
+                                    k = wrench(unit, arms[i])
+                                    A += m * wp.outer(k, k)
+                                    side += (m * wp.dot(unit, slips[i])) * k
         row = int(0)  # noqa: RUF046
         for r in range(6):
             for c in range(r, 6):

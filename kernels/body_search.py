@@ -33,7 +33,9 @@ class BodySearch:
         plane: a -> normal (1 to 3), in the coordinates of the sheet, and height (4) of a half space; zero for others.
         may_touch_in_step: (i, a, plane) -> whether a point may touch within the step, after the drift.
         may_touch_now: (i, a, plane) -> whether it may touch at the end of the step.
-        touch_in_step: (i, a) -> `way_out` of the point, in the coordinates of the sheet.
+        touch_in_step: (i, x, a) -> `way_out` of the point, in the coordinates of the sheet, without the last; then the
+            arm at which the body pushes it.
+        push_out: (x, n, reach, a) -> shift along n that brings a point at x to the surface.
         touch_now: (x, a) -> whether a point there touches, and the normal.
         mark: Pointwise: marks points that may touch in the step, for the stages of large sheets.
         mark_now: Pointwise: the same for its end.
@@ -48,6 +50,7 @@ class BodySearch:
     may_touch_in_step: wp.Function
     may_touch_now: wp.Function
     touch_in_step: wp.Function
+    push_out: wp.Function
     touch_now: wp.Function
     mark: Pointwise
     mark_now: Pointwise
@@ -67,7 +70,8 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
-    way_out = ways_out(distance)
+    out = ways_out(distance)
+    way_out, pushed_out = out.way_out, out.pushed_out
     flat = distance is plane_distance
 
     @wp.struct
@@ -102,6 +106,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         rows: wp.array(dtype=vec6d)
         push: wp.array(dtype=wp.vec3d)
         arms: wp.array(dtype=wp.vec3d)
+        slips: wp.array(dtype=wp.vec3d)
         push_work: wp.array(dtype=wp.float64)
         rub: wp.array(dtype=wp.vec3d)
         rub_work: wp.array(dtype=wp.float64)
@@ -223,16 +228,28 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     @wp.func
     def touch_in_step(i: int, a: BodyContact):
-        """`way_out` of a point after the drift, in the coordinates of the sheet."""
+        """`way_out` of a point after the drift and the arm at which the body pushes it, in the sheet's frame."""
         a1, a0 = way(i, a)
         reach = wp.length(a1 - a0) + wp.float64(2.0) * a.skin
         end = distance(a1, reach, a.body)
         if wp.static(searched):
             if end[3] >= reach:
                 remember(i, a1, a)
-        touches, n, shift, gap = way_out(a0, a1, end, reach, a.body, a.skin)
         q = a.rotation[0]
-        return touches, wp.quat_rotate(q, n), wp.quat_rotate(q, shift), gap
+        turn = wp.quat_inverse(q) * a.rotation[1]
+        touches, n, shift, pressed, of_start = way_out(a0, a1, end, turn, reach, a.body, a.skin)
+        arm = wp.quat_rotate(q, a1 + shift)
+        if of_start:
+            arm = wp.quat_rotate(a.rotation[1], a0)
+        return touches, wp.quat_rotate(q, n), wp.quat_rotate(q, shift), pressed, arm
+
+    @wp.func
+    def push_out(x: wp.vec3d, n: wp.vec3d, reach: wp.float64, a: BodyContact):
+        """The shift along n that brings a point at x to the surface, nothing from outside."""
+        q = a.rotation[0]
+        arm = wp.quat_rotate_inv(q, x - a.place[0])
+        end = distance(arm, reach, a.body)
+        return wp.quat_rotate(q, pushed_out(arm, wp.quat_rotate_inv(q, n), end, reach, a.body, a.skin))
 
     @wp.func
     def touch_now(x: wp.vec3d, a: BodyContact):
@@ -255,5 +272,5 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
 
     return BodySearch(
         BodyContact, wide, narrow, position, surface_velocity, plane, may_touch_in_step, may_touch_now, touch_in_step,
-        touch_now, mark, mark_now,
+        push_out, touch_now, mark, mark_now,
     )  # fmt: skip

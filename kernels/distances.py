@@ -9,6 +9,7 @@ taken in float64. Closest point of a triangle: Ericson, Real-Time Collision Dete
 """
 
 import functools
+from dataclasses import dataclass
 
 import warp as wp
 
@@ -16,6 +17,10 @@ from .effects import unstaged
 
 # Parts of the way of a point within a step in which its entry into a body is sought, at most.
 PARTS = 256
+# How often a point is pushed, at most, until it is on the surface; the second half of them straight out.
+TRIES = 6
+# Cosine of the angle to the normal up to which a direction leads out of a body.
+STEEP = wp.constant(wp.float64(0.9))
 
 # Below this length [m] the square of a vector loses digits: it has no direction.
 TINY = wp.constant(wp.float64(1e-140))
@@ -188,13 +193,27 @@ def distances(distance: wp.Function) -> wp.Kernel:
     return find_distances
 
 
-@functools.cache
-def ways_out(distance: wp.Function) -> wp.Function:
-    """Function `way_out` of a shape, for a point that moves from `a0` to `a1` [m] in the frame of the body.
+@dataclass(frozen=True)
+class WaysOut:
+    """Warp functions of a shape, in the frame of the body.
 
-    `end` is its distance at `a1`, asked for as far as `reach`. It gives whether the point touches, the normal there,
-    the shift that brings it out, and its distance at the start.
+    Attributes:
+        way_out: (a0, a1, end, turn, reach, body, skin) -> (touches, n, shift, pressed, of_start), for a point that
+            moves from `a0` to `a1` [m], where its distance is `end`, asked for as far as `reach`; `turn` takes
+            directions in space from the frame at the beginning to that at the end. `shift` brings the point
+            out, along `n`; `pressed` is its length, or of a point that has been on the surface how much nearer it
+            came [m]; `of_start` tells that `n` is the normal at the beginning.
+        pushed_out: (a, n, end, reach, body, skin) -> shift along n from `a`, where the distance is `end`, to the
+            surface; nothing from outside.
     """
+
+    way_out: wp.Function
+    pushed_out: wp.Function
+
+
+@functools.cache
+def ways_out(distance: wp.Function) -> WaysOut:
+    """Ways out of a shape."""
 
     @wp.func
     def normal_of(found: wp.vec4d):
@@ -218,13 +237,35 @@ def ways_out(distance: wp.Function) -> wp.Function:
         return hit, normal_of(found)
 
     @wp.func
-    def way_out(a0: wp.vec3d, a1: wp.vec3d, end: wp.vec4d, reach: wp.float64, body: BodyShape, skin: wp.float64):
+    def pushed_out(
+        a: wp.vec3d, n: wp.vec3d, end: wp.vec4d, reach: wp.float64, body: BodyShape, skin: wp.float64
+    ):  # fmt: skip
+        """By Newton's method; where n leads along the surface, to its nearest point."""
+        close = wp.float64(1e-3) * skin
+        shift = wp.vec3d()
+        left = end
+        again = wp.int32(0)
+        while again < wp.static(TRIES) and (left[3] < -close or (again > 0 and left[3] > close)):
+            steep = wp.dot(normal_of(left), n)
+            if again < wp.static(TRIES // 2) and steep > wp.static(STEEP):
+                shift -= (left[3] / steep) * n
+            elif left[3] < wp.float64(0.0):
+                shift -= left[3] * normal_of(left)
+            left = distance(a + shift, reach, body)
+            again += 1
+        return shift
+
+    @wp.func
+    def way_out(
+        a0: wp.vec3d, a1: wp.vec3d, end: wp.vec4d, turn: wp.quatd, reach: wp.float64, body: BodyShape, skin: wp.float64
+    ):  # fmt: skip
         zero = wp.float64(0.0)
         travel = wp.length(a1 - a0)
         touches = bool(False)
+        of_start = bool(False)
         n = normal_of(end)
         shift = wp.vec3d()
-        gap = skin
+        pressed = zero
         if end[3] < wp.max(travel, skin):
             start = distance(a0, reach + wp.abs(end[3]), body)
             gap = start[3]
@@ -234,6 +275,7 @@ def ways_out(distance: wp.Function) -> wp.Function:
                 crosses = wp.dot(normal_of(start), n) < zero
             else:
                 crosses = gap + end[3] < travel and (gap >= skin or ahead < -skin)
+            left = end
             if crosses and travel > zero:
                 way = (a1 - a0) / travel
                 hit, facing = entry(a0, way, travel, start, body, skin)
@@ -243,16 +285,18 @@ def ways_out(distance: wp.Function) -> wp.Function:
                         touches = True
                         n = facing
                         shift = -below * facing
-            if not touches and end[3] < zero:
-                touches = True
-                shift = -end[3] * n
-            if end[3] < skin and gap < skin:
+                        left = distance(a1 + shift, reach, body)
+            elif end[3] < zero or gap < skin:
+                began = wp.quat_rotate(turn, normal_of(start))
+                of_start = wp.dot(began, n) > wp.static(STEEP)
+                if of_start:
+                    n = began
+            if end[3] < zero or (end[3] < skin and gap < skin):
                 touches = True
             if touches:
-                for _again in range(3):
-                    left = distance(a1 + shift, reach, body)
-                    if left[3] < wp.float64(-1e-3) * skin:
-                        shift -= left[3] * normal_of(left)
-        return touches, n, shift, gap
+                shift += pushed_out(a1 + shift, n, left, reach, body, skin)
+                # Of a point at rest the shift has the digits that its place has lost.
+                pressed = wp.where(gap < skin, wp.max(gap - end[3], zero), wp.length(shift))
+        return touches, n, shift, pressed, of_start
 
-    return way_out
+    return WaysOut(way_out, pushed_out)

@@ -33,6 +33,7 @@ from warp_pd.scenes import dropped_ball
 
 DENSITY, GRAVITY = 1000.0, 9.81
 TURNED = (0.1, 0.2, 0.05, 0.9733961166965892)
+LYING = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
 
 
 def vector(row, name):
@@ -110,22 +111,38 @@ def rubbing(shape, speed, safety, rotation=(0.0, 0.0, 0.0, 1.0)):
 @pytest.mark.parametrize("speed", [0.1, 0.3, 1.0])
 @pytest.mark.parametrize("shape", [Sphere(0.03), Box((0.03, 0.03, 0.03)), Capsule(0.03, 0.03)], ids=lambda s: s.kind)
 def test_friction_takes_no_more_than_contact_loses(shape, speed):
-    lying = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
-    rows = rubbing(shape, speed, 0.3, lying)
+    rows = rubbing(shape, speed, 0.1, LYING)
     assert rows[-1]["body_rubbed"] > 0.0
+    assert max(abs(row["balance_error"]) for row in rows) < 0.01
     assert all(0.0 <= row["body_rubbed"] <= row["body_loss"] for row in rows)
 
 
-def test_a_ball_that_rolls_over_a_trampoline_rubs_no_more_than_it_loses():
-    scene = dropped_ball.build(
-        points=15, horizon=2.015, diameter=0.12, duration=0.3, frames=30, safety=0.3, friction=0.5
-    )  # fmt: skip
-    ball = scene.contact
-    thrown = replace(ball.motion, velocity=(1.0, 0.0, 0.0), position=(0.1, 0.15, 0.11))
-    scene = replace(scene, contact=replace(ball, motion=thrown))
-    rows = scene.run(device="cpu", precision=64).history
-    assert rows[-1]["ball_rubbed"] > 0.01
+def rolling(shape, safety, friction=0.5, speed=1.0):
+    """Rows of a body that lies along y and crosses a trampoline."""
+    scene = dropped_ball.build(points=15, horizon=2.015, duration=0.3, frames=30, safety=safety, friction=friction)
+    motion = Free(0.15, (0.1, 0.15, 0.05 + 0.5 * shape.thinnest()), (speed, 0.0, 0.0), rotation=LYING)
+    scene = replace(scene, contact=replace(scene.contact, shape=shape, motion=motion))
+    return scene.run(device="cpu", precision=64).history
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0])
+@pytest.mark.parametrize("shape", [Sphere(0.08), Capsule(0.06, 0.08), Box((0.08, 0.08, 0.05))], ids=lambda s: s.kind)
+def test_a_body_that_rolls_over_a_trampoline_rubs_no_more_than_it_loses(shape, speed):
+    rows = rolling(shape, 0.6, speed=speed)
+    assert rows[-1]["ball_rubbed"] > 1e-3
     assert all(0.0 <= row["ball_rubbed"] <= row["ball_loss"] for row in rows)
+
+
+def test_what_a_rolling_ball_loses_does_not_depend_on_the_step():
+    coarse, fine = (rolling(Sphere(0.08), safety) for safety in (0.6, 0.15))
+    for name in ("ball_loss", "ball_rubbed"):
+        assert coarse[-1][name] == pytest.approx(fine[-1][name], rel=5e-3)
+    assert dropped_ball.energy_error(coarse) < 2e-4
+
+
+def test_a_ball_without_friction_loses_the_same_at_any_step():
+    coarse, fine = (rolling(Sphere(0.12), safety, friction=0.0)[-1]["ball_loss"] for safety in (0.6, 0.15))
+    assert coarse == pytest.approx(fine, rel=0.06)
 
 
 def test_heat_of_friction_does_not_depend_on_the_step():

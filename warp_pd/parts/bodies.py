@@ -106,7 +106,7 @@ class BuiltBody(BuiltContact):
         self._body, self._mesh = on_device(part.shape, context.device)
         self._check_apart()
         self._rubs = part.friction > 0.0
-        self.motion = part.motion.build(name, part.shape, context, self._rubs)
+        self.motion = part.motion.build(name, part.shape, context, float(part.friction))
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
         self._curved, tracked = curved, context.features.tracked
@@ -181,7 +181,7 @@ class BuiltBody(BuiltContact):
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
         radius = part.shape.radius()
-        names = ("need", "rows", "push", "arms", "push_work", "rub", "rub_work")
+        names = ("need", "rows", "push", "arms", "slips", "push_work", "rub", "rub_work")
         flying = {name: getattr(motion, name, None) for name in names}
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,

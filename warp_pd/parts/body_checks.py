@@ -75,7 +75,7 @@ class BodyChecks(BuiltPart):
         """What was found, the first time of each."""
         _, *frames = self._found.numpy().tolist()
         found = zip(self._texts.values(), frames, strict=True)
-        return [f"{text} (at {history[frame - 1]['time']:.4g} s)" for text, frame in found if frame]
+        return [f"{text} (at {history[min(frame, len(history)) - 1]['time']:.4g} s)" for text, frame in found if frame]
 
     def _overlaps(self) -> set[tuple[str, ...]]:
         pairs = itertools.combinations(self.bodies, 2)

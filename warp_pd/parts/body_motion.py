@@ -41,8 +41,8 @@ class BodyMotion(Protocol):
         """Raise InputError for a shape that cannot move so."""
         ...
 
-    def build(self, name: str, shape: BodyShape, context: Context, rubs: bool) -> BuiltMotion:
-        """The motion on a device; `rubs`: of a body with friction."""
+    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
+        """The motion on a device, of a body with a coefficient of friction."""
         ...
 
 
@@ -124,7 +124,7 @@ class BodyPath(BodyMotion):
     def check(self, shape: BodyShape) -> None:
         """Any shape can follow a path."""
 
-    def build(self, name: str, shape: BodyShape, context: Context, rubs: bool) -> BuiltMotion:
+    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """The motion on a device."""
         return OnPath(name, self.pose(0.0), (self.times, self.positions, self.rotations), context)
 
@@ -194,10 +194,10 @@ class Free(BodyMotion):
         if not shape.bounded:
             raise InputError(f"motion = Free: a {shape.kind} has no mass: expected a BodyPath")
 
-    def build(self, name: str, shape: BodyShape, context: Context, rubs: bool) -> BuiltMotion:
+    def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """The motion on a device."""
         inertia = self.mass * shape.inertia() if self.inertia is None else self._given_inertia()
-        return InFlight(name, self.pose(0.0), self, inertia, context, rubs)
+        return InFlight(name, self.pose(0.0), self, inertia, context, friction)
 
 
 def unit_quaternion(name: str, value: Any) -> np.ndarray:

@@ -126,6 +126,7 @@ class InFlight(BuiltMotion):
         rows: Normal, and arm times normal, of the points that must, (N,) vec6d.
         push: What each point got in the last half step [N s], (N,) vec3d.
         arms: From the centre to the point [m], (N,) vec3d.
+        slips: Velocity of the points that must, relative to the body [m/s], (N,) vec3d, or None without friction.
         push_work: Its work [J], (N,) float64, or None.
         rub: The part of `push` by friction [N s], (N,) vec3d, or None.
         rub_work: Its work [J], (N,) float64, or None.
@@ -138,7 +139,7 @@ class InFlight(BuiltMotion):
         body: Thrown,
         inertia: np.ndarray,
         context: Context,
-        rubs: bool,
+        friction: float,
     ) -> None:
         super().__init__(name, pose, context)
         points, tracked = context.sheet.size, context.features.tracked
@@ -148,7 +149,8 @@ class InFlight(BuiltMotion):
         start = [body.velocity, angular, body.velocity, body.spin]
         self.motion.assign(np.array([body.velocity, body.spin], float))
         self.momenta = self._array("momenta", wp.vec3d, np.array(start, float))
-        self._rubs = rubs and tracked
+        rubs = friction > 0.0
+        self._friction, self._rubs = friction, rubs and tracked
         self._sums_given = SUMS if self._rubs else SUMS[:-1]
         self.given = self._array("given", wp.float64, np.zeros(len(self._sums_given)))
         self.block = max(64, int(np.sqrt(points)))
@@ -159,6 +161,7 @@ class InFlight(BuiltMotion):
 
         self.need, self.rows = room("need", wp.float64, points), room("rows", vec6d, points)
         self.push, self.arms = room("push", wp.vec3d, points), room("arms", wp.vec3d, points)
+        self.slips = room("slips", wp.vec3d, points) if rubs else None
         self.push_work = room("push_work", wp.float64, points) if tracked else None
         self.rub = room("rub", wp.vec3d, points) if self._rubs else None
         self.rub_work = room("rub_work", wp.float64, points) if self._rubs else None
@@ -203,8 +206,8 @@ class InFlight(BuiltMotion):
         for again in (0, 1):
             stage.launch(
                 self.name, self._kernels.gather, self.blocks, mass=state.mass, marks=self.marks,
-                need=self.need,
-                rows=self.rows, changes=self._changes, use_changes=again, at_end=int(at_end), step=state.step,
+                need=self.need, rows=self.rows, arms=self.arms, slips=self.slips, friction=self._friction,
+                changes=self._changes, use_changes=again, at_end=int(at_end), step=state.step,
                 damping=state.damping, block=self.block, sums=self._sums,
             )  # fmt: skip
             stage.launch(self.name, self._kernels.reduce, ROWS, sums=self._sums, totals=self._totals)
