@@ -388,32 +388,32 @@ def damage_field(
                     awake[neighbours[k, i]] = wp.uint8(1)
             if wp.static(weak):
                 softening[i] = real(1.0) - wp.sqrt(left(damage[i], fastest))
+            grows = damage[i] > before[i]
             breaks = bool(False)
             if near_severed(family, damage, severed_at, i):
                 for word in range(family.words):
-                    if (
-                        bonds_left(family, intact, damage, severed_at, spared_mask, squared_reach, i, word)
-                        != intact[word, i]
-                    ):
-                        breaks = True
+                    kept = bonds_left(family, intact, damage, severed_at, spared_mask, squared_reach, i, word)
+                    breaks = breaks or kept != intact[word, i]
+            # One loop before and after bonds break, as the compiler spells out what stands twice.
             lost = real(0.0)
-            if wp.static(tracked):
-                if breaks or damage[i] > before[i]:
-                    stored = energy_of_step(
-                        family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
-                    )
-                    lost = (left(before[i], fastest) - left(damage[i], fastest)) * stored
-                    if breaks:
-                        lost = left(before[i], fastest) * stored
-            if breaks:
-                for word in range(family.words):
-                    intact[word, i] = bonds_left(
-                        family, intact, damage, severed_at, spared_mask, squared_reach, i, word
-                    )
+            for after in range(wp.where(breaks, 2, 1)):
+                if after == 1:
+                    for word in range(family.words):
+                        intact[word, i] = bonds_left(
+                            family, intact, damage, severed_at, spared_mask, squared_reach, i, word
+                        )
                 if wp.static(tracked):
-                    lost -= left(damage[i], fastest) * energy_of_step(
-                        family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
-                    )
+                    if breaks or grows:
+                        stored = energy_of_step(
+                            family, intact, displacement, velocity, step[0], constants, inverse_horizon, i
+                        )
+                        now = left(damage[i], fastest)
+                        if after == 1:
+                            lost -= now * stored
+                        elif breaks:
+                            lost = left(before[i], fastest) * stored
+                        else:
+                            lost = (left(before[i], fastest) - now) * stored
             if wp.static(tracked):
                 released[i] = released[i] + wp.float64(unit_volume * lost)
 

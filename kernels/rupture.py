@@ -224,7 +224,7 @@ def energy_over_step(layout: Layout, earlier_energy: wp.Function) -> wp.Function
         i: int,
     ):
         energy = real(0.0)
-        for half_steps in range(3):
+        for half_steps in range(wp.int32(3)):
             back = real(0.5) * real(half_steps) * dt
             part = earlier_energy(family, intact, displacement, velocity, back, constants, inverse_horizon, i)
             energy += wp.where(half_steps == 1, real(2.0), real(-0.5)) * part

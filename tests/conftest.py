@@ -1,11 +1,13 @@
-"""Devices that tests run on, and pictures that they do not wait for."""
+"""Devices that tests run on, and what they do not wait for: pictures, and kernels of joined stages."""
 
 import functools
+from pathlib import Path
 
 import pytest
 import warp as wp
 from helpers import tune_paths
 
+from warp_pd.device import launches
 from warp_pd.interfaces.context import find_device
 
 
@@ -28,6 +30,25 @@ def no_default_pictures(request, monkeypatch):
     """Leave those pictures out where a test does not ask for them: they take longer than most runs."""
     if "default_pictures" not in request.fixturenames:
         monkeypatch.setattr("warp_pd.output.default_pictures.draw", lambda *arguments: None)
+
+
+@pytest.fixture
+def joined_stages():
+    """Join pointwise stages as a run does."""
+
+
+@pytest.fixture(autouse=True)
+def stages_apart(request, monkeypatch):
+    """Leave pointwise stages apart in tests of physics and of modules, where a test does not ask for joined ones.
+
+    Joined stages differ from scene to scene, and compiling them would take a fifth of the time of these tests.
+    tests/unit/device looks at how they are joined, tests/gpu/test_bits.py holds them to the bits of the stages one by
+    one, and scenes and commands run them.
+    """
+    where = request.path.relative_to(Path(__file__).parent).parts
+    looked_at = where[0] not in ("physics", "unit") or where[1] == "device" or "joined_stages" in request.fixturenames
+    if not looked_at:
+        monkeypatch.setattr(launches, "_joined", lambda first, second: None)
 
 
 @pytest.fixture

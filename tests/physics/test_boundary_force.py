@@ -90,15 +90,6 @@ def test_no_force_on_a_plane_however_stretched_and_rotated(sheet, form):
         assert np.abs(force(built, u)).max() < 1e-12 * scale
 
 
-@pytest.mark.parametrize("form", ["normal", "printed"])
-def test_the_force_rotates_with_the_sheet(form):
-    built = built_on("lattice", form)
-    s = built.simulation.sheet
-    u, rotation = rough(s, 0.3), rotation_of(2)
-    before = force(built, u)
-    assert np.abs(force(built, rotated(s, u, rotation)) - before @ rotation.T).max() < 1e-11 * np.abs(before).max()
-
-
 def test_a_lifted_corner_is_pulled_back_in_proportion():
     built = built_on("lattice", "normal")
     s = built.simulation.sheet
@@ -137,20 +128,6 @@ def test_the_printed_form_pushes_to_one_side():
     # To first order it is a force in the plane.
     small = force(alone, lifted(s, 0, 1e-4 * s.spacing))[0]
     assert np.linalg.norm(small[:2]) > 1e3 * abs(small[2])
-
-
-def test_the_normal_form_mirrors():
-    built = built_on("lattice", "normal")
-    u = rough(built.simulation.sheet, 0.3)
-    before, after = force(built, u), force(built, u * MIRROR)
-    assert after == pytest.approx(before * MIRROR, abs=1e-12 * np.abs(before).max())
-
-
-@pytest.mark.parametrize(("form", "breakable"), [("normal", False), ("printed", False), ("normal", True)])
-def test_lattice_and_cloud_agree(form, breakable):
-    u = rough(SHEETS["lattice"](), 0.3)
-    lattice, cloud = (force(built_on(sheet, form, breakable=breakable), u) for sheet in ("lattice", "cloud"))
-    assert cloud == pytest.approx(lattice, abs=1e-12 * np.abs(lattice).max())
 
 
 def test_float32_agrees_with_float64():

@@ -219,11 +219,10 @@ def test_a_balloon_in_equilibrium_has_the_exact_pressure():
     assert errors[0] < 1e-3 and errors[1] < 1e-4 and errors[0] > 4.0 * errors[1]
 
 
-@pytest.mark.parametrize("solver", [Relaxation(), Newton()], ids=["relaxation", "newton"])
-def test_a_tube_in_equilibrium_has_the_exact_pressure(solver):
+def test_a_tube_in_equilibrium_has_the_exact_pressure():
     sheet = small_tube(80, 1.5)
     pressure = tube_pressure(1.25, 1.1)
-    place = equilibrium(sheet, pressure, sheet.points * (0.25, 0.25, 0.1), [Fixed(sheet.edges())], solver)
+    place = equilibrium(sheet, pressure, sheet.points * (0.25, 0.25, 0.1), [Fixed(sheet.edges())], Newton())
     middle = np.abs(sheet.points[:, 2] - 0.75) < 0.1
     radius = np.hypot(*place[middle, :2].T).mean()
     assert pressure == pytest.approx(tube_pressure(radius, 1.1), rel=1e-3)

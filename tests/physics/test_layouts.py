@@ -10,7 +10,7 @@ from warp_pd import Sheet
 @pytest.mark.parametrize(
     ("horizon", "weights", "precision"),
     # At smaller horizons the correction of a cloud reaches one layer deeper than that of a lattice.
-    [(1.5, "plain", 64), (1.5, "published", 32), (3.15, "plain", 32), (3.15, "published", 64), (3.15, "corrected", 64)],
+    [(1.5, "plain", 64), (3.15, "published", 32), (3.15, "corrected", 64)],
 )
 def test_lattice_and_cloud_give_the_same_forces(horizon, weights, precision):
     lattice = Sheet.rectangle(0.1, 0.08, thickness=1e-3, density=1000.0, points=(13, 11))

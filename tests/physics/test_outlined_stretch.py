@@ -23,9 +23,14 @@ def error(defect, mode, points):
     return result.history[-1]["edge_force"] / expected - 1.0
 
 
-@pytest.mark.parametrize("mode", ["equibiaxial", "planar"])
-@pytest.mark.parametrize(("defect", "bound"), [("hole", 1e-3), ("inclusion", 1.5e-3), ("crack", 3e-3)])
-def test_the_edge_force_is_that_of_the_finite_elements(defect, bound, mode):
+@pytest.mark.parametrize(
+    ("defect", "mode", "bound"),
+    [
+        ("hole", "equibiaxial", 1e-3), ("hole", "planar", 1e-3), ("inclusion", "equibiaxial", 1.5e-3),
+        ("crack", "planar", 3e-3),
+    ],
+)  # fmt: skip
+def test_the_edge_force_is_that_of_the_finite_elements(defect, mode, bound):
     assert abs(error(defect, mode, 41)) < bound
 
 

@@ -12,8 +12,6 @@ SAME = {
     "pressure on a lattice": (square(21), {"loads": [Pressure(5.0)]}),
     "dead pressure, Gent": (square(21), {"loads": [Pressure(5.0, follower=False)], "material": GENT}),
     "cloud": (jittered(13), {"loads": [Pressure(5.0)]}),
-    "cut": (square(13).cut((0.04, 0.052), (0.06, 0.052)), {"loads": [Pressure(5.0)]}),
-    "small lattice": (square(9), {"loads": [Pressure(5.0)]}),
 }
 
 
@@ -47,8 +45,7 @@ def test_a_slack_sheet_without_load_is_in_equilibrium_at_once(solver):
     assert np.abs(result.frame.displacement).max() == 0.0
 
 
-@pytest.mark.parametrize("sheet", [square(21), jittered(11)], ids=["lattice", "cloud"])
-@pytest.mark.parametrize("pressure", [0.0, 2.0])
+@pytest.mark.parametrize(("sheet", "pressure"), [(square(21), 2.0), (jittered(11), 0.0)], ids=["lattice", "cloud"])
 def test_edges_moved_inwards_end_with_an_answer_or_a_status(sheet, pressure):
     loads = [
         Fixed(sheet.edges("left")),

@@ -23,8 +23,7 @@ def spectrum(built):
     return values / values[-1]
 
 
-@pytest.mark.parametrize("horizon", [2.015, 3.15])
-@pytest.mark.parametrize("sheet", [square(9), jittered(9)], ids=["lattice", "cloud"])
+@pytest.mark.parametrize(("sheet", "horizon"), [(square(9), 3.15), (jittered(9), 2.015)], ids=["lattice", "cloud"])
 def test_a_torn_sheet_is_as_stiff_as_one_that_was_cut(sheet, horizon):
     torn = build(sheet, horizon=horizon, damage=CriticalStretch(1e3))
     sever(torn, TEAR)

@@ -64,9 +64,7 @@ def test_relaxed_forces_differ_and_have_the_digits_of_the_precision():
     assert np.abs(exact - resolved).max() > 0.2 * np.abs(resolved).max()
 
 
-@pytest.mark.parametrize(
-    ("horizon", "precision", "torn"), [(2.015, 32, True), (2.015, 64, False), (3.15, 32, False), (3.15, 64, True)]
-)
+@pytest.mark.parametrize(("horizon", "precision", "torn"), [(2.015, 32, True), (3.15, 64, False)])
 def test_fast_kernels_are_the_reference_kernels(horizon, precision, torn):
     from warp_pd import CriticalStretch
 
@@ -110,18 +108,6 @@ def test_a_wrinkled_patch_carries_uniaxial_stress(law):
     built.context.run("frame")
     energy = built.law.strain_energy.numpy()[centre] / (sheet.areas[centre] * sheet.thickness)
     assert energy == pytest.approx(density(width), rel=1e-8)
-
-
-def test_forces_turn_with_the_sheet():
-    sheet = square(11)
-    built = build(sheet, material=TensionField(NEO))
-    rotation = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
-    place = np.column_stack([sheet.points, np.zeros(sheet.size)])
-    u = crumpled(sheet)
-    turned = (place + u) @ rotation.T - place
-    np.testing.assert_allclose(
-        internal_force(built, turned), internal_force(built, u) @ rotation.T, atol=1e-12 * np.abs(u).max() * 1e3
-    )
 
 
 def test_the_tangent_is_the_derivative_of_the_force():

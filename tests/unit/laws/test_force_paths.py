@@ -82,9 +82,8 @@ def test_undamaged_families_inside_a_lattice(large_on_gpu, horizon, bits, materi
     assert "variational_force" in reference
 
 
-@pytest.mark.parametrize(("horizon", "bits", "cut"), [(1.5, 64, None), (3.15, 32, CUT)])
-def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu, horizon, bits, cut):
-    quick, _ = compare(square((17, 15)), horizon, bits, cut=cut)
+def test_undamaged_families_inside_a_lattice_whose_spacings_differ(large_on_gpu):
+    quick, _ = compare(square((17, 15)), 3.15, 32, cut=CUT)
     assert "undamaged_family_force" in quick
 
 
@@ -98,11 +97,8 @@ SLIT = square(13).cut((0.0, 0.052), (0.06, 0.052))
         (square(15), 3.15, 64, CUT),
         (square(15), 4.15, 32, CUT),
         (jittered(13), 1.5, 32, CUT),
-        (jittered(13), 3.15, 64, None),
-        (SLIT, 1.5, 32, CUT),
         (SLIT, 3.15, 64, None),
         (holed(19), 1.5, 32, CUT),
-        (holed(19), 3.15, 64, None),
     ],
 )
 def test_a_cpu_sums_rows(sheet, horizon, bits, cut):
@@ -135,10 +131,8 @@ def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
     [
         (square(13), 32, None),
         (square(13), 64, CUT),
-        (jittered(13), 32, CUT),
         (jittered(13), 64, None),
         (SLIT, 32, CUT),
-        (holed(19), 32, None),
         (holed(19), 64, CUT),
     ],
 )
@@ -257,8 +251,7 @@ def test_a_large_family(large_on_gpu):
     assert "undamaged_family_force" in quick and "family_block_force" in quick
 
 
-@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-@pytest.mark.parametrize("sheet", [square(33), holed(33, 0.006)], ids=["lattice", "grid"])
+@pytest.mark.parametrize(("sheet", "cut"), [(square(33), None), (holed(33, 0.006), CUT)], ids=["lattice", "torn grid"])
 def test_forces_through_a_ring(large_on_gpu, tune, sheet, cut):
     """Large sheets are computed in strips; here the ring is small."""
     tune(ring=300)
@@ -266,20 +259,18 @@ def test_forces_through_a_ring(large_on_gpu, tune, sheet, cut):
     assert quick.count("undamaged_family_force") == quick.count("gather_from_reverse_bonds") > 4
 
 
-@pytest.mark.parametrize("cut", [None, CUT], ids=["undamaged", "torn"])
-def test_bonds_between_distant_indices_need_no_ring(large_on_gpu, tune, cut):
+def test_bonds_between_distant_indices_need_no_ring(large_on_gpu, tune):
     """The points off the grid come first, those around them much later."""
     tune(ring=300)
-    quick, _ = compare(partly_off_the_grid(33), 2.015, 64, cut=cut)
+    quick, _ = compare(partly_off_the_grid(33), 2.015, 64, cut=CUT)
     assert quick.count("undamaged_family_force") == 1
 
 
-@pytest.mark.parametrize("damage", [None, CriticalStretch(1.1)], ids=["undamaged", "torn"])
-def test_strips_have_the_bits_of_a_whole_sheet(large_on_gpu, tune, damage):
+def test_strips_have_the_bits_of_a_whole_sheet(large_on_gpu, tune):
     sheet, results = square(25), []
     for ring in (250, 10**9):
         tune(ring=ring)
-        built = build(sheet, material=GENT, damage=damage)
+        built = build(sheet, material=GENT, damage=CriticalStretch(1.1))
         built.state.velocity.assign(np.column_stack([60.0 * sheet.points[:, 0], 0.0 * sheet.points]))
         internal_force(built, rough(sheet))
         built.state.step.fill_(2e-5)

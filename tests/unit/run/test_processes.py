@@ -20,6 +20,8 @@ from warp_pd import InputError
 from warp_pd.run.processes import launch
 
 pytest.importorskip("torch.distributed")
+# Other processes join them: they find what this one has compiled, which runs each scene first.
+pytestmark = pytest.mark.usefixtures("joined_stages")
 
 FILE = Path(shared_scenes.__file__)
 # Processes, and the scenes that so many run: more kinds are in `shared_scenes`.
@@ -47,10 +49,11 @@ def alone(tmp_path_factory):
 
 @pytest.mark.parametrize("processes", RUNS)
 def test_several_processes_leave_the_same_bits(processes, alone, tmp_path):
+    expected = {name: alone(name) for name in RUNS[processes]}
     done = started(processes, FILE, "cpu", tmp_path, *RUNS[processes])
     assert done.returncode == 0, done.stderr
-    for name in RUNS[processes]:
-        (arrays, history, size), (others, other_history, other_size) = map(arrays_of, (alone(name), tmp_path / name))
+    for name, folder in expected.items():
+        (arrays, history, size), (others, other_history, other_size) = map(arrays_of, (folder, tmp_path / name))
         assert arrays.keys() == others.keys() >= {"displacement", "velocity", "direction"}
         for field, values in arrays.items():
             np.testing.assert_array_equal(values, others[field], err_msg=f"{name}: {field}")
@@ -88,6 +91,7 @@ def workers(launcher):
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds the processes in /proc")
 def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_path):
     killed, complete = tmp_path / "killed", tmp_path / "complete"
+    shared_scenes.build(points=41, frames=30, duration=2 * DURATION).run(device="cpu", out=complete, usd=False)
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     running = subprocess.Popen(command(2, killed), stderr=subprocess.PIPE, text=True, env=environment)
     until = time.monotonic() + 120.0
@@ -103,7 +107,6 @@ def test_a_killed_process_ends_all_and_another_number_of_processes_goes_on(tmp_p
         assert len(frames["VTKHDF/Steps/Values"]) >= 4
     again = subprocess.run(command(3, killed, "--resume"), capture_output=True, text=True, check=False, env=environment)
     assert again.returncode == 0, again.stderr
-    shared_scenes.build(points=41, frames=30, duration=2 * DURATION).run(device="cpu", out=complete, usd=False)
     (arrays, history, _), (others, other_history, _) = arrays_of(complete), arrays_of(killed)
     for field, values in arrays.items():
         np.testing.assert_array_equal(values, others[field], err_msg=field)

@@ -13,6 +13,8 @@ from warp_pd import Frames, InputError
 from warp_pd.run.files import require_gatherable
 from warp_pd.run.frame_points import FramePoints
 
+# Other processes join them, and find what this one has compiled.
+pytestmark = pytest.mark.usefixtures("joined_stages")
 # Runs a scene up to some of its frames.
 SCRIPT = """
 import sys

@@ -53,7 +53,7 @@ SHARED = {
 
 
 @pytest.mark.parametrize("scene", SHARED)
-def test_steps_that_share_launches_are_the_steps_one_by_one(scene):
+def test_steps_that_share_launches_are_the_steps_one_by_one(scene, joined_stages):
     """The end of a step and the beginning of the next are one launch, with the time ticked before both."""
     sheet = square(9)
     parts, joined = SHARED[scene]
@@ -85,7 +85,7 @@ def test_steps_that_share_launches_are_the_steps_one_by_one(scene):
     assert np.isfinite(displacement).all() and np.abs(displacement).max() > 1e-5
 
 
-def test_pressure_that_follows_does_not_share_a_launch_with_motion():
+def test_pressure_that_follows_does_not_share_a_launch_with_motion(joined_stages):
     """It reads where the neighbours are."""
     sheet = square(9)
     dead, follower = (
