@@ -9,8 +9,8 @@ The paper has a ball of 0.15 m, and bonds break at a stretch of 1.3: `critical_s
 It shows the damage at 1, 2, 3 and 4 s, and the torn sheet from above at 4 s; it gives no numbers to compare with. With
 its weights the energy grows once the sheet is torn, and the run ends early (`--weights published`). With the plain
 weights of the variational form the run completes without damping. At horizons of 1.5 and 2.015 such cracks follow the
-grid; at 3.15 they do not visibly. Torn edges collapse in plane, where a real sheet wrinkles: `wrinkles` = "relaxed", the
-default for laws that take it, gives the sheet the energy of tension field theory.
+grid; at 3.15 they do not visibly. Torn edges collapse in plane, where a real sheet wrinkles: `wrinkles` = "relaxed",
+the default for laws that take it, gives the sheet the energy of tension field theory.
 
 With `--set self_contact=true` the torn flaps do not pass through each other.
 
