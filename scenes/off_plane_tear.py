@@ -1,23 +1,23 @@
 """A cut sheet is torn by pulling its two legs apart, out of its plane. BA paper, section 6.5 (figures 14 and 15).
 
-Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 80 x 80 points, with a cut of 30 mm in
-from the middle of the right edge. The left edge is held; the two halves of the right edge move up and down at 0.4
-mm/s. The sheet tears at a tearing energy of 1.5 J/m^2, the damage length is 3.5 mm; in the paper bonds break at a
-stretch of 2: `critical_stretch=2`. It shows the damage while the crack runs straight on from the cut "for some
-distance", as experiments do, and gives no numbers.
+Gent sheet of 100 x 100 x 1 mm, mu 1 kPa, 1/D 100 kPa, Jm 160, rho 1000 kg/m^3, 80 x 80 points, with a cut of 30 mm
+in from the middle of the right edge. The left edge is held; the two halves of the right edge move up and
+down at 0.4 mm/s. The sheet tears at a tearing energy of 1.5 J/m^2, the damage length is 3.5 mm; in the paper bonds
+break at a stretch of 2: `critical_stretch=2`. It shows the damage while the crack runs straight on from the cut "for
+some distance", as experiments do, and gives no numbers.
 
 With the tearing energy the crack runs straight for 34 mm; then the legs, which are held at their length, are stretched
 so far that it forks and cuts them off. With a critical stretch, on a grid aligned with the cut and symmetric about it,
-it runs straight for 20 mm before it forks. Ten times as fast it runs straight for 64 mm, with half the step or ten
-times the damping for 53 mm and more: only the first 13 to 20 mm are common to all (docs/papers/ba.md). On rotated or
-jittered grids it turns to one side after 10 to 30 mm, and cuts off a leg (docs/tearing.md): by then the straight tear
-is no longer stable. The grid rotated by 45 degrees is no exception: its points lie symmetric about the cut, but those
-on the cut itself belong to its lower side.
+it runs straight for 20 mm before it forks; ten times as fast for 64 mm, with half the step or ten times the damping
+for 53 mm and more: only the first 13 to 20 mm are common to all (docs/papers/ba.md). On rotated or jittered grids it
+turns to one side after 10 to 30 mm, and cuts off a leg (docs/history/tearing-critical-stretch.md): by then the straight
+tear is no longer stable. The grid rotated by 45 degrees is no exception: its points lie symmetric about the cut, but
+those on the cut itself belong to its lower side.
 
-Points in the grips, which with a critical stretch continue outside the sheet, do not tear out. The paper does not say
-whether the pulled halves may move towards the left edge (here they may not), nor its damping (here 20 /s). The pull
-is slow: waves cross the sheet in a tenth of a second. `--set speed=4e-3` begins to tear at the same separation within
-1 %, ten times sooner, but runs straight for longer. The run at the printed speed takes 265 000 steps.
+The grips continue outside the sheet, and points in them do not tear out. The paper does not say whether the pulled
+halves may move towards the left edge (here they may not), nor its damping (here 20 /s). The pull is slow: waves
+cross the sheet in a tenth of a second. `--set speed=4e-3` begins to tear at the same separation within 1 %, ten times
+sooner, but runs straight for longer. The run at the printed speed takes 265 000 steps.
 """
 
 import math
@@ -64,11 +64,10 @@ def build(
     horizon = horizon_for_tears(horizon, critical_stretch)
     if not 0.0 < positive("cut", cut) < side:
         raise InputError(f"cut = {cut!r}: expected a length less than {side:g} m, the width")
-    # A critical stretch breaks families that are cut off at an edge first: its grips continue outside for a horizon.
-    layers = 0 if critical_stretch is None else math.ceil(horizon)
+    # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
     sheet = Sheet.filled(
-        side, side, thickness=1e-3, density=1000.0, points=points, layers=(layers, 0), turn=turn, jitter=jitter,
-        seed=seed,
+        side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(horizon), 0),
+        turn=turn, jitter=jitter, seed=seed,
     )  # fmt: skip
     middle, tip = 0.5 * side, (side - cut, 0.5 * side)
     resolved("cut", cut, sheet.spacing)

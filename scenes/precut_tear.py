@@ -6,13 +6,13 @@ of 2.43 J/m^2, the damage length is 50 mm; in the paper bonds break at a stretch
 displacements that vary as sines seed the wrinkles that form along the slit. The paper shows u3 at 3, 4.5, 6, 7.5, 9 and
 10.5 s, and crack length and speed against time.
 
-The paper does not specify the slit (here 0.3 m along y through the middle, `slit` and `slit_at`), the seed (here 0.1
-mm, four waves along each side, `seed_height`), its damping (here 0.1 /s, as in 6.1), or why the sheet does not tear
-where it is pulled (here the bonds of the pulled points do not break). The pulled points may still tear out, on coarse
-grids before the slit grows. `grip_share` is the fraction of the sheet that is still attached to them, and
-`grip_tears_out` the time at which it falls below 2 %, or none if they hold. With a critical stretch they tear out at 7
-s with 45 points and hold with 60: use 60 points or more. Cracks within 0.2 m of the middle of the pulled edge do not
-count as part of the slit.
+The paper does not specify the slit (here 0.3 m along y through the middle, `slit` and `slit_at`), the seed (here
+0.1 mm, four waves along each side, `seed_height`), its damping (here 0.1 /s, as in 6.1), or why the sheet does not
+tear where it is pulled (here the bonds of the pulled points do not break). The pulled points may still tear out, on
+coarse grids before the slit grows. `grip_share` is the fraction of the sheet that is still attached to them, and
+`grip_tears_out` the time at which it falls below 2 %, or none if they hold. With a critical stretch they tear out at
+7 s with 45 points and hold with 60: use 60 points or more.
+Cracks within 0.2 m of the middle of the pulled edge do not count as part of the slit.
 """
 
 import numpy as np

@@ -40,7 +40,7 @@ def test_the_plan_leaves_out_what_a_scene_does_not_use():
 
 
 def test_the_plan_counts_bytes():
-    done = cli("plan", "ball_penetration", "--points", "21", "--device", "cpu")
+    done = cli("plan", "ball_penetration", "--points", "21", "--set", "critical_stretch=1.3", "--device", "cpu")
     assert done.exit_code == 0, done.output
     arrays, launches = done.output.split("\nlaunches\n")
     table, total = arrays.rstrip().rsplit("\n", 1)
