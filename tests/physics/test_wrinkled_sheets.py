@@ -24,7 +24,7 @@ from warp_pd import (
 )
 
 CUT = ((0.02, 0.031), (0.071, 0.08))
-MATERIALS = [NEO, GENT, MooneyRivlin(400.0, 100.0), Ogden((600.0, 12.0), (1.3, 5.0))]
+MOONEY, OGDEN = MooneyRivlin(400.0, 100.0), Ogden((600.0, 12.0), (1.3, 5.0))
 SHEARED = np.array([[1.0, 0.5], [0.0, 0.9], [0.0, 0.0]])
 
 
@@ -35,9 +35,12 @@ def crumpled(sheet, seed=0):
     return np.ptp(sheet.points) * smooth + 0.3 * rough(sheet, 0.1, seed)
 
 
-@pytest.mark.parametrize("material", MATERIALS, ids=lambda m: type(m).__name__)
-@pytest.mark.parametrize(("layout", "torn"), [("lattice", False), ("cloud", True)])
-def test_force_is_minus_the_gradient_of_the_energy(material, torn, layout):
+@pytest.mark.parametrize(
+    ("material", "layout", "torn"),
+    [(NEO, "cloud", True), (GENT, "lattice", False), (MOONEY, "lattice", False), (OGDEN, "cloud", True)],
+    ids=["neo-Hookean, torn", "Gent", "Mooney-Rivlin", "Ogden, torn"],
+)
+def test_force_is_minus_the_gradient_of_the_energy(material, layout, torn):
     from warp_pd import CriticalStretch
 
     sheet = square(11) if layout == "lattice" else jittered(11)
