@@ -64,10 +64,11 @@ def build(
     horizon = horizon_for_tears(horizon, critical_stretch)
     if not 0.0 < positive("cut", cut) < side:
         raise InputError(f"cut = {cut!r}: expected a length less than {side:g} m, the width")
-    # The grips continue outside the sheet for one horizon: families cut off next to them would fold out and tear first.
+    # A critical stretch breaks families that are cut off at an edge first: its grips continue outside for a horizon.
+    layers = 0 if critical_stretch is None else math.ceil(horizon)
     sheet = Sheet.filled(
-        side, side, thickness=1e-3, density=1000.0, points=points, layers=(math.ceil(horizon), 0),
-        turn=turn, jitter=jitter, seed=seed,
+        side, side, thickness=1e-3, density=1000.0, points=points, layers=(layers, 0), turn=turn, jitter=jitter,
+        seed=seed,
     )  # fmt: skip
     middle, tip = 0.5 * side, (side - cut, 0.5 * side)
     resolved("cut", cut, sheet.spacing)
