@@ -40,8 +40,9 @@ def enclosed(points, triangles, load, displacement, bits=64, held=None):
     """Force of a load on the points of a closed surface at a displacement, pressure, volume."""
     n = len(points)
     shape = Shape(points=points, areas=np.ones(n), triangles=triangles.astype(np.int32), spacing=0.1)
+    sheet = Sheet.of(shape, thickness=1e-3, density=1e3)
     context = Context(
-        sheet=Sheet.of(shape, thickness=1e-3, density=1e3), device=find_device("cpu"), types=numeric(bits),
+        sheet=sheet, given=sheet, device=find_device("cpu"), types=numeric(bits),
         features=Features(), held=np.zeros(n, np.uint8) if held is None else held,
         initial_displacement=np.zeros((n, 3)), fields=FieldRegister(find_device("cpu")), clock=Clock(1.0),
     )  # fmt: skip

@@ -64,18 +64,23 @@ SCENES = {
 }
 
 
+def thick(x, y):
+    return 1e-3 * (1.0 + 0.5 * x * y)
+
+
 def sheet_of(name, points):
     # The sweeps of a field go further than a halo: twice as long a sheet is not all within their reach.
     height, grid = (2.0, (points, 2 * points - 1)) if name.startswith("field") else (1.0, points)
+    size = {**SIZE, "thickness": thick} if name in ("torn", "cloud", "field hole") else SIZE
     if name in ("cloud", "field cloud"):
-        sheet = Sheet.filled(1.0, height, points=grid, jitter=0.2, **SIZE)
+        sheet = Sheet.filled(1.0, height, points=grid, jitter=0.2, **size)
     elif name == "scattered":
         places = Sheet.filled(1.0, 1.0, points=points, jitter=0.2, **SIZE).points
         sheet = Sheet.from_points(np.random.default_rng(1).permutation(places), **SIZE)
     elif name == "tube":
         sheet = Sheet.tube(0.3, 1.0, points=(40, 22), **SIZE)
     else:
-        sheet = Sheet.rectangle(1.0, height, points=grid, **SIZE)
+        sheet = Sheet.rectangle(1.0, height, points=grid, **size)
     if name in ("hole", "field hole"):
         sheet = sheet.hole((0.5, 0.5), 0.15)
     if name.startswith("field"):
@@ -100,7 +105,8 @@ def damage_of(name, clamp):
     if name.startswith("field"):
         # Less strength than a length stands for; more sweeps than there are layers of ghost points.
         other = {"field cloud": {"length": 0.13, "strength": 1500.0}, "field hole": {"length": 0.2}}
-        return TearingEnergy(2000.0, spared=clamp, **other.get(name, {}))
+        energy = (lambda x, y: 2000.0 + 500.0 * y) if name == "field hole" else 2000.0
+        return TearingEnergy(energy, spared=clamp, **other.get(name, {}))
     return CriticalEnergy(500.0) if name == "energy" else None
 
 

@@ -202,7 +202,7 @@ def virial_stress(built: Built, point: int) -> np.ndarray:
     k = np.flatnonzero(exists)
     at = np.full_like(k, point)
     pair = halves[k, at] - halves[families.reverse_members(at, k), families.heads(at, k)]
-    volume = sheet.areas[point] * sheet.thickness
+    volume = (sheet.areas * sheet.thickness)[point]
     return np.asarray(0.5 * pair.T @ (families.bonds[k] * families.horizon) / volume)
 
 

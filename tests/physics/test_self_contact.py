@@ -359,7 +359,6 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: simulate(square(9), Relaxation(), contact=SelfContact()).build("cpu"), "no phase for it"),
         (lambda: simulate(square(9), contact=["ball"]).build("cpu"), r"contact\[0\] = 'ball': expected an instance"),
         (lambda: together(square(9)), "sheets holds 1 sheets: expected two or more"),
-        (lambda: together(square(9), square(9, thickness=2e-3)), r"sheets\[1\]: expected the thickness"),
         (lambda: together(square(9), square(9).prestretched(1.2)), r"sheets\[1\] is prestretched"),
         (lambda: together(square(9), Sheet.tube(0.1, 0.1, thickness=1e-3, density=1000.0, points=20)), "is curved"),
         (lambda: placed(square(9), Place()), "expected one of several pieces"),

@@ -62,6 +62,7 @@ CASES = {
     "assembled lattice": (square(11), {"assembled": True, "weights": "corrected"}),
     "assembled, 32 members and more": (square(15), {"assembled": True, "horizon": 4.15}),
     "assembled Gent": (square(11), {"assembled": True, "material": GENT, "horizon": 1.5}),
+    "lattice of varying thickness": (square(11, thickness=np.linspace(1e-3, 2e-3, 121)), {"assembled": True}),
     "Gent cloud": (jittered(11), {"material": GENT}),
     "broken lattice": (square(11), {"crack": CRACK, "damage": CriticalStretch(9.0)}),
     "sphere": (small_sphere(), {"weights": "corrected"}),

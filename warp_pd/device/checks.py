@@ -160,6 +160,27 @@ def one_each(name: str, value: Any, points: int) -> np.ndarray:
     return found.copy()
 
 
+def by_point(name: str, value: Any, places: np.ndarray) -> float | np.ndarray:
+    """`value`, a number, one for each point, or a function of the place, as a float or float64 array, shape (N,).
+
+    Args:
+        name: What messages call it.
+        value: The number; an array, shape (N,); or a function of the coordinates, each of shape (N,), to such an array.
+        places: The points [m], shape (N, 2) or (N, 3).
+
+    Raises:
+        InputError: unless all numbers are above zero; the message names the first that is not.
+    """
+    if callable(value):
+        name = f"{name}({', '.join('xyz'[: places.shape[1]])})"
+        with user_code(lambda error: f"{name}: {kind_and_text(error)}; expected a function of arrays"):
+            value = value(*places.T.copy())
+        return one_each(name, value, len(places))
+    if isinstance(value, str) or not np.iterable(value):
+        return positive(name, value)
+    return one_each(name, value, len(places))
+
+
 def corners(name: str, value: Any, points: int) -> np.ndarray:
     """`value` as the corners of triangles, int32, shape (F, 3).
 

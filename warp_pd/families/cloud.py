@@ -79,7 +79,7 @@ def point_rows(
         reverses=reverses,
         neighbours=neighbours,
         severed=incomplete,
-        stiffness=None if sheet.stiffness is None else sheet.stiffness[owners],
+        factors=None if sheet.factors is None else sheet.factors[owners],
         frames=frames,
         chords=None if frames is None else chords,
     )

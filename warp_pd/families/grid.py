@@ -159,9 +159,9 @@ def _deep_points(sheet: Sheet, image: _Image, stencil: Stencil, horizon: Horizon
     for _ in range(2 if corrected else 1):
         complete = _eroded(image, complete, stencil.steps)
     deep: np.ndarray = image.on & image.at_points(complete & _in_line(image, stencil.steps))
-    if sheet.stiffness is not None and deep.any():
-        factors, count = np.unique(sheet.stiffness[deep], return_counts=True)
-        deep &= sheet.stiffness == factors[count.argmax()]
+    if (factors := sheet.factors) is not None and deep.any():
+        different, count = np.unique(factors[deep], return_counts=True)
+        deep &= factors == different[count.argmax()]
     return np.asarray(deep)
 
 
@@ -228,7 +228,7 @@ def _with_stencil(
     inside = np.flatnonzero(deep)
     for line, y in enumerate(range(-stencil.reach, stencil.reach + 1)):
         centres[line, inside] = image.index[image.grid[inside, 1] + y, image.grid[inside, 0]]
-    stiffness = None if sheet.stiffness is None else sheet.stiffness[inside[:1]] if len(inside) else np.ones(1)
+    factors = None if sheet.factors is None else sheet.factors[inside[:1]] if len(inside) else np.ones(1)
     assert rows.neighbours is not None and rows.severed is not None
     return Families(
         horizon=rows.horizon,
@@ -246,7 +246,7 @@ def _with_stencil(
         centres=centres,
         first=np.append(inside[0] if len(inside) else 0, own),
         severed=np.append(False, rows.severed),
-        stiffness=None if stiffness is None or rows.stiffness is None else np.append(stiffness, rows.stiffness),
+        factors=None if factors is None or rows.factors is None else np.append(factors, rows.factors),
     )
 
 

@@ -39,9 +39,9 @@ def lattice_families(
     first, family_class = _classes(near_x, near_y)
     if severed is not None:
         first, family_class = _with_lost(family_class, *severed)
-    if sheet.stiffness is not None:
-        factors, which = np.unique(sheet.stiffness, return_inverse=True)
-        code = family_class * np.int64(len(factors)) + which.ravel()
+    if (factors := sheet.factors) is not None:
+        different, which = np.unique(factors, return_inverse=True)
+        code = family_class * np.int64(len(different)) + which.ravel()
         _, first, family_class = np.unique(code, return_index=True, return_inverse=True)
 
     row, column = np.divmod(first, lattice.columns)
@@ -71,7 +71,7 @@ def lattice_families(
         steps=np.column_stack([ox, oy]),
         first=first,
         severed=severed_rows,
-        stiffness=None if sheet.stiffness is None else sheet.stiffness[first],
+        factors=None if factors is None else factors[first],
     )
 
 

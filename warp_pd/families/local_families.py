@@ -68,7 +68,7 @@ def local_rows(families: Families, partition: Partition) -> LocalRows:
         centres=None if families.centres is None else local.of(families.centres[:, partition.points]),
         first=None if families.first is None else np.maximum(local.of(families.first[rows]), 0),
         severed=row(families.severed),
-        stiffness=row(families.stiffness),
+        factors=row(families.factors),
         frames=point(families.frames),
         chords=point(families.chords),
         whole=_whole(families),

@@ -92,7 +92,7 @@ class Families:
             stencil, from below, shape (lines, N), on a grid; meaningless for other points.
         first: A point of each row, shape (R,), on a lattice or grid.
         severed: Whether the row lost members to a cut, shape (R,).
-        stiffness: Factor on the moduli of the row's point, shape (R,), or None on a sheet of one material.
+        factors: Factor on the energy of the row's point (`Sheet.factors`), shape (R,), or None: 1 everywhere.
         frames: Tangent vectors and normal of each point, in columns, shape (N, 3, 3), on a curved sheet. `bonds` are
             then the projections on the tangent plane, in these.
         chords: X / horizon in space, shape (N, n, 3), on a curved sheet.
@@ -115,7 +115,7 @@ class Families:
     centres: np.ndarray | None = None
     first: np.ndarray | None = None
     severed: np.ndarray | None = None
-    stiffness: np.ndarray | None = None
+    factors: np.ndarray | None = None
     frames: np.ndarray | None = None
     chords: np.ndarray | None = None
     whole: WholeFamilies | None = None
@@ -231,9 +231,9 @@ class Families:
         heads = self.heads(points[:, None], np.arange(self.members)[None])
         return np.where(exists, heads, -1)
 
-    def stiffened(self, weights: np.ndarray) -> np.ndarray:
-        """Weights of the energy by row, shape (R, n), multiplied by the factor on the moduli."""
-        return weights if self.stiffness is None else self.stiffness[:, None] * weights
+    def scaled(self, weights: np.ndarray) -> np.ndarray:
+        """Weights of the energy by row, shape (R, n), multiplied by the factor of the row's point."""
+        return weights if self.factors is None else self.factors[:, None] * weights
 
     def inverse_shapes(self) -> tuple[np.ndarray, np.ndarray]:
         """Inverse shape tensors and sizes of the intersections of every row.

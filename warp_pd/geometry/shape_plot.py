@@ -1,10 +1,10 @@
-"""Pictures of a shape, a sheet before anything runs: triangles, points, edges, cuts, inclusions and named parts."""
+"""Pictures of a sheet before anything runs: triangles, points, edges, cuts, inclusions, named parts, its thickness."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,10 +13,15 @@ from .picture_files import new_figure, save
 from .shape import Shape
 from .topology import boundary_edges, boundary_rings, pieces
 
+if TYPE_CHECKING:
+    from .sheet import Sheet
+
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
 MAX_TRIANGLES, MAX_MARKERS, MAX_PARTS, SIDE = 20_000, 8_000, 18, 8.0
 SUFFIXES = (".png", ".pdf", ".svg")
 RUBBER, EDGE, GRID_POINT, OTHER_POINT, RIGID, CUT = "#f0dfb8", "#3b2a14", "#16324f", "#a0622d", "#555555", "#c1121f"
+# Colours of a thickness that varies.
+THICKNESS = "YlOrBr"
 PART_COLOURS = ("C0", "C1", "C2", "C3", "C4", "C6", "C8", "C9")
 # Where a point that shares its place with another, on the two faces of a crack, is drawn: this far into its triangles.
 APART = 0.2
@@ -25,13 +30,13 @@ VIEW = (28.0, -60.0)
 
 
 def draw_shape(
-    sheet: Shape,
+    sheet: Sheet,
     path: str | os.PathLike[str] | None = None,
     *,
     title: str = "",
     view: tuple[float, float] = VIEW,
 ) -> Any:
-    """Draw a shape; see `warp_pd.draw_sheet`, which draws a sheet so.
+    """Draw a sheet; see `warp_pd.draw_sheet`, which draws a sheet so.
 
     Raises:
         InputError: for a path that cannot be written.
@@ -65,17 +70,19 @@ def target(path: Any) -> Path:
     return found
 
 
-def _described(sheet: Shape) -> str:
+def _described(sheet: Sheet) -> str:
     size = " x ".join(f"{extent:.4g}" for extent in np.ptp(sheet.points, axis=0))
     text = f"{size} m, {sheet.size} points, {len(sheet.triangles)} triangles"
     text += f", spacing {sheet.spacing:.4g} m" if sheet.spacings is None else (
         f", spacing {sheet.spacings.min():.4g} to {sheet.spacings.max():.4g} m"
     )  # fmt: skip
+    if np.ndim(sheet.thickness):
+        text += f", thickness {np.min(sheet.thickness):.4g} to {np.max(sheet.thickness):.4g} m"
     count = int(pieces(sheet.triangles).max()) + 1 if len(sheet.triangles) else 1
     return text if count == 1 else f"{text}, {count} pieces"
 
 
-def _flat(sheet: Shape) -> tuple[Any, Any]:
+def _flat(sheet: Sheet) -> tuple[Any, Any]:
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patches import PathPatch
 
@@ -89,6 +96,9 @@ def _flat(sheet: Shape) -> tuple[Any, Any]:
     if len(edges):
         outline = _filled(where, edges)
         axes.add_patch(PathPatch(outline, facecolor=RUBBER, edgecolor="none", zorder=0))
+        if np.ndim(sheet.thickness):
+            shaded = axes.tripcolor(*where.T, sheet.triangles, sheet.thickness, cmap=THICKNESS, zorder=0.5)
+            figure.colorbar(shaded, location="bottom", label="thickness (m)", shrink=0.6)
         if len(sheet.triangles) <= MAX_TRIANGLES:
             sides = where[_sides(sheet.triangles)]
             axes.add_collection(LineCollection(sides, colors="0.55", linewidths=0.35, label="triangles", zorder=1))
@@ -111,7 +121,8 @@ def _flat(sheet: Shape) -> tuple[Any, Any]:
     return figure, axes
 
 
-def _curved(sheet: Shape, view: tuple[float, float]) -> tuple[Any, Any]:
+def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
+    from matplotlib.cm import ScalarMappable
     from matplotlib.colors import to_rgb
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
@@ -126,6 +137,10 @@ def _curved(sheet: Shape, view: tuple[float, float]) -> tuple[Any, Any]:
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     shade = 0.5 + 0.5 * np.abs(normals @ (-0.4, -0.5, 0.77))
     face = np.column_stack([shade[:, None] * to_rgb(RUBBER), np.ones(len(shade))])
+    if np.ndim(sheet.thickness) and len(triangles) <= MAX_TRIANGLES:
+        shown = ScalarMappable(cmap=THICKNESS)
+        face[:, :3] = shade[:, None] * shown.to_rgba(np.asarray(sheet.thickness)[triangles].mean(axis=1))[:, :3]
+        figure.colorbar(shown, ax=axes, location="bottom", label="thickness (m)", shrink=0.6)
     label = "triangles" if len(triangles) <= MAX_TRIANGLES else "triangles, joined to larger ones"
     lines = {"edgecolors": "0.45", "linewidths": 0.2}
     axes.add_collection3d(Poly3DCollection(corners, facecolors=face, label=label, zorder=1, **lines))

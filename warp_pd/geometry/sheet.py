@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, finite, point_indices, positive, vector
+from ..device.checks import InputError, by_point, finite, point_indices, positive, vector
 from .clouds import cloud
 from .edits import punched, slit, turned
 from .files import flat_shape, read_mesh
@@ -22,28 +22,34 @@ from .stretching import before_stretch
 from .surfaces import sphere, surface, tube
 from .triangulation import Segment
 
+# A number, one for each point, shape (N,), or a function of the coordinates of the points, each of shape (N,).
+ByPoint = float | np.ndarray | Callable[..., np.ndarray]
+
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Sheet(SelectableShape):
     """A shape with a thickness and a density.
 
-    Make one with `rectangle` or `outline`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy.
+    Make one with `rectangle` or `outline`; `cut`, `hole`, `inclusion`, `stiffened` and `turned` change a copy. All that
+    make one take thickness and density as a number, an array with one for each point, or a function of x and y, on a
+    curved sheet of x, y and z.
 
     Attributes:
-        thickness: Thickness [m]; for a bar, whose `areas` are lengths [m], the cross section [m^2].
-        density: Mass per reference volume [kg/m^3].
+        thickness: Thickness [m], a number or shape (N,); for a bar, whose `areas` are lengths [m], the cross section
+            [m^2]. Where it varies, the family of a point has the thickness of that point.
+        density: Mass per reference volume [kg/m^3], a number or shape (N,).
         stiffness: Factor on the moduli of the material at each point, shape (N,); None: 1 everywhere.
         stretch: In-plane deformation gradient from the stress-free sheet to this one, shape (2, 2); None: this sheet
             is stress-free.
     """
 
-    thickness: float
-    density: float
+    thickness: float | np.ndarray
+    density: float | np.ndarray
     stiffness: np.ndarray | None = None
     stretch: np.ndarray | None = None
 
     @staticmethod
-    def of(shape: Shape, *, thickness: float, density: float) -> Sheet:
+    def of(shape: Shape, *, thickness: ByPoint, density: ByPoint) -> Sheet:
         """A sheet of a shape.
 
         Args:
@@ -52,18 +58,35 @@ class Sheet(SelectableShape):
             density: [kg/m^3].
 
         Raises:
-            InputError: for a thickness or density that is not above zero.
+            InputError: for a thickness or density that is not above zero, or not one for each point.
         """
         arrays = {each.name: vars(shape)[each.name] for each in fields(shape)}
-        return Sheet(**arrays, thickness=positive("thickness", thickness), density=positive("density", density))
+        return Sheet(
+            **arrays,
+            thickness=by_point("thickness", thickness, shape.points),
+            density=by_point("density", density, shape.points),
+        )
+
+    @property
+    def mean_thickness(self) -> float:
+        """Mean over the points [m]; the number itself if it is one."""
+        return float(np.mean(self.thickness)) if np.ndim(self.thickness) else float(self.thickness)
+
+    @property
+    def factors(self) -> np.ndarray | None:
+        """Factor on the energy of each family, that of the mean thickness and the law's material, (N,); None: 1."""
+        if not np.ndim(self.thickness):
+            return self.stiffness
+        relative = np.asarray(self.thickness / self.mean_thickness)
+        return relative if self.stiffness is None else self.stiffness * relative
 
     @staticmethod
     def rectangle(
         width: float,
         height: float,
         *,
-        thickness: float,
-        density: float,
+        thickness: ByPoint,
+        density: ByPoint,
         points: int | tuple[int, int] = 101,
         origin: tuple[float, float] = (0.0, 0.0),
         layers: tuple[int, int] = (0, 0),
@@ -92,7 +115,7 @@ class Sheet(SelectableShape):
         return Sheet.of(rectangle(width, height, points, origin, layers, centred), thickness=thickness, density=density)
 
     @staticmethod
-    def line(length: float, section: float, *, density: float, points: int) -> Sheet:
+    def line(length: float, section: ByPoint, *, density: ByPoint, points: int) -> Sheet:
         """A bar along x: one row of points at the centres of equal cells, for one-dimensional laws.
 
         Args:
@@ -104,15 +127,16 @@ class Sheet(SelectableShape):
         Raises:
             InputError: for a number that is not above zero, or fewer than 3 points.
         """
-        return Sheet.of(line(length, points), thickness=positive("section", section), density=density)
+        shape = line(length, points)
+        return Sheet.of(shape, thickness=by_point("section", section, shape.points), density=density)
 
     @staticmethod
     def filled(
         width: float,
         height: float,
         *,
-        thickness: float,
-        density: float,
+        thickness: ByPoint,
+        density: ByPoint,
         points: int | tuple[int, int] = 101,
         origin: tuple[float, float] = (0.0, 0.0),
         layers: tuple[int, int] = (0, 0),
@@ -148,8 +172,8 @@ class Sheet(SelectableShape):
         boundary: Any,
         *,
         spacing: float | Callable[[np.ndarray, np.ndarray], np.ndarray],
-        thickness: float,
-        density: float,
+        thickness: ByPoint,
+        density: ByPoint,
         holes: Named = (),
         cracks: Named = (),
         inclusions: Named = (),
@@ -180,8 +204,8 @@ class Sheet(SelectableShape):
     def from_points(
         points: np.ndarray,
         *,
-        thickness: float,
-        density: float,
+        thickness: ByPoint,
+        density: ByPoint,
         triangles: np.ndarray | None = None,
         areas: np.ndarray | None = None,
         spacing: float | None = None,
@@ -213,8 +237,8 @@ class Sheet(SelectableShape):
     def from_file(
         path: str | os.PathLike[str],
         *,
-        thickness: float,
-        density: float,
+        thickness: ByPoint,
+        density: ByPoint,
         unit: str | float | None = None,
         part: str | None = None,
         closed: bool = False,
@@ -245,7 +269,12 @@ class Sheet(SelectableShape):
 
     @staticmethod
     def from_surface(
-        vertices: np.ndarray, triangles: np.ndarray, *, thickness: float, density: float, spacing: float | None = None
+        vertices: np.ndarray,
+        triangles: np.ndarray,
+        *,
+        thickness: ByPoint,
+        density: ByPoint,
+        spacing: float | None = None,
     ) -> Sheet:
         """A curved sheet: a surface of triangles in space, free of stress as it is.
 
@@ -266,7 +295,7 @@ class Sheet(SelectableShape):
 
     @staticmethod
     def tube(
-        radius: float, length: float, *, thickness: float, density: float, points: int | tuple[int, int] = 80
+        radius: float, length: float, *, thickness: ByPoint, density: ByPoint, points: int | tuple[int, int] = 80
     ) -> Sheet:
         """A tube along z from z = 0, a rolled square lattice; its ends are the parts "bottom" and "top".
 
@@ -284,7 +313,7 @@ class Sheet(SelectableShape):
         return Sheet.of(tube(radius, length, points), thickness=thickness, density=density)
 
     @staticmethod
-    def sphere(radius: float, *, thickness: float, density: float, points: int = 20) -> Sheet:
+    def sphere(radius: float, *, thickness: ByPoint, density: ByPoint, points: int = 20) -> Sheet:
         """A sphere about the origin, a geodesic grid of triangles almost alike; its areas sum to that of the sphere.
 
         Args:
@@ -329,7 +358,12 @@ class Sheet(SelectableShape):
         offset = self.points - vector("centre", centre, 2)
         inside = np.hypot(offset[:, 0], offset[:, 1]) < positive("radius", radius) * (1.0 - 1e-9)
         smaller, kept = punched(self, inside, f"hole at {centre!r} of radius {radius!r}")
-        return replace(smaller, stiffness=None if self.stiffness is None else self.stiffness[kept])
+        return replace(smaller, **self.at_points(lambda values: values[kept]))
+
+    def at_points(self, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:
+        """Thickness, density and stiffness, those that are arrays changed: for a copy with other points."""
+        values = {name: getattr(self, name) for name in ("thickness", "density", "stiffness")}
+        return {name: change(value) if np.ndim(value) else value for name, value in values.items()}
 
     def inclusion(self, centre: tuple[float, ...], radius: float) -> Sheet:
         """A copy in which the points within `radius` [m] of `centre` move as one rigid body.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..device.checks import InputError
@@ -13,27 +15,32 @@ def together(*sheets: Sheet) -> Sheet:
     """One sheet of several pieces, side by side in the reference state; no bond joins them.
 
     The points of a piece are the part "sheet 1", "sheet 2", ..., for `edges`; names of its own parts get that in front,
-    as "sheet 1 outline". All pieces have one thickness, density and law; `stiffened` makes a piece stiffer. `placed`
+    as "sheet 1 outline". All pieces have one law; `stiffened` makes a piece stiffer. `placed`
     brings them to their places, and `SelfContact` keeps them apart.
 
     Raises:
-        InputError: for fewer than two sheets, flat and curved ones, or sheets that differ in thickness or density, or
-            that were stretched before they were clamped.
+        InputError: for fewer than two sheets, flat and curved ones, or sheets that were stretched before they were
+            clamped.
     """
     shape = side_by_side(sheets)
-    first = sheets[0]
     for index, sheet in enumerate(sheets):
-        if (sheet.thickness, sheet.density) != (first.thickness, first.density):
-            raise InputError(f"sheets[{index}]: expected the thickness and the density of sheets[0]")
         if sheet.stretch is not None:
             raise InputError(f"sheets[{index}] is prestretched: expected a sheet without stress")
-    made = Sheet.of(shape, thickness=first.thickness, density=first.density)
+    made = Sheet.of(shape, thickness=_joined("thickness", sheets), density=_joined("density", sheets))
     for number, sheet in enumerate(sheets, start=1):
         if sheet.stiffness is not None:
             points = made.parts[f"sheet {number}"]
             for factor in np.unique(sheet.stiffness):
                 made = made.stiffened(points[sheet.stiffness == factor], float(factor))
     return made
+
+
+def _joined(name: str, sheets: Sequence[Sheet]) -> float | np.ndarray:
+    """Thickness or density of the pieces: the number that all have, or one for each point."""
+    values = [getattr(sheet, name) for sheet in sheets]
+    if all(np.ndim(value) == 0 and value == values[0] for value in values):
+        return float(values[0])
+    return np.concatenate([np.broadcast_to(v, sheet.size) for v, sheet in zip(values, sheets, strict=True)])
 
 
 def placed(sheet: Sheet, *places: Place) -> np.ndarray:

@@ -116,6 +116,7 @@ class Context:
         initial_displacement: From the state without stress [m], shape (N, 3).
         fields: All arrays.
         clock: Time and schedules.
+        given: The whole sheet as the scene gives it, where it is clamped.
         placement: What stretched the sheet before it was clamped [m], shape (N, 3): displacements of supports and
             frames are counted from there; or None.
         undivided: The whole sheet, without stress, if it is divided among several processes.
@@ -137,6 +138,7 @@ class Context:
     initial_displacement: np.ndarray
     fields: FieldRegister
     clock: Clock
+    given: Sheet
     undivided: Sheet | None = None
     placement: np.ndarray | None = None
     partition: Partition | None = None

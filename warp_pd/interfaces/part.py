@@ -251,6 +251,10 @@ class BuiltRupture(BuiltPart, Protocol):
         """
         ...
 
+    def fingerprint(self) -> str:
+        """What a restart file must agree with besides the settings: values of functions that the user gave."""
+        return ""
+
 
 @runtime_checkable
 class Rupture(Part, Protocol):

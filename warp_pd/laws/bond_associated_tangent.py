@@ -221,7 +221,7 @@ class BondAssociatedMatrix:
 
         matrix, t = self.matrix(), self.tangent
         if t.force.intact is not None:
-            least = LOOSE * t.modulus() * self.tangent.context.sheet.thickness
+            least = LOOSE * t.modulus() * t.force.thickness
             matrix += least * sparse.identity(matrix.shape[0], format="csc")
         return factorised(matrix, self.free)
 

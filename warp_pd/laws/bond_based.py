@@ -50,7 +50,7 @@ class BondBased:
         material: A pairwise material, such as Bimodular.
         horizon: Horizon in spacings of the sheet [-], at least 1.
         state: "plane stress", or "line" for a sheet of one row of points.
-        micromoduli: "published" (IM eq. 4), or "corrected" on an uncut rectangle of one material.
+        micromoduli: "published" (IM eq. 4), or "corrected" on an uncut rectangle of one material and thickness.
         fast: Whether a CPU computes each bond of a lattice once; False takes the reference kernel.
     """
 
@@ -99,7 +99,7 @@ class BondBasedForce(FamilyLaw):
         weights = _bond_weights(families, STIFFNESS[law.state])
         if law.micromoduli == "corrected":
             weights = _corrected(families, sheet, weights)
-        weights = families.stiffened(weights)
+        weights = families.scaled(weights)
         super().__init__(law, context, families, None, weights)
         breakable = context.features.breakable
         self.kernels = bond_based(context.layout, law.material.pairwise)
@@ -233,14 +233,16 @@ def _corrected(families: Families, sheet: Sheet, published: np.ndarray) -> np.nd
     """Weights of corrected micro-moduli, as `_bond_weights`.
 
     Raises:
-        InputError: for a sheet other than an uncut rectangle of one material with at least four rows and columns.
+        InputError: for a sheet other than an uncut rectangle of one material and thickness with at least four rows and
+            columns.
     """
     from ..families.weights import balanced_micromoduli
 
     lattice = sheet.lattice
-    if lattice is None or sheet.cuts or sheet.stiffness is not None or min(lattice.rows, lattice.columns) < 4:
+    if lattice is None or sheet.cuts or sheet.factors is not None or min(lattice.rows, lattice.columns) < 4:
         raise InputError(
-            "micromoduli = 'corrected': expected an uncut rectangle of one material, of at least 4 x 4 points"
+            "micromoduli = 'corrected': expected an uncut rectangle of one material and thickness, of at least 4 x 4 "
+            "points"
         )
     assert families.steps is not None and families.family_class is not None
     shape = (lattice.rows, lattice.columns)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError
+from ..device.checks import InputError, said
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, pack
@@ -27,13 +27,15 @@ from .point_fields import ShownFields, grouped, offered, refuse_other
 
 
 def require_one_material(sheet: Sheet, what: str) -> None:
-    """Check that a sheet has one material, for features that need it.
+    """Check that a sheet has one material and one thickness, for features that need it.
 
     Raises:
         InputError: if it has more.
     """
     if sheet.stiffness is not None:
         raise InputError(f"sheet.stiffness: expected a sheet of one material with {what}")
+    if sheet.factors is not None:
+        raise InputError(f"sheet.thickness = {said(sheet.thickness)}: expected one number with {what}")
 
 
 def refuse_partition(law: Law) -> None:
@@ -66,7 +68,7 @@ class FamilyLaw(BuiltLaw):
         context: Arrays and stages.
         points: Number of points.
         depends_on_time: Whether the force depends on more than the present displacement.
-        thickness: Thickness of the sheet [m].
+        thickness: Mean thickness of the sheet [m]; the weights of each point carry its own.
         offered_fields: Point fields of its own that the law offers for frames, besides those of all laws.
         shown_stress: Material of the stresses that frames can show, or None for a law without one.
         shown: Point fields that frames show, or None.
@@ -130,7 +132,7 @@ class FamilyLaw(BuiltLaw):
         if context.features.breakable:
             bits = families.rows_of_points(pack(families.exists)).T
             self.intact = context.array("intact_bonds", "rupture", wp.uint32, bits, per="bond", restart=True, halo=True)
-        self.thickness = context.sheet.thickness
+        self.thickness = context.whole.mean_thickness
         self._weights = weights if context.features.softened else None
         self.points = context.sheet.size
         known = capabilities(law.material)
@@ -209,8 +211,8 @@ class FamilyLaw(BuiltLaw):
         """Area that the bonds of each point stand for [m^2], shape (N,): the sum of their weights."""
         assert self._weights is not None
         areas = self.families.rows_of_points(self._weights.sum(axis=1)) * self.families.reference_area
-        stiffness = self.context.sheet.stiffness
-        return np.asarray(areas if stiffness is None else areas / stiffness)
+        factors = self.families.factors
+        return np.asarray(areas if factors is None else areas / self.families.rows_of_points(factors))
 
     def add_energy(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out`, (N,) float64, with the energy of each family [J]."""

@@ -391,10 +391,11 @@ class UndamagedLattice:
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> ForcePath | None:
-        """Those of a large lattice or grid of an isotropic material, where blocks apply, too."""
+        """Those of a large lattice or grid of one thickness and an isotropic material, where blocks apply, too."""
         near = FamilyBlocks.near_stress(law)
         # By the whole sheet: several processes take the same path as one.
-        large = law.context.whole.size * law.families.members > TUNING.lattice_bonds
+        whole = law.context.whole
+        large = whole.size * law.families.members > TUNING.lattice_bonds and np.ndim(whole.thickness) == 0
         if near is None or not large or not capabilities(law.material).isotropic:
             return None
         found = undamaged_stencil(law.families, inverse, weights)

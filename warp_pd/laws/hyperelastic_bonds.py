@@ -87,7 +87,7 @@ class HyperelasticBondsForce(FamilyLaw):
         if sheet.lattice is not None and sheet.lattice.rows == 1:
             raise InputError("sheet has one row of points: expected at least two with the law HyperelasticBonds")
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
-        weights = families.stiffened(_bond_weights(families))
+        weights = families.scaled(_bond_weights(families))
         super().__init__(law, context, families, None, weights)
         shortened = law.material.compressed_constants
         self.kernels = hyperelastic_bonds(context.layout, shortened is not None, law.surface_correction)

@@ -33,6 +33,7 @@ class BondAssociatedLaw(Protocol):
     intact: Array | None
     constants: Any
     points: int
+    thickness: float
     lattice_columns: int
     inverse_horizon: float
     unit_volume: float

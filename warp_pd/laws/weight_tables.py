@@ -33,9 +33,9 @@ def law_tables(context: Context, horizon: float, influence: str | InfluenceFunct
     if partition is not None and weights == "plain" and builds_alone(context.whole, partition):
         families = local_cloud_families(context.whole, partition, horizon, influence, context.communicator.gather)
         inverse, size = families.inverse_shapes()
-        return families, inverse, families.stiffened(plain_weights(families, size)), None
+        return families, inverse, families.scaled(plain_weights(families, size)), None
     families, inverse, found, correction = weight_tables(context.whole, horizon, influence, weights)
-    found = families.stiffened(found)
+    found = families.scaled(found)
     if partition is None:
         return families, inverse, found, correction
     here = local_rows(families, partition)

@@ -115,7 +115,7 @@ class CriticalEnergy(BondCriterion):
         """The critical energy release rate of an interaction, and the array of what each bond has released.
 
         Raises:
-            InputError: for a graded sheet.
+            InputError: for a graded sheet, or a thickness that varies.
         """
         found = critical_energy(context.layout)
         values = found.struct()
@@ -125,6 +125,8 @@ class CriticalEnergy(BondCriterion):
         )
         if context.sheet.spacings is not None:
             raise InputError("damage = CriticalEnergy: expected a sheet of one spacing, got a graded one")
+        if np.ndim(context.sheet.thickness):
+            raise InputError("damage = CriticalEnergy: expected a sheet of one thickness; take TearingEnergy")
         values.critical = self.energy / crossing_bonds(law.horizon_ratio)
         return found, values
 

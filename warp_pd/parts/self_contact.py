@@ -171,7 +171,7 @@ class BuiltSelfContact(BuiltContact):
             raise InputError("SelfContact.stiffness = None: expected a number with a material that has no stiffness")
         sheet = self.context.sheet
         softest = 1.0 if sheet.stiffness is None else float(sheet.stiffness.min())
-        return STIFFNESS * softest * modulus * sheet.thickness
+        return STIFFNESS * softest * modulus * float(np.min(sheet.thickness))
 
     def added_frequency(self) -> float:
         """Largest frequency of the contacts alone [rad/s], by Gershgorin's theorem.
@@ -179,7 +179,7 @@ class BuiltSelfContact(BuiltContact):
         It is a bound for points that touch as much sheet as lies in a circle of radius `distance`.
         """
         sheet = self.context.sheet
-        mass = sheet.spacing**2 * sheet.thickness * sheet.density
+        mass = float(np.min(sheet.spacing**2 * sheet.thickness * sheet.density))
         touched = math.pi * (self.distance / sheet.spacing) ** 2
         return math.sqrt(2.0 * touched * self.stiffness / mass)
 

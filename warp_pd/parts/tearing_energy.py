@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -9,18 +10,19 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, one_of, point_indices, positive
+from ..device.checks import InputError, by_point, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..families.partition import Partition
 from ..geometry.couplings import crack_segments, distance_from_segments, gradient_couplings, loose_ends
-from ..geometry.sheet import Sheet
+from ..geometry.sheet import ByPoint, Sheet
 from ..interfaces import BuiltLaw, BuiltRupture, History, Rupture
 from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, TOGETHER, damage_field
 from .damage_ghosts import LAYERS, DamageGhosts
 from .rupture import AT_REST, CriticalStretch, Damaged
+from .weak_seams import narrow_seam
 
 # Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
 DEFAULT_LENGTH, LEAST_DEFAULT = 4.0, 1.25
@@ -65,7 +67,9 @@ class TearingEnergy(Rupture):
     field has passed.
 
     Attributes:
-        energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber.
+        energy: Tearing energy Gc [J/m^2], such as 1e4 for natural rubber; one for each point, shape (N,), or a function
+            of the coordinates of the points as for `Sheet`, for seams that are weaker than the sheet. Where it varies,
+            the strength varies with it, and the length is one.
         length: Length of the field [m]; by default what follows from the strength, or else four spacings of the sheet,
             and at least 1.25 horizons.
         strength: Energy density at which intact material begins to tear [J/m^3]. Alone it gives the length; if the
@@ -81,10 +85,11 @@ class TearingEnergy(Rupture):
             step, which is slow and must give the same.
 
     Raises:
-        InputError: for values that are not positive, or both strength and stretch_at_break.
+        InputError: for values that are not positive, both strength and stretch_at_break, or one of them with an energy
+            that varies.
     """
 
-    energy: float
+    energy: ByPoint
     length: float | None = None
     strength: float | None = None
     spared: Any = None
@@ -97,11 +102,15 @@ class TearingEnergy(Rupture):
     layers: ClassVar[int] = LAYERS
 
     def __post_init__(self) -> None:
-        positive("TearingEnergy.energy", self.energy)
+        varies = callable(self.energy) or (np.iterable(self.energy) and not isinstance(self.energy, str))
+        if not varies:
+            positive("TearingEnergy.energy", self.energy)
         given = {name: getattr(self, name) for name in ("length", "strength", "stretch_at_break")}
         given = {name: value for name, value in given.items() if value is not None}
         for name, value in given.items():
             positive(f"TearingEnergy.{name}", value)
+        if varies and given.keys() & {"strength", "stretch_at_break"}:
+            raise InputError(f"TearingEnergy: expected one number as energy, or a length, with {given}")
         if "strength" in given and "stretch_at_break" in given:
             raise InputError(f"TearingEnergy: expected strength or stretch_at_break, got {given}")
         if self.stretch_at_break is not None and self.stretch_at_break <= 1.0:
@@ -130,7 +139,7 @@ class DamageField(Damaged):
     Attributes:
         field: Damage of the points, (N,), in the precision of the device.
         length: Its length [m].
-        limit: Energy density at which intact material begins to tear [J/m^3].
+        limit: Energy density at which intact material begins to tear [J/m^3], the least of all points.
         sweeps: Sweeps in one of INTERVAL steps.
         memory: The bits of intact bonds, the field, and what follows from them in the course of a tear.
     """
@@ -142,9 +151,12 @@ class DamageField(Damaged):
         self.rupture = rupture
         horizon = law.families.horizon
         self._resolved = max(DEFAULT_LENGTH * context.sheet.spacing, LEAST_DEFAULT * horizon)
+        self._energy = by_point("TearingEnergy.energy", rupture.energy, context.given.points)
+        self._least_energy = float(np.min(self._energy))
         self.length = self._length(rupture, law)
-        # Energy density of the field [J/m^3].
-        self._unit = 3.0 * rupture.energy / (8.0 * self.length * self._bias(self.length))
+        # Energy density of the field [J/m^3], a number or that of each point of the whole sheet.
+        units = 3.0 * self._energy / (8.0 * self.length * self._bias(self.length))
+        self._unit, self._strongest = float(np.min(units)), 0.5 * float(np.max(units))
         self.limit = self._strength()
         self._fastest = self._unit / self.limit
         weak = self._fastest > 2.0
@@ -161,6 +173,11 @@ class DamageField(Damaged):
             self._own, areas = self._ghosts.own, self._ghosts.areas(areas)
             neighbours, couplings = self._ghosts.couplings()
         couplings *= 2.0 * self.length**2 / areas
+        unit = context.here(units) if isinstance(units, np.ndarray) else units
+        # Energy of the field per area [J/m^2]; between two points it is the mean of theirs.
+        per_area = unit * sheet.thickness
+        if isinstance(per_area, np.ndarray):
+            couplings *= 0.5 * (1.0 + per_area[neighbours] / per_area)
         profile, ahead = self._profile(whole)
         self._profile_mean, profile = float(profile.mean()), context.here(profile)
 
@@ -180,8 +197,9 @@ class DamageField(Damaged):
             self._found = context.array("listed_by_threads", self.owner, wp.int32, shape=threads, per="table")
         self._neighbours = put("field_neighbours", neighbours, wp.int32, "bond")
         self._couplings = put("field_couplings", couplings, per="bond")
-        self._scale = put("driving_scale", law.families.reference_area / (areas * self._unit))
-        self._limits = put("limit_energy", self._unit * sheet.thickness * areas)
+        relative = sheet.thickness / whole.mean_thickness
+        self._scale = put("driving_scale", law.families.reference_area / (areas * unit * relative))
+        self._limits = put("limit_energy", per_area * areas)
         severed_at = SEVERED * (1.0 - 0.25 * np.minimum(spacing / self.length, 1.0)) ** 2
         self._ahead = put("ahead_of_cut", context.here(ahead) & (profile + GROWN > severed_at), wp.uint8)
         self._severed_at = context.array(
@@ -195,7 +213,7 @@ class DamageField(Damaged):
         looked_at, self._shortest, self._longest = self._looked_at(law)
         self._looked = put("looked_at", looked_at, wp.int32, "table")
         apart = profile - profile[neighbours]
-        stored = self._unit * sheet.thickness * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
+        stored = per_area * areas * (profile + 0.25 * (couplings * apart**2).sum(axis=0))
         self.fracture = context.array("fracture", self.owner, wp.float64, stored)
         self._fracture_at_start = context.total(self.fracture)
         self.kernels = damage_field(
@@ -271,13 +289,13 @@ class DamageField(Damaged):
             return None
         # length * bias(length) = 3 Gc / (16 strength)
         horizon = self.law.families.horizon
-        whole = 3.0 * self.rupture.energy / (16.0 * strength) - BIAS[0] * horizon
+        whole = 3.0 * self._least_energy / (16.0 * strength) - BIAS[0] * horizon
         return 0.5 * (whole + float(np.sqrt(max(whole**2 - 4.0 * BIAS[1] * horizon**2, 0.0))))
 
     def resolving_length(self) -> float:
         """The length of the strength on a sheet whose spacing just resolves it [m]."""
         strength = self._given_strength()
-        return 3.0 * self.rupture.energy / (16.0 * (strength or self.limit) * self._bias(self._resolved))
+        return 3.0 * self._least_energy / (16.0 * (strength or self.limit) * self._bias(self._resolved))
 
     def _bias(self, length: float) -> float:
         """Energy that a tear takes over the one that the field is given."""
@@ -492,14 +510,22 @@ class DamageField(Damaged):
         driving[(to_host(self.field) > 0.0) | (to_host(self._before) < 0.0)] = 0.0
         most = -self.context.communicator.minimum(-float(driving.max(initial=0.0)))
         if most * self._fastest > 1.0:
+            begins = f"{most * self._unit:.3g} J/m^3, above the strength of {self.limit:.3g} J/m^3"
+            if np.ndim(self._energy):
+                begins = f"{most * self._fastest:.3g} times the strength of a point"
             raise InputError(
-                f"damage = TearingEnergy: the sheet starts with {most * self._unit:.3g} J/m^3, above the "
-                f"strength of {self.limit:.3g} J/m^3 that {self._said_length()} stands for; expected a shorter length "
-                f"or a larger energy"
+                f"damage = TearingEnergy: the sheet starts with {begins} that {self._said_length()} stands for; "
+                f"expected a shorter length or a larger energy"
             )
 
     def _said_length(self) -> str:
         return f"a length of {self.length:.3g} m"
+
+    def fingerprint(self) -> str:
+        """A hash of the tearing energies, where they vary: a function of the same name may give others."""
+        if not callable(self.rupture.energy):
+            return ""
+        return hashlib.sha1(np.asarray(self._energy).tobytes()).hexdigest()[:12]
 
     def sums(self) -> Mapping[str, Array]:
         """The energy that was released, and that of the field."""
@@ -519,10 +545,14 @@ class DamageField(Damaged):
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """What the tearing energy stands for, and damage of much of the sheet."""
+        upto = f" to {self._strongest:.4g}" if np.ndim(self._energy) else ""
         said = [
             f"the tearing energy has a length of {self.length:.4g} m: intact material begins to tear at "
-            f"{self.limit:.4g} J/m^3"
+            f"{self.limit:.4g}{upto} J/m^3"
         ]
+        if isinstance(self._energy, np.ndarray):
+            spacing, resolved = self.context.sheet.spacing, self._resolved
+            said += narrow_seam(self._energy, self.context.given.points, spacing, self.length, resolved)
         wanted = self.wanted_length()
         if wanted is not None and wanted < self._resolved:
             needed = self.resolving_length()

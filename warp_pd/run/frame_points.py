@@ -79,8 +79,7 @@ class FramePoints:
     @property
     def _volume(self) -> np.ndarray:
         """Volume of each of these points [m^3]."""
-        whole = self.built.context.whole
-        return np.asarray(whole.areas[self._chosen] * whole.thickness)
+        return self.built.volume[self._chosen]
 
     @functools.cached_property
     def _placement(self) -> np.ndarray | None:

@@ -57,7 +57,8 @@ def identity(scene: Scene, built: Built) -> Identity:
     texts.pop("solver.history_every", None)
     # Columns of the history: what a measure computes may change, its name may not.
     measures = ", ".join(measure.name for measure in scene.measures)
-    also = {"measures": measures, "functions": built.law.fingerprint()}
+    functions = built.law.fingerprint() + ("" if built.rupture is None else built.rupture.fingerprint())
+    also = {"measures": measures, "functions": functions}
     return Identity({"precision": str(built.context.bits), **texts, **also}, scene.settings)
 
 

@@ -49,7 +49,7 @@ def scene_context(
     made = Context(
         sheet=sheet.unstretched(), device=device, types=numeric(bits), features=features, held=held,
         initial_displacement=initial, fields=FieldRegister(device),
-        clock=Clock(solver.duration, solver.default_ramp), placement=placement, communicator=communicator,
+        clock=Clock(solver.duration, solver.default_ramp), given=sheet, placement=placement, communicator=communicator,
         block_dim=SMALL_BLOCK if sheet.size < SMALL else BLOCK,
     )  # fmt: skip
     return made if communicator.partition is None else _context_here(made, communicator.partition)

@@ -163,20 +163,27 @@ def _origin(recorder: Recorder, status: str, message: str) -> dict[str, Any]:
 
 
 def _model(recorder: Recorder) -> dict[str, Any]:
-    """The law and the sheet: thickness and spacing [m], density [kg/m^3], horizon in spacings."""
+    """The law and the sheet: thickness and spacing [m], density [kg/m^3], horizon in spacings.
+
+    A thickness or density that varies has its least and greatest value.
+    """
     built, context = recorder.built, recorder.built.context
     force = built.simulation.force
     return {
         "force": type(force).__name__,
         "material": said(force.material),
-        "thickness": context.sheet.thickness,
-        "density": context.sheet.density,
+        "thickness": _range(context.whole.thickness),
+        "density": _range(context.whole.density),
         "spacing": context.sheet.spacing,
         "weights": built.law.weights,
         "horizon": force.horizon,
         "points": context.whole.size,
         "bonds": built.law.families.bond_count,
     }
+
+
+def _range(values: float | np.ndarray) -> float | list[float]:
+    return [float(np.min(values)), float(np.max(values))] if np.ndim(values) else float(values)
 
 
 def _course(recorder: Recorder) -> dict[str, Any]:

@@ -263,10 +263,12 @@ def coarse_context(context: Context, depth: int, lattice: Lattice, finest: Latti
     """Context of a coarser lattice over the same rectangle, with the state that equilibrium needs."""
     sheet = context.sheet
     width, height = lattice.dx * (lattice.columns - 1), lattice.dy * (lattice.rows - 1)
+    near = coarse_points(lattice, finest)
+    solid = sheet.at_points(lambda values: values[near])
     coarse = Sheet.rectangle(
-        width, height, thickness=sheet.thickness, density=sheet.density, points=(lattice.columns, lattice.rows)
+        width, height, thickness=solid["thickness"], density=solid["density"], points=(lattice.columns, lattice.rows)
     )
-    held = context.held[coarse_points(lattice, finest)]
+    held = context.held[near]
     features = Features(held=bool(held.any()), loaded=context.features.loaded)
     made = context.on(coarse, f"lattice {depth} ", features, held)
     vec3, n = made.types.vec3, coarse.size

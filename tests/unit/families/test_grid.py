@@ -77,7 +77,7 @@ def test_stiffness_other_than_that_of_most_points_has_rows():
     sheet = holed()
     stiff = sheet.stiffened(sheet.where(lambda x, y: x > 0.07), 3.0)
     families = build_families(stiff, 1.5, "linear")
-    np.testing.assert_array_equal(families.stiffness[families.family_class], stiff.stiffness)
+    np.testing.assert_array_equal(families.factors[families.family_class], stiff.stiffness)
     assert (families.family_class == 0).sum() < (build_families(sheet, 1.5, "linear").family_class == 0).sum()
 
 

@@ -1,0 +1,55 @@
+"""What a tear takes in a seam of low tearing energy that is narrower than its damage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# How far a tear may exceed the tearing energy of its seam until a note says so.
+MIXED = 0.1
+
+
+def narrow_seam(energy: np.ndarray, places: np.ndarray, spacing: float, length: float, resolved: float) -> list[str]:
+    """A note where the energy is low over less than what a tear damages, 2 lengths to each side; none elsewhere.
+
+    Args:
+        energy: Tearing energy of each point [J/m^2], shape (N,).
+        places: The points [m], shape (N, 2) or (N, 3).
+        spacing: Of the sheet [m].
+        length: Of the damage field [m].
+        resolved: The length that the spacing resolves [m].
+    """
+    from scipy.optimize import brentq
+    from scipy.spatial import cKDTree
+
+    weak = energy < np.sqrt(energy.min() * energy.max())
+    if not weak.any():
+        return []
+    half = float(cKDTree(places[~weak]).query(places[weak])[0].max()) - 0.5 * spacing
+    ratio = float(np.median(energy[~weak]) / np.median(energy[weak]))
+    factor = seam_energy(ratio, half / length)
+    if factor <= 1.0 + MIXED:
+        return []
+    needed = half / brentq(lambda width: seam_energy(ratio, width) - 1.0 - MIXED, 0.0, 2.0)
+    return [
+        f"the tearing energy is low over a width of {2.0 * half:.3g} m, and a tear damages {4.0 * length:.3g} m: it "
+        f"takes about {factor:.2g} times the energy there; {1.0 + MIXED:g} times with a length of {needed:.3g} m, "
+        f"which a spacing of {spacing * needed / resolved:.3g} m resolves"
+    ]
+
+
+def seam_energy(ratio: float, half: float) -> float:
+    """Least energy of a tear in the middle of a straight seam over the tearing energy there.
+
+    The energy of the field, with d = 1 in the middle, is least for d'' = 1/2 in lengths, with a kink at the edge of the
+    seam, and d = d' = 0 where the damage ends.
+
+    Args:
+        ratio: Tearing energy beside the seam over the one in it.
+        half: Half the width of the seam over the length.
+    """
+    if half >= 2.0:
+        return 1.0
+    beyond = np.sqrt((ratio * half) ** 2 + 4.0 - half**2) - ratio * half
+    slope = -0.5 * (ratio * beyond + half)
+    damage = half + 0.5 * slope * half**2 + (half**3 + ratio * beyond**3) / 12.0
+    return float(0.75 * (0.5 * damage - slope))
