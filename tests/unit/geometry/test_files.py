@@ -143,7 +143,7 @@ def test_parts_of_usd(tmp_path):
 def test_own_animation_is_a_mesh(ball):
     """The first frame of a run's animation.usd is the sheet of that run: 21 points and clamps of 3 on both sides."""
     mesh = read_mesh(ball / "animation.usd", part="Sheet")
-    assert mesh.flat and len(mesh.vertices) == 27 * 27
+    assert mesh.flat and len(mesh.vertices) == 21 * 21
 
 
 def test_groups_of_gmsh(tmp_path):

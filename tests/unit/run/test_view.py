@@ -59,7 +59,7 @@ def test_what_a_page_leaves_out_it_says(ball):
     content = content_of(page(ball, Limits(100, 5)))
     assert len(content["frames"]) == 5
     assert content["frames"][-1]["when"] == "t = 4 s"
-    assert re.fullmatch(r"\d+ of 729 points are drawn; .*", content["leftOut"][0])
+    assert re.fullmatch(r"\d+ of 441 points are drawn; .*", content["leftOut"][0])
     assert content["leftOut"][1] == "5 of 25 frames are shown"
 
 
