@@ -35,7 +35,8 @@ class ArcLength:
 
     Stability: signs of the pivots of the factorised tangent and, with loads that follow the displacement, lowest
     eigenvalues of K x = mu K0 x, K0 without these loads. The summary (`solve`: `found`) and notes name limit points,
-    where the load turns, and bifurcations, where the sign of another eigenvalue changes. The path itself goes straight on.
+    where the load turns, and bifurcations, where the sign of another eigenvalue changes. The path goes straight on
+    there.
 
     Attributes:
         increment: Largest change of the load factor in a step, and the load factor of the first point.
@@ -53,7 +54,7 @@ class ArcLength:
     most_steps: int = 200
     most_iterations: int = 12
     most_cuts: int = 10
-    modes: int = 4
+    modes: int = 3
     preconditioner: str = "auto"
     duration: float = 1.0
     precision: int = 64
@@ -99,6 +100,7 @@ class BuiltArcLength(BuiltSolver):
     """Arc-length continuation on a device: adds nothing to a step in time."""
 
     label = "solver = ArcLength"
+    turns = True
     path: Path
 
     def __init__(self, solver: ArcLength, context: Context, law: BuiltLaw) -> None:
@@ -133,15 +135,21 @@ class BuiltArcLength(BuiltSolver):
         """Limit points and bifurcations, and a path that was left before its end."""
         state, said = self.path.state, []
         for found in state.found:
-            where = f"at load factor {found['load_factor']:.5g}, between steps {found['steps'][0]} and {found['steps'][1]}"
+            where = (
+                f"at load factor {found['load_factor']:.5g}, between steps {found['steps'][0]} and {found['steps'][1]}"
+            )
             if found["kind"] == "bifurcation":
                 number = found["eigenvalues"]
-                what = "an eigenvalue of the tangent changes its" if number == 1 else f"{number} eigenvalues change their"
+                what = (
+                    "an eigenvalue of the tangent changes its" if number == 1 else f"{number} eigenvalues change their"
+                )
                 said.append(f"ArcLength: a bifurcation {where}: {what} sign while the load does not turn")
             else:
                 said.append(f"ArcLength: a limit point {where}: a {found['kind']} of the load")
         if state.step == self.solver.most_steps and abs(state.factor) < 1.0:
-            said.append(f"ArcLength: the path is followed for most_steps = {state.step}, to load factor {state.factor:.4g}")
+            said.append(
+                f"ArcLength: the path is followed for most_steps = {state.step}, to load factor {state.factor:.4g}"
+            )
         return said
 
     def host_state(self) -> dict[str, Any]:

@@ -33,9 +33,7 @@ class LinearSolver:
         products: Stiffness products so far, those of the preconditioner included.
     """
 
-    def __init__(
-        self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None, definite: bool = True
-    ) -> None:
+    def __init__(self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None, definite: bool = True) -> None:
         """Prepare for the solves of a level.
 
         Args:

@@ -136,7 +136,9 @@ class Path(StaticSystem):
                 secant = level.displacement.numpy().astype(np.float64) - start
                 length = norm(secant)
                 if length == 0.0:
-                    raise InputError("solver = ArcLength: expected a load or a motion that changes with the load factor")
+                    raise InputError(
+                        "solver = ArcLength: expected a load or a motion that changes with the load factor"
+                    )
                 origin = Origin(start, secant / length, 0.0, factor / length)
                 return self._accept(origin, factor, length, 1.0)
             wp.copy(level.displacement, self.good)
@@ -163,28 +165,30 @@ class Path(StaticSystem):
         predicted = origin.factor + length * origin.rate
         entry: dict[str, Any] = {"share": predicted, "converged": False, "rounds": 0, "lattices": []}
         self.report.load_steps.append(entry)
-        factor, found = self._correct(origin, length, sink)
+        if abs(predicted) >= 1.0:
+            factor, found = self._end(origin, math.copysign(1.0, predicted), sink)
+        else:
+            factor, found = self._correct(origin, length, sink)
         entry |= {"share": factor, "lattices": [found]}
         miss = abs(factor - predicted)
-        if not found["converged"] or miss > increment:
+        if not found["converged"] or abs(factor) > 1.0 or miss > increment:
             return False
-        if abs(factor) > 1.0:
-            # The path ends at the whole load.
-            here, end = self.levels[0].displacement.numpy().astype(np.float64), math.copysign(1.0, factor)
-            part = (end - origin.factor) / (factor - origin.factor)
-            assign(self.levels[0].displacement, origin.displacement + part * (here - origin.displacement))
-            self.set_loads(end)
-            last, factor = self._descend(0, end, sink, self.tolerance), end
-            entry |= {"share": end, "lattices": [found, last]}
-            if not last["converged"]:
-                return False
-            found = last
         sink.residual = found["residuals"][-1]
         growth = math.sqrt(AIMED_STEPS / max(1, len(found["shares"])))
         if miss > 0.0:
             growth = min(growth, math.sqrt(AIMED_MISS * increment / miss))
         entry["converged"] = self._accept(origin, factor, length, min(MOST_GROWTH, max(LEAST_GROWTH, growth)))
         return bool(entry["converged"])
+
+    def _end(self, origin: Origin, factor: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
+        """Equilibrium at the last load factor; one that turned before, or that is far away, counts as not found."""
+        level, length = self.levels[0], (factor - origin.factor) / origin.rate
+        self.set_loads(factor)
+        assign(level.displacement, origin.displacement + length * origin.direction)
+        found = self._descend(0, factor, sink, self.tolerance)
+        moved = mean_product(origin.direction, level.displacement.numpy() - origin.displacement)
+        found["converged"] &= LEAST_GROWTH * length < moved < MOST_GROWTH * length
+        return factor, found
 
     def _accept(self, origin: Origin, factor: float, length: float, growth: float) -> bool:
         """Take the present equilibrium as the next point, unless it is on another branch."""
@@ -247,8 +251,11 @@ class Path(StaticSystem):
                 break
             rest = self._solve(level.residual.numpy().astype(np.float64))
             along = self._along(factor, math.copysign(1.0, origin.rate))
+            across = mean_product(origin.direction, along)
+            if across == 0.0:
+                break
             gap = length - mean_product(origin.direction, there - origin.displacement)
-            change = (gap - mean_product(origin.direction, rest)) / mean_product(origin.direction, along)
+            change = (gap - mean_product(origin.direction, rest)) / across
             there, factor = there + rest + change * along, factor + change
         return factor, {
             "points": level.points, "converged": converged, "residuals": residuals,
@@ -258,6 +265,8 @@ class Path(StaticSystem):
     def _along(self, factor: float, sign: float) -> np.ndarray:
         """Change of the displacement with the load factor [m], shape (N, 3), by the tangent at the present point."""
         level, ahead = self.levels[0], DIFFERENCE * self.settings.increment * sign
+        # Schedules may end with the load.
+        ahead = -ahead if abs(factor + ahead) > 1.0 else ahead
         here = level.residual.numpy().astype(np.float64)
         self.set_loads(factor + ahead)
         level.run("evaluate")

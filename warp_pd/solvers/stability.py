@@ -11,7 +11,7 @@ from .level import Level
 from .linear import LinearSolver
 
 # Accuracy of eigenvalues over the largest, and vectors of the Krylov space besides those that are wanted.
-ACCURACY, FURTHER = 1e-6, 20
+ACCURACY, FURTHER = 1e-4, 12
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,7 @@ def _extreme(product, size: int, number: int, which: str) -> np.ndarray | None: 
     start = np.random.default_rng(0).normal(size=size)
     vectors = min(size, 2 * number + FURTHER)
     try:
-        found = eigs(
-            operator, k=number, which=which, v0=start, tol=ACCURACY, ncv=vectors, return_eigenvectors=False
-        )
+        found = eigs(operator, k=number, which=which, v0=start, tol=ACCURACY, ncv=vectors, return_eigenvectors=False)
     except ArpackNoConvergence:
         return None
     return np.sort(found.real)

@@ -14,9 +14,8 @@
       this.select.value = chosen;
       this.against = document.createElement("select");
       this.against.setAttribute("aria-label", "Column along the horizontal axis");
-      const timed = content.loadDuration ? "load factor" : "time";
       Object.keys(content.history.columns).filter((name) => name !== "step").forEach((name) => {
-        this.against.add(new Option(`against ${name === "time" ? timed : name.replaceAll("_", " ")}`, name));
+        this.against.add(new Option(`against ${name === "time" ? content.along.replace(" (s)", "") : name.replaceAll("_", " ")}`, name));
       });
       this.select.after(this.against);
       for (const select of [this.select, this.against]) select.onchange = () => { this.build(); this.show(this.time); };
@@ -47,7 +46,7 @@
         values: (plot, found) => found.map((number) => said(number)),
       });
       const over = this.overTime(), across = this.across();
-      const name = !over ? this.against.value.replaceAll("_", " ") : content.loadDuration ? "load factor" : "time (s)";
+      const name = !over ? this.against.value.replaceAll("_", " ") : content.along;
       const options = {
         width: this.element.clientWidth || 400, height: 176,
         // Against another column the legend keeps to the row that is shown.
