@@ -127,7 +127,7 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
             for k in shown
         ],
         "loadDuration": None if turns else static,
-        "along": "step" if turns else "time (s)" if static is None else "load factor",
+        **({"along": "step"} if turns else {}),
         "leftOut": _left_out(info, sheet, shown),
         "reference": [arrays.add_series(reference[None, sheet.points, c]) for c in range(3)],
         "triangles": arrays.add_triangles(sheet.triangles),

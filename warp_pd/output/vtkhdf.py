@@ -11,7 +11,7 @@ HDF5 keeps no journal. Three things make a killed run leave a readable file all 
 name only when its first frame is complete; it is open only while a frame is being added; and the number of
 steps, without which no reader looks at the new rows, is written last. VTK's reader overruns its memory where
 `Steps/Values` has more rows than there are steps, so those two go to disk together. On a path whose load factor may
-fall, `Steps/Values` are the numbers of the frames, since readers sort them, and `warp_pd/times` their times.
+fall, `Steps/Values` are the numbers of the frames, since readers sort them, and `load_times` their times.
 """
 
 from __future__ import annotations
@@ -200,7 +200,7 @@ class VtkHdfSeries:
         _add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
         _add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
         file.flush()
-        times = file["warp_pd"].get("times")
+        times = file.get("load_times")
         if times is not None:
             times.resize(frame.index, axis=0)
             _add_rows(times, [frame.time])
@@ -312,7 +312,7 @@ def _read_info(file: h5py.File) -> SeriesInfo:
         raise NotASeriesError("triangles are missing")
     return SeriesInfo(
         frames=frames,
-        times=own.get("times", steps["Values"])[:frames],
+        times=file.get("load_times", steps["Values"])[:frames],
         points=points,
         faces=faces[parts],
         fields=tuple(fields),
@@ -354,7 +354,7 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
     own = file.create_group("warp_pd")
     if surface.metadata.get("turns"):
         # Readers want rising values: there the frames are numbered.
-        _create_column(own, "times", np.float64)
+        _create_column(file, "load_times", np.float64)
     _lay_out_bodies(root, steps, own, surface)
     for name, value in {"title": surface.title, "positions": POSITIONS, **surface.metadata}.items():
         own.attrs[name] = value
