@@ -1,5 +1,7 @@
 """Paths of equilibria: limit points, snap-back, bifurcation, against closed forms."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from helpers import square
@@ -59,7 +61,7 @@ def test_a_piston_behind_a_soft_spring_snaps_back():
     found = result.summary["solve"]["found"]
     assert [entry["kind"] for entry in found] == ["maximum", "minimum"]
     assert [entry["load_factor"] for entry in found] == pytest.approx(exact, rel=5e-3)
-    back = [(a, b) for a, b in zip(result.history, result.history[1:]) if b["load_factor"] < a["load_factor"]]
+    back = [(a, b) for a, b in pairwise(result.history) if b["load_factor"] < a["load_factor"]]
     assert len(back) > 2 and all(b["pressure"] < a["pressure"] and b["volume"] > a["volume"] for a, b in back)
 
 

@@ -34,9 +34,9 @@ from .view import LARGE, write_page
 
 # A search that got a part of the way, and no farther.
 LIMIT_POINT = (
-    "if the load has its maximum there (a limit point), no equilibrium exists beyond it: follow the path with the solver "
-    "ArcLength, prescribe the displacement (Motion) or the volume (EnclosedVolume) instead of the load, or follow the jump "
-    "with Explicit and damping; "
+    "if the load has its maximum there (a limit point), no equilibrium exists beyond it: follow the path with the "
+    "solver ArcLength, prescribe the displacement (Motion) or the volume (EnclosedVolume) instead of the load, or "
+    "follow the jump with Explicit and damping; "
     "otherwise try more load_steps"
 )
 

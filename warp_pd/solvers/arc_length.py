@@ -121,15 +121,17 @@ class BuiltArcLength(BuiltSolver):
         return self.path.run(sink)
 
     def column_names(self) -> Sequence[str]:
-        """Load factor, and number of negative eigenvalues if they are sought."""
-        return ("load_factor", "unstable") if self.solver.modes else ("load_factor",)
+        """Load factor, and number of negative eigenvalues if the tangent is factorised."""
+        return ("load_factor", "unstable")
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
-        """The same [-]; a number of eigenvalues that is not known is NaN."""
+        """The same [-]; a number of eigenvalues that was not found is NaN."""
         state = self.path.state
-        unknown = state.step > 0 and state.negative is None
-        counted = {"load_factor": state.factor, "unstable": np.nan if unknown else float(state.negative or 0)}
-        return {name: counted[name] for name in self.column_names()}
+        row = {"load_factor": state.factor}
+        if self.solver.modes and self.path.preconditioner == "direct":
+            unknown = state.step > 0 and state.negative is None
+            row["unstable"] = np.nan if unknown else float(state.negative or 0)
+        return row
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Limit points and bifurcations, and a path that was left before its end."""
