@@ -7,7 +7,7 @@ no given pressure holds. With `control=piston` the stroke of a piston behind a s
 is k (V - V_balloon). The spring is half as stiff as the pressure falls with the volume between maximum and minimum, so
 there the stroke has to go back as well (snap-back), and prescribing it fails, too.
 
-A sphere of flat triangles encloses less than the ball, so the pressure on them is larger by 0.8 % at 12 points on a
+A sphere of flat triangles encloses less than the ball, so the pressure on them is larger by 0.9 % at 12 points on a
 quarter of the circumference; the exact pressure of the piston has this factor.
 """
 
