@@ -2,22 +2,35 @@
 
 from itertools import pairwise
 
+import h5py
 import numpy as np
 import pytest
 from helpers import square
 from scipy.optimize import brentq
-from small_runs import run
+from small_runs import run, simulate
 
-from warp_pd import ArcLength, EnclosedVolume, Fixed, InputError, MooneyRivlin, Motion, Newton, Pressure, Yeoh
+from warp_pd import (
+    ArcLength,
+    EnclosedVolume,
+    Fixed,
+    InputError,
+    MooneyRivlin,
+    Motion,
+    Newton,
+    Pressure,
+    Yeoh,
+    read_series,
+)
 from warp_pd.scenes import balloon_paths
 from warp_pd.scenes.balloon import exact_pressure
 from warp_pd.solvers.turning_points import Point, changes
 
 
-def snapping(solver, precision=64):
+def snapping(solver, precision=64, **options):
     sheet = square(9)
     loads = [Fixed(sheet.edges("all")), Pressure(5e3)]
-    return run(sheet, solver, material=Yeoh(c10=5e4, c30=5.0), weights="corrected", loads=loads, precision=precision)
+    simulation = simulate(sheet, solver, material=Yeoh(c10=5e4, c30=5.0), weights="corrected", loads=loads)
+    return simulation.run(device="cpu", precision=precision, **options)
 
 
 def kinds(result):
@@ -25,8 +38,8 @@ def kinds(result):
 
 
 @pytest.mark.parametrize("precision", [32, 64])
-def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(precision):
-    result = snapping(ArcLength(), precision)
+def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(precision, tmp_path):
+    result = snapping(ArcLength(), precision, out=tmp_path, pictures=False, usd=False)
     factors = np.array([row["load_factor"] for row in result.history])
     assert result.status == "finished" and kinds(result) == ["maximum", "minimum"]
     falls = np.flatnonzero(np.diff(factors) < 0.0)
@@ -39,6 +52,11 @@ def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(prec
     assert unstable == [float(steps[0][1] <= k <= steps[1][0]) for k in range(len(unstable))]
     notes = [note for note in result.summary["notes"] if note.startswith("ArcLength: a limit point at load factor 0.")]
     assert "a maximum of the load" in notes[0] and "a minimum of the load" in notes[1]
+    series = read_series(tmp_path / "frames.vtkhdf")
+    assert series.times.tolist() == factors.tolist()
+    with h5py.File(tmp_path / "frames.vtkhdf") as stored:
+        assert stored["VTKHDF/Steps/Values"][:].tolist() == list(range(len(factors)))
+    assert (tmp_path / "view.html").is_file()
     jumped = snapping(Newton(load_steps=15), precision)
     tolerance = 1e-6 if precision == 64 else 2e-4
     assert result.frame.displacement == pytest.approx(jumped.frame.displacement, abs=tolerance)

@@ -280,7 +280,7 @@ class Path(StaticSystem):
             assign(level.vector, motion)
             level.run("product")
             load -= level.image.numpy()
-        return self._solve(load) + motion
+        return np.asarray(self._solve(load) + motion)
 
     def _solve(self, force: np.ndarray) -> np.ndarray:
         """Displacement x [m] with K x = force [N], both of shape (N, 3)."""
