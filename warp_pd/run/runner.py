@@ -318,6 +318,8 @@ def _not_converged(recorder: Recorder) -> str:
             f"{text}; likely cause: the sheet can move freely, in {free} of 6 ways as a rigid body; expected supports "
             "(Fixed, Motion) that hold it"
         )
+    if recorder.built.solver.turns:
+        return f"{text}; try a smaller increment"
     return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
 
 

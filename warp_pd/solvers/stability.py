@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +72,7 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
     return Stability(negative + int((found < 0.0).sum()), found.tolist())
 
 
-def _extreme(product, size: int, number: int, which: str) -> np.ndarray | None:  # type: ignore[no-untyped-def]
+def _extreme(product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str) -> np.ndarray | None:
     """Real parts of the largest ("LM") or lowest ("SR") eigenvalues, in order; None if they are not found."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
