@@ -94,10 +94,7 @@ SOLVED = {
         Newton(load_steps=4, most_iterations=60), 1.06, 0.004, BondBased(Bimodular(3e3))
     ),
 }  # fmt: skip
-PRECONDITIONERS = {
-    "path, multigrid": "multigrid", "pressure, jacobi": "jacobi",
-    "pull, multigrid": "multigrid", "dead load, multigrid": "multigrid"
-}  # fmt: skip
+PRECONDITIONERS = {"path, multigrid": "multigrid", "pressure, jacobi": "jacobi", "pull, multigrid": "multigrid"}
 STEPPED = {
     "ball and rupture": lambda: scene(
         square(13), Explicit(0.06, frames=4, damping=1.0), loads=held(square(13)), damage=CriticalStretch(1.05),
@@ -162,7 +159,6 @@ def test_explicit_dynamics_go_on_bit_for_bit(case, tmp_path):
 SINGLE = {
     "relaxation": RELAXED["pressure"],
     "newton": SOLVED["bond-based, rupture"],
-    "path": SOLVED["path past a limit point"],
     "explicit": STEPPED["ball and rupture"],
 }
 
