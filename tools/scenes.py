@@ -71,6 +71,8 @@ SCENES = (
     SceneCase("holed_strip", "Strip with a hole"),
     SceneCase("drum", "Drum, struck", {"points": 31, "amplitude": 0.01, "duration": 1e-3, "frames": 10}),
     SceneCase("balloon", "Balloon", {"points": 10, "stretch": 1.6, "frames": 4}),
+    SceneCase("balloon_paths", "Balloon along its whole path"),
+    SceneCase("snap_through", "Disc that snaps"),
     SceneCase("balloon_burst", "Balloon that bursts", {"points": 16}),
     SceneCase("tube", "Tube, pulled and inflated", {"points": 32, "frames": 3}),
     SceneCase("glove", "Glove from an SVG file", {"spacing": 5e-3, "load_steps": 2}),

@@ -17,7 +17,7 @@ from study import DOCS, run_tool
 
 # Bytes of a picture, and of those that a page shows large or that hold many panels.
 USUAL = 60_000
-LARGE = {"ball.png": 150_000, "scenes.png": 150_000, "visco.png": 90_000}
+LARGE = {"scenes.png": 100_000}
 # Colours to try, most first, and how much narrower a picture gets when the fewest are not enough.
 COLOURS, NARROWER = (128, 64), 0.85
 

@@ -156,7 +156,7 @@ def load_rows(path: Path) -> list[Row]:
 def save_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows, one a line under their common columns, with six digits."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
-    lines = [json.dumps([_six_digits(row.get(name)) for name in columns]) for row in rows]
+    lines = [json.dumps([_six_digits(row.get(name)) for name in columns], separators=(",", ":")) for row in rows]
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, f'{{"columns": {json.dumps(columns)},\n"rows": [\n' + ",\n".join(lines) + "\n]}\n")
 

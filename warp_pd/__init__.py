@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from .run.result import Result
     from .run.scene import Measure, Outcome
     from .run.simulation import Simulation
-    from .solvers import Explicit, Newton, Relaxation
+    from .solvers import ArcLength, Explicit, Newton, Relaxation
 else:
     __getattr__ = lazy(
         __name__,
@@ -99,6 +99,7 @@ else:
             "geometry.svg": "read_outline",
             "geometry.sheet": "Sheet",
             "run.simulation": "Simulation",
+            "solvers.arc_length": "ArcLength",
             "solvers.explicit": "Explicit",
             "solvers.newton": "Newton",
             "solvers.relaxation": "Relaxation",
@@ -108,6 +109,7 @@ else:
 __version__ = "0.1.0"
 
 __all__ = [
+    "ArcLength",
     "ArrudaBoyce",
     "Bimodular",
     "BodyForce",

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from references.shooting import Material, at_stretch
+from scipy.interpolate import CubicSpline
 
 from warp_pd import BondAssociated, Explicit, InputError, NeoHookean, Newton, Simulation
 from warp_pd.__main__ import build_scene, load_scene, scene_names
 from warp_pd.geometry.enclosure import volume_of
-from warp_pd.scenes import stable_crack
+from warp_pd.scenes import snap_through, stable_crack
+from warp_pd.scenes.balloon import exact_pressure
 
 SMALL = {
     "bimodular_bar": {"points": 60},
@@ -22,6 +25,7 @@ SMALL = {
     "square_wrinkles": {"points": 24},
     "balloon": {"points": 8, "stretch": 1.6, "frames": 4},
     "ball_penetration": {"points": 21, "horizon": 2.015, "duration": 3.0},
+    "balloon_paths": {},
     "balloon_burst": {"points": 10, "duration": 4e-3, "frames": 8},
     "drum": {"points": 21},
     "dropped_ball": {"points": 15, "horizon": 2.015, "diameter": 0.12, "duration": 0.2, "frames": 20},
@@ -50,6 +54,7 @@ SMALL = {
     "running_crack": {"points": 20, "frames": 60, "overload": 1.4, "damage_length": 3.2e-3},
     "puncture": {"points": 21, "frames": 20, "damage_length": 5e-3},
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
+    "snap_through": {},
     "stable_crack": {"points": 16, "damage_length": 7.5e-3, "growth": 0.5, "load_steps": 3},
     "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
     "pressure_static": {"points": 21, "horizon": 2.015},
@@ -129,6 +134,35 @@ def test_balloon_and_tube_have_the_exact_pressures():
     exact = value(tube, "exact_pressure") * angle / np.sin(angle)
     assert value(tube, "last_pressure") == pytest.approx(exact, rel=6e-3)
     assert value(tube, "end_force") == pytest.approx(value(tube, "exact_end_force"), rel=0.02)
+
+
+def test_a_balloon_follows_the_closed_form_through_the_largest_and_the_smallest_pressure():
+    result = ran("balloon_paths")
+    assert value(result, "largest_error") < 5e-3
+    for name in ("largest_pressure", "smallest_pressure"):
+        assert abs(result.summary["measures"][name]["error"]) < 5e-3
+    exact = exact_pressure(np.linspace(1.001, 6.0, 20001), 0.1)
+    turns = exact[np.flatnonzero(np.diff(np.sign(np.diff(exact)))) + 1] / exact[-1]
+    found = result.summary["solve"]["found"]
+    assert [entry["load_factor"] for entry in found] == pytest.approx(turns, rel=3e-3)
+
+
+def test_a_disc_follows_the_exact_membrane_on_both_branches_and_the_fold_between():
+    """Every frame is within 0.5 % of a point of the exact curve, in height and in pressure."""
+    result = ran("snap_through")
+    rubber = Material(cubic=snap_through.C30 / snap_through.C10)
+    discs = [at_stretch(stretch, rubber) for stretch in np.geomspace(0.01, 7.2, 150) + 1.0]
+    scale = 2.0 * snap_through.C10 * snap_through.THICKNESS / snap_through.RADIUS
+    curve = CubicSpline(
+        np.arange(150), [(disc.deflection * snap_through.RADIUS, disc.pressure * scale) for disc in discs]
+    )
+    heights, pressures = curve(np.linspace(0.0, 149.0, 100_001)).T
+    for row in result.history[1:]:
+        apart = np.maximum(abs(heights / row["center_deflection"] - 1.0), abs(pressures / row["pressure"] - 1.0))
+        assert apart.min() < 5e-3
+    found = {entry["kind"]: 6e3 * entry["load_factor"] for entry in result.summary["solve"]["found"]}
+    assert found == pytest.approx({"maximum": snap_through.LARGEST, "minimum": snap_through.SMALLEST}, rel=5e-3)
+    assert value(result, "center_deflection") == pytest.approx(snap_through.HEIGHT, rel=5e-3)
 
 
 def test_a_crack_at_rest_follows_griffiths_curve():

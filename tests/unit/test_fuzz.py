@@ -32,8 +32,8 @@ PARTS = {
     name: getattr(warp_pd, name)
     for name in (
         "Fixed", "Motion", "PointForce", "Pressure", "BodyForce", "RigidBall", "CriticalStretch", "CriticalEnergy",
-        "TearingEnergy", "Explicit", "Newton", "Relaxation", "BondAssociated", "Nodal", "BondBased", "NeoHookean",
-        "Gent", "MooneyRivlin", "Yeoh", "Ogden", "ArrudaBoyce", "TensionField", "Measure", "Outcome",
+        "TearingEnergy", "ArcLength", "Explicit", "Newton", "Relaxation", "BondAssociated", "Nodal", "BondBased",
+        "NeoHookean", "Gent", "MooneyRivlin", "Yeoh", "Ogden", "ArrudaBoyce", "TensionField", "Measure", "Outcome",
     )
 }  # fmt: skip
 
@@ -60,7 +60,7 @@ def used(name, made):
     values = {"sheet": SHEET, "force": BondAssociated(NEO), "solver": Explicit(0.1)}
     if isinstance(made, Sheet):
         values["sheet"] = made
-    elif name in ("Explicit", "Newton", "Relaxation"):
+    elif name in ("ArcLength", "Explicit", "Newton", "Relaxation"):
         values["solver"] = made
     elif name in ("BondAssociated", "Nodal", "BondBased"):
         values["force"] = made

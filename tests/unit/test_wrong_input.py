@@ -5,8 +5,10 @@ import pytest
 from helpers import NEO, square
 
 from warp_pd import (
+    ArcLength,
     BodyForce,
     BondAssociated,
+    CriticalStretch,
     Explicit,
     Fixed,
     InputError,
@@ -57,6 +59,11 @@ WRONG = {
     ),
     "components": (lambda: Fixed([0], "xx"), "Fixed.components = 'xx': expected letters out of 'xyz', each once"),
     "fields": (lambda: simulated(fields="damage").build("cpu"), "fields = 'damage': expected a list of names"),
+    "ArcLength": (lambda: ArcLength(increment=1.5), "increment = 1.5: expected a number above 0 and below 1"),
+    "a path with rupture": (
+        lambda: simulated(solver=ArcLength(), damage=CriticalStretch(1.5)).build("cpu"),
+        "damage = CriticalStretch: ArcLength follows sheets that do not break; expected Newton",
+    ),
     "Newton": (lambda: Newton(tolerance=1.0), "tolerance = 1.0: expected a number above 0 and below 1"),
     "Relaxation": (lambda: Relaxation(tolerance=2), "tolerance = 2: expected a number above 0 and below 1"),
     "small ball": (

@@ -36,15 +36,17 @@ class Material:
     Attributes:
         share: c2 over c1 + c2: 0 is neo-Hookean, above it Mooney-Rivlin.
         limit: Largest I1 - 3 of a Gent material, where f = -limit log(1 - (I1 - 3)/limit).
+        cubic: c30 / c10 of a Yeoh material, where f = (I1 - 3) + cubic (I1 - 3)^3.
     """
 
     share: float = 0.0
     limit: float = np.inf
+    cubic: float = 0.0
 
     def energy(self, l1: Array, l2: Array) -> Array:
         """Per volume, over the shear modulus."""
         i1, i2 = l1**2 + l2**2 + (l1 * l2) ** -2 - 3.0, l1**-2 + l2**-2 + (l1 * l2) ** 2 - 3.0
-        first = i1 if np.isinf(self.limit) else -self.limit * np.log1p(-i1 / self.limit)
+        first = i1 + self.cubic * i1**3 if np.isinf(self.limit) else -self.limit * np.log1p(-i1 / self.limit)
         return 0.5 * ((1.0 - self.share) * first + self.share * i2)
 
     def tensions(self, l1: float, l2: float) -> tuple[float, float, float, float]:
@@ -55,10 +57,11 @@ class Material:
         p11, p12 = 2.0 + 6.0 / (l1**4 * l2**2), 4.0 / (l1 * l2) ** 3
         q1, q2 = 2.0 * l1 * l2**2 - 2.0 / l1**3, 2.0 * l2 * l1**2 - 2.0 / l2**3
         q11, q12 = 2.0 * l2**2 + 6.0 / l1**4, 4.0 * l1 * l2
+        i1 = l1**2 + l2**2 + (l1 * l2) ** -2 - 3.0
         if np.isinf(self.limit):
-            slope, curve = 1.0, 0.0
+            slope, curve = 1.0 + 3.0 * self.cubic * i1**2, 6.0 * self.cubic * i1
         else:
-            left = 1.0 - (l1**2 + l2**2 + (l1 * l2) ** -2 - 3.0) / self.limit
+            left = 1.0 - i1 / self.limit
             slope, curve = 1.0 / left, 1.0 / (self.limit * left**2)
         return (
             a * slope * p1 + b * q1,

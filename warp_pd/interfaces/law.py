@@ -22,6 +22,10 @@ class Solve(Protocol):
         """Returns x for b, both of shape (N, 3)."""
         ...
 
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of K; None if the factors do not tell."""
+        ...
+
 
 class SparseTangent(Protocol):
     """A tangent as a sparse matrix on the host, for a direct factorisation.

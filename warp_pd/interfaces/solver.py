@@ -126,9 +126,11 @@ class BuiltSolver(BuiltPart, Protocol):
 
     Attributes:
         divides: Whether several processes can run it.
+        turns: Whether the load factor may fall from one frame to the next.
     """
 
     divides: bool = False
+    turns: bool = False
 
     def prepare(self, system: System) -> None:
         """Compose the stages of the solver from the launches of all parts."""

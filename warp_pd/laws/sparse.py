@@ -6,10 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from ..interfaces import Solve
+
+class Factors:
+    """A factorisation, which solves K x = b on arrays of shape (N, 3)."""
+
+    def __init__(self, factors: Any, free: np.ndarray) -> None:
+        self._factors, self._free = factors, free
+
+    def __call__(self, b: np.ndarray) -> np.ndarray:
+        """Returns x for b, both of shape (N, 3)."""
+        x = np.zeros(self._free.size)
+        x[self._free] = self._factors.solve(np.ascontiguousarray(b.ravel()[self._free], dtype=np.float64))
+        return x.reshape(b.shape)
+
+    def negative(self) -> int | None:
+        """Number of negative eigenvalues of K: with pivots on the diagonal, that of negative ones (Sylvester)."""
+        if (self._factors.perm_r != self._factors.perm_c).any():
+            return None
+        return int((self._factors.U.diagonal() < 0.0).sum())
 
 
-def factorised(matrix: Any, free: np.ndarray) -> Solve | None:
+def factorised(matrix: Any, free: np.ndarray) -> Factors | None:
     """Solver of K x = b on arrays of shape (N, 3); None if K is singular.
 
     Args:
@@ -22,10 +39,4 @@ def factorised(matrix: Any, free: np.ndarray) -> Solve | None:
         factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:
         return None
-
-    def solve(b: np.ndarray) -> np.ndarray:
-        x = np.zeros(free.size)
-        x[free] = factors.solve(np.ascontiguousarray(b.ravel()[free], dtype=np.float64))
-        return x.reshape(b.shape)
-
-    return solve
+    return Factors(factors, free)

@@ -24,7 +24,9 @@ ONSET = 0.02
 OUT_OF_PLANE = 1e-3
 # A component below this fraction of the largest one of its vector is noise.
 NOISE = 1e-3
-NOT_DRAWN = {"time", "step", "half_step_kinetic", "balance_error", "largest_damage", "mean_damage", *ENERGIES}
+NOT_DRAWN = {
+    "time", "load_factor", "step", "half_step_kinetic", "balance_error", "largest_damage", "mean_damage", *ENERGIES,
+}  # fmt: skip
 
 
 def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, str]) -> None:

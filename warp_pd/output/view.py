@@ -95,7 +95,7 @@ def page(
     content = {
         "title": str(summary.get("scene") or info.metadata.get("scene") or path.parent.name),
         "summary": _finite(dict(summary)),
-        "history": _history(history, summary.get("measures", {})),
+        "history": _history(history, summary.get("measures", {}), bool(info.metadata.get("turns"))),
         **_sheet(path, info, limits, arrays),
     }
     return _html(content, arrays, shared)
@@ -120,10 +120,14 @@ def _sheet(path: Path, info: SeriesInfo, limits: Limits, arrays: Arrays) -> dict
             series.append(fields[name][kept])
     sheet = drawn(triangles, info.points)
     place = np.searchsorted(kept, sheet.points)
-    static = info.metadata.get("load_duration")
+    static, turns = info.metadata.get("load_duration"), bool(info.metadata.get("turns"))
     return {
-        "frames": [{"time": float(info.times[k]), "when": format_time(float(info.times[k]), static)} for k in shown],
-        "loadDuration": static,
+        "frames": [
+            {"time": float(k if turns else info.times[k]), "when": format_time(float(info.times[k]), static)}
+            for k in shown
+        ],
+        "loadDuration": None if turns else static,
+        **({"along": "step"} if turns else {}),
         "leftOut": _left_out(info, sheet, shown),
         "reference": [arrays.add_series(reference[None, sheet.points, c]) for c in range(3)],
         "triangles": arrays.add_triangles(sheet.triangles),
@@ -165,11 +169,13 @@ def _bodies(path: Path, shown: NDArray[np.int64], arrays: Arrays) -> list[dict[s
     return found
 
 
-def _history(history: Sequence[Mapping[str, float]], measures: Mapping[str, Any]) -> dict[str, Any]:
-    """Columns of the history, and which of them share a graph."""
+def _history(history: Sequence[Mapping[str, float]], measures: Mapping[str, Any], turns: bool) -> dict[str, Any]:
+    """Columns of the history, and which of them share a graph; rows are numbered where the load factor `turns`."""
     if not history:
         return {"columns": {}, "graphs": []}
     columns = {name: [_finite(float(f"{row[name]:.6g}")) for row in history] for name in history[0]}
+    if turns:
+        columns["time"] = [float(k) for k in range(len(history))]
     return {"columns": columns, "graphs": curves(list(columns), measures), "timeUnit": column_unit("time", {})}
 
 

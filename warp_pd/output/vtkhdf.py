@@ -10,7 +10,8 @@ reference position is a point field, stored once; "Warp By Vector" by the displa
 HDF5 keeps no journal. Three things make a killed run leave a readable file all the same: the file takes its
 name only when its first frame is complete; it is open only while a frame is being added; and the number of
 steps, without which no reader looks at the new rows, is written last. VTK's reader overruns its memory where
-`Steps/Values` has more rows than there are steps, so those two go to disk together.
+`Steps/Values` has more rows than there are steps, so those two go to disk together. On a path whose load factor may
+fall, `Steps/Values` are the numbers of the frames, since readers sort them, and `load_times` their times.
 """
 
 from __future__ import annotations
@@ -199,7 +200,11 @@ class VtkHdfSeries:
         _add_rows(steps["CellOffsets"], [_before_last(root, "NumberOfCells")])
         _add_rows(steps["ConnectivityIdOffsets"], [_before_last(root, "NumberOfConnectivityIds")])
         file.flush()
-        _add_rows(steps["Values"], [frame.time])
+        times = file.get("load_times")
+        if times is not None:
+            times.resize(frame.index, axis=0)
+            _add_rows(times, [frame.time])
+        _add_rows(steps["Values"], [frame.time if times is None else frame.index])
         steps.attrs.modify("NSteps", frame.index + 1)
         file.flush()
         self._last_faces = faces
@@ -307,7 +312,7 @@ def _read_info(file: h5py.File) -> SeriesInfo:
         raise NotASeriesError("triangles are missing")
     return SeriesInfo(
         frames=frames,
-        times=steps["Values"][:frames],
+        times=file.get("load_times", steps["Values"])[:frames],
         points=points,
         faces=faces[parts],
         fields=tuple(fields),
@@ -347,6 +352,9 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
         _create_column(steps.create_group("FieldDataOffsets"), "ball_center", np.int64)
         _create_column(steps.create_group("FieldDataSizes"), "ball_center", np.int64, (2,))
     own = file.create_group("warp_pd")
+    if surface.metadata.get("turns"):
+        # Readers want rising values: there the frames are numbered.
+        _create_column(file, "load_times", np.float64)
     _lay_out_bodies(root, steps, own, surface)
     for name, value in {"title": surface.title, "positions": POSITIONS, **surface.metadata}.items():
         own.attrs[name] = value

@@ -66,6 +66,8 @@ class FramePoints:
             triangles = lattice_triangles(len(coarse.columns), len(coarse.rows))[self._faces]
             named = {"stride": coarse.stride}
         static = {} if scene.load_duration is None else {"load_duration": scene.load_duration}
+        if self.built.solver.turns:
+            static["turns"] = 1
         contacts = self.built.contacts
         return Surface(
             points=np.column_stack([places, np.zeros((len(places), 3 - places.shape[1]))]),

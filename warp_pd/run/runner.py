@@ -34,8 +34,9 @@ from .view import LARGE, write_page
 
 # A search that got a part of the way, and no farther.
 LIMIT_POINT = (
-    "if the load has its maximum there (a limit point), no equilibrium exists beyond it: prescribe the displacement "
-    "(Motion) or the volume (EnclosedVolume) instead of the load, or follow the jump with Explicit and damping; "
+    "if the load has its maximum there (a limit point), no equilibrium exists beyond it: follow the path with the "
+    "solver ArcLength, prescribe the displacement (Motion) or the volume (EnclosedVolume) instead of the load, or "
+    "follow the jump with Explicit and damping; "
     "otherwise try more load_steps"
 )
 
@@ -317,6 +318,8 @@ def _not_converged(recorder: Recorder) -> str:
             f"{text}; likely cause: the sheet can move freely, in {free} of 6 ways as a rigid body; expected supports "
             "(Fixed, Motion) that hold it"
         )
+    if recorder.built.solver.turns:
+        return f"{text}; try a smaller increment"
     return f"{text}; {LIMIT_POINT}" if 0.0 < reached < 1.0 else text
 
 

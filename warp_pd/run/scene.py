@@ -94,7 +94,7 @@ class Scene:
     Attributes:
         sheet: The sheet.
         force: Force law.
-        solver: Explicit, Relaxation or Newton.
+        solver: Explicit, Relaxation, Newton or ArcLength.
         loads: Supports and loads.
         contact: A rigid body, a list of them, or None.
         damage: Rupture criterion, or None: nothing can break.
@@ -168,7 +168,7 @@ class Scene:
         expected: tuple[tuple[str, Any, Any, str], ...] = (
             ("sheet", self.sheet, Sheet, "a Sheet"),
             ("force", self.force, Law, "a force law, such as BondAssociated(material)"),
-            ("solver", self.solver, Solver, "Explicit, Relaxation or Newton"),
+            ("solver", self.solver, Solver, "Explicit, Relaxation, Newton or ArcLength"),
             ("damage", self.damage, Rupture | None, "CriticalStretch, CriticalEnergy or None"),
         )
         if isinstance(self.contact, str) or not isinstance(self.contact, Contact | Sequence | None):

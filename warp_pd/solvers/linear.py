@@ -33,7 +33,7 @@ class LinearSolver:
         products: Stiffness products so far, those of the preconditioner included.
     """
 
-    def __init__(self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None) -> None:
+    def __init__(self, level: Level, index: int, kind: str, hierarchy: Hierarchy | None, definite: bool = True) -> None:
         """Prepare for the solves of a level.
 
         Args:
@@ -41,13 +41,15 @@ class LinearSolver:
             index: Its place in the hierarchy.
             kind: Preconditioner, "multigrid", "direct" or "jacobi".
             hierarchy: All levels, for "multigrid".
+            definite: Whether K has no negative eigenvalues; GMRES takes the others.
         """
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
         self.products = 0
-        self._factors: Solve | None = None
+        self.factors: Solve | None = None
         self._added: Callable[[np.ndarray], np.ndarray] | None = None
         self._sparse = level.tangent.sparse() if kind == "direct" else None
-        self.on_device = not (level.context.device.is_cpu or level.following)
+        self._conjugate = definite and not level.following
+        self.on_device = self._conjugate and not level.context.device.is_cpu
         if self.on_device:
             self._allocate()
 
@@ -65,8 +67,8 @@ class LinearSolver:
     def prepare(self) -> bool:
         """Factorise if that is the preconditioner; whether the tangent allows it."""
         if self._sparse is not None:
-            self._factors = self._sparse.factorise()
-            return self._factors is not None
+            self.factors = self._sparse.factorise()
+            return self.factors is not None
         return True
 
     def solve(self, right_side: np.ndarray, accuracy: float) -> None:
@@ -74,8 +76,8 @@ class LinearSolver:
 
         A solve that does not get there is left as it is: the line search judges the direction.
         """
-        if self._factors is not None and not self.level.following:
-            assign(self.level.direction, self._factors(right_side))
+        if self.factors is not None and not self.level.following:
+            assign(self.level.direction, self.factors(right_side))
         elif self.on_device:
             self._on_device(right_side, accuracy)
         else:
@@ -105,7 +107,7 @@ class LinearSolver:
         """Whether there is a preconditioner."""
         if self.hierarchy is not None:
             return self.hierarchy.usable
-        return self.kind != "direct" or self._factors is not None
+        return self.kind != "direct" or self.factors is not None
 
     # SciPy ---------------------------------------------------------------------------------------------
 
@@ -117,7 +119,7 @@ class LinearSolver:
         M = LinearOperator((size, size), matvec=self._precondition, dtype=np.float64)
         b = np.ascontiguousarray(right_side).ravel()
         most = MAX_ITERATIONS[self.kind]
-        if self.level.following:
+        if not self._conjugate:
             x, failed = gmres(A, b, rtol=accuracy, restart=RESTART, maxiter=max(cycles, -(-most // RESTART)), M=M)
         else:
             x, failed = cg(A, b, rtol=accuracy, maxiter=most, M=M)
@@ -133,8 +135,8 @@ class LinearSolver:
 
     def _precondition(self, r: np.ndarray) -> np.ndarray:
         r = r.reshape(-1, 3)
-        if self._factors is not None:
-            return self._factors(r).ravel()
+        if self.factors is not None:
+            return self.factors(r).ravel()
         hierarchy = self.hierarchy
         if hierarchy is None:
             return np.asarray(np.einsum("iab,ib->ia", self.level.tangent.inverse_blocks.numpy(), r).ravel())
@@ -174,9 +176,9 @@ class LinearSolver:
             wp.copy(side, x)
             hierarchy.cycle(self.index)
             self.products += hierarchy.products_per_cycle(self.index)
-        elif self._factors is not None:
+        elif self.factors is not None:
             solution = self._preconditioned
-            assign(solution, self._factors(x.numpy().astype(np.float64)))
+            assign(solution, self.factors(x.numpy().astype(np.float64)))
         else:
             solution = self._preconditioned
             launch_now(self._block_scaling, self.level.context.device, x=x)

@@ -129,8 +129,9 @@ class BuiltNewton(BuiltSolver):
         return [
             f"Newton: between load factors {jump['from']:.4g} and {jump['to']:.4g} the sheet moved "
             f"{jump['moved']:.3g} m, {jump['times']:.1f} times as far as in the load steps before: it may have "
-            "jumped over a maximum of the load (a limit point), or buckled; prescribe a displacement (Motion) or the "
-            "volume (EnclosedVolume) to see what lies between"
+            "jumped over a maximum of the load (a limit point), or buckled; "
+            "the solver ArcLength follows what lies between, or prescribe a displacement (Motion) or the volume "
+            "(EnclosedVolume)"
             for jump in self.search.jumps
         ] + self.search.rupture.notes()
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 
-class NewtonSettings(Protocol):
-    """Numbers of the search, see `warp_pd.Newton`."""
+class EquilibriumSettings(Protocol):
+    """Numbers of every search for equilibrium, see `warp_pd.Newton`."""
 
     @property
     def tolerance(self) -> float | None:
@@ -15,18 +15,8 @@ class NewtonSettings(Protocol):
         ...
 
     @property
-    def load_steps(self) -> int:
-        """Planned load steps."""
-        ...
-
-    @property
     def most_iterations(self) -> int:
         """Newton steps of one load step."""
-        ...
-
-    @property
-    def most_cuts(self) -> int:
-        """Cutbacks over the whole path."""
         ...
 
     @property
@@ -45,17 +35,57 @@ class NewtonSettings(Protocol):
         ...
 
 
+class NewtonSettings(EquilibriumSettings, Protocol):
+    """Numbers of `warp_pd.Newton`."""
+
+    @property
+    def load_steps(self) -> int:
+        """Planned load steps."""
+        ...
+
+    @property
+    def most_cuts(self) -> int:
+        """Cutbacks over the whole path."""
+        ...
+
+
+class PathSettings(EquilibriumSettings, Protocol):
+    """Numbers of `warp_pd.ArcLength`."""
+
+    @property
+    def increment(self) -> float:
+        """Largest change of the load factor in a step."""
+        ...
+
+    @property
+    def most_steps(self) -> int:
+        """Steps along the path."""
+        ...
+
+    @property
+    def most_cuts(self) -> int:
+        """Times that one step is halved."""
+        ...
+
+    @property
+    def modes(self) -> int:
+        """Number of lowest eigenvalues of the tangent to find."""
+        ...
+
+
 @dataclass
 class Report:
     """What one search did; becomes "solve" in summary.json.
 
     Attributes:
+        solver: Name of the solver.
         preconditioner: The one in use.
         load_steps: One entry per attempted load step: share (load factor), converged, rounds of rupture, and per
             lattice, coarsest first: points, relative residuals, accepted fractions of the steps, products with the
             stiffness.
     """
 
+    solver: str
     preconditioner: str
     load_steps: list[dict[str, Any]] = field(default_factory=list)
     seconds: float = 0.0
@@ -64,7 +94,7 @@ class Report:
         """As plain numbers and lists; iterations and products are those on the finest lattice."""
         finest = [level for step in self.load_steps for level in step["lattices"] if level["points"] == points]
         return {
-            "solver": "Newton",
+            "solver": self.solver,
             "preconditioner": self.preconditioner,
             "iterations": sum(len(level["shares"]) for level in finest),
             "products": sum(level["products"] for level in finest),

@@ -8,6 +8,7 @@ from resumed_runs import require_same_when_stopped
 from visco_laws import LAWS as VISCOUS
 
 from warp_pd import (
+    ArcLength,
     Bimodular,
     BondAssociated,
     BondBased,
@@ -25,6 +26,7 @@ from warp_pd import (
     Relaxation,
     RigidBall,
     Simulation,
+    Yeoh,
 )
 
 RISING = [(0.0, 0.0), (1.0, 1.0)]
@@ -80,13 +82,19 @@ SOLVED = {
         square(21), Newton(load_steps=4, preconditioner="multigrid"),
         loads=[*pulled(square(21)), Pressure(2.0, ramp=RISING)],
     ),
+    "path past a limit point": lambda: scene(
+        square(7), ArcLength(increment=0.2, most_steps=10), BondAssociated(Yeoh(c10=500.0, c30=0.05), horizon=2.015),
+        loads=held(square(7), Pressure(60.0)),
+    ),
+    "path, multigrid": lambda: scene(
+        square(21), ArcLength(most_steps=3, preconditioner="multigrid"),
+        loads=held(square(21), Pressure(5.0, follower=False)),
+    ),
     "bond-based, rupture": lambda: torn_strip(
         Newton(load_steps=4, most_iterations=60), 1.06, 0.004, BondBased(Bimodular(3e3))
     ),
 }  # fmt: skip
-PRECONDITIONERS = {
-    "pressure, jacobi": "jacobi", "pull, multigrid": "multigrid", "dead load, multigrid": "multigrid"
-}  # fmt: skip
+PRECONDITIONERS = {"path, multigrid": "multigrid", "pressure, jacobi": "jacobi", "pull, multigrid": "multigrid"}
 STEPPED = {
     "ball and rupture": lambda: scene(
         square(13), Explicit(0.06, frames=4, damping=1.0), loads=held(square(13)), damage=CriticalStretch(1.05),

@@ -29,7 +29,7 @@ def test_the_summary_of_newton_counts_the_finest_lattice():
     coarse = {"points": 9, "shares": [1.0], "products": 3, "residuals": [0.2]}
     fine = {"points": 25, "shares": [0.5, 1.0], "products": 7, "residuals": [0.1, 1e-9]}
     steps = [{"lattices": [coarse, fine], "rounds": 2}, {"lattices": [fine], "rounds": 1}]
-    found = Report("multigrid", steps).summary(25, 1.0)
+    found = Report("Newton", "multigrid", steps).summary(25, 1.0)
     assert (found["iterations"], found["products"], found["rounds"]) == (4, 14, 3)
     assert found["residuals"] == 2 * [0.1, 1e-9]
 

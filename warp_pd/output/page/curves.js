@@ -3,6 +3,8 @@
   "use strict";
   const { content, said } = window.page;
   const STROKES = ["#0b6e6e", "#c0392b", "#34568b", "#d8862b", "#6b4c9a", "#4d7c0f", "#8c564b", "#222"];
+  // What frames follow one another by: the page says so of a path whose load factor turns.
+  const ALONG = content.along ?? (content.loadDuration ? "load factor" : "time (s)");
 
   class Curves {
     constructor(element, chosen, seek) {
@@ -14,9 +16,8 @@
       this.select.value = chosen;
       this.against = document.createElement("select");
       this.against.setAttribute("aria-label", "Column along the horizontal axis");
-      const timed = content.loadDuration ? "load factor" : "time";
       Object.keys(content.history.columns).filter((name) => name !== "step").forEach((name) => {
-        this.against.add(new Option(`against ${name === "time" ? timed : name.replaceAll("_", " ")}`, name));
+        this.against.add(new Option(`against ${name === "time" ? ALONG.replace(" (s)", "") : name.replaceAll("_", " ")}`, name));
       });
       this.select.after(this.against);
       for (const select of [this.select, this.against]) select.onchange = () => { this.build(); this.show(this.time); };
@@ -47,7 +48,7 @@
         values: (plot, found) => found.map((number) => said(number)),
       });
       const over = this.overTime(), across = this.across();
-      const name = !over ? this.against.value.replaceAll("_", " ") : content.loadDuration ? "load factor" : "time (s)";
+      const name = !over ? this.against.value.replaceAll("_", " ") : ALONG;
       const options = {
         width: this.element.clientWidth || 400, height: 176,
         // Against another column the legend keeps to the row that is shown.

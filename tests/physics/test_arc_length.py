@@ -1,0 +1,134 @@
+"""Paths of equilibria: limit points, snap-back, bifurcation, against closed forms."""
+
+from itertools import pairwise
+
+import h5py
+import numpy as np
+import pytest
+from helpers import square
+from scipy.optimize import brentq
+from small_runs import run, simulate
+
+from warp_pd import (
+    ArcLength,
+    EnclosedVolume,
+    Fixed,
+    InputError,
+    MooneyRivlin,
+    Motion,
+    Newton,
+    Pressure,
+    Yeoh,
+    read_series,
+)
+from warp_pd.scenes import balloon_paths
+from warp_pd.scenes.balloon import exact_pressure
+from warp_pd.solvers.turning_points import Point, changes
+
+
+def snapping(solver, precision=64, **options):
+    sheet = square(9)
+    loads = [Fixed(sheet.edges("all")), Pressure(5e3)]
+    simulation = simulate(sheet, solver, material=Yeoh(c10=5e4, c30=5.0), weights="corrected", loads=loads)
+    return simulation.run(device="cpu", precision=precision, **options)
+
+
+def kinds(result):
+    return [found["kind"] for found in result.summary["solve"]["found"]]
+
+
+@pytest.mark.parametrize("precision", [32, 64])
+def test_a_path_passes_both_limit_points_and_ends_where_newtons_method_does(precision, tmp_path):
+    result = snapping(ArcLength(), precision, out=tmp_path, pictures=False, usd=False)
+    factors = np.array([row["load_factor"] for row in result.history])
+    assert result.status == "finished" and kinds(result) == ["maximum", "minimum"]
+    falls = np.flatnonzero(np.diff(factors) < 0.0)
+    assert (np.diff(falls) == 1).all() and factors[-1] == 1.0
+    # Unstable between the limit points and nowhere else; frames tell the load factor as their time.
+    for row in result.history[1:]:
+        assert row["time"] == row["load_factor"]
+    steps = [found["steps"] for found in result.summary["solve"]["found"]]
+    unstable = [row["unstable"] for row in result.history]
+    assert unstable == [float(steps[0][1] <= k <= steps[1][0]) for k in range(len(unstable))]
+    notes = [note for note in result.summary["notes"] if note.startswith("ArcLength: a limit point at load factor 0.")]
+    assert "a maximum of the load" in notes[0] and "a minimum of the load" in notes[1]
+    series = read_series(tmp_path / "frames.vtkhdf")
+    assert series.times.tolist() == factors.tolist()
+    with h5py.File(tmp_path / "frames.vtkhdf") as stored:
+        assert stored["VTKHDF/Steps/Values"][:].tolist() == list(range(len(factors)))
+    assert (tmp_path / "view.html").is_file()
+    jumped = snapping(Newton(load_steps=15), precision)
+    tolerance = 1e-6 if precision == 64 else 2e-4
+    assert result.frame.displacement == pytest.approx(jumped.frame.displacement, abs=tolerance)
+    (note,) = [note for note in jumped.summary["notes"] if "limit point" in note]
+    assert "ArcLength" in note
+
+
+def test_a_piston_behind_a_soft_spring_snaps_back():
+    """Stroke and pressure fall together; load factors of the limit points follow from the closed form."""
+    scene = balloon_paths.build(points=6, control="piston")
+    result = scene.run(device="cpu")
+    assert result.status == "finished"
+    (volume,) = [load for load in scene.loads if isinstance(load, EnclosedVolume)]
+    (_, empty), (_, full) = volume.volume
+    stretch = np.linspace(1.001, 6.0, 20001)
+    lacking = empty / (4.0 / 3.0 * np.pi * 0.1**3)
+    stroke = empty * stretch**3 + exact_pressure(stretch, 0.1) / lacking / volume.stiffness
+    factors = (stroke - empty) / (full - empty)
+    exact = factors[np.flatnonzero(np.diff(np.sign(np.diff(factors)))) + 1]
+    found = result.summary["solve"]["found"]
+    assert [entry["kind"] for entry in found] == ["maximum", "minimum"]
+    assert [entry["load_factor"] for entry in found] == pytest.approx(exact, rel=5e-3)
+    back = [(a, b) for a, b in pairwise(result.history) if b["load_factor"] < a["load_factor"]]
+    assert len(back) > 2 and all(b["pressure"] < a["pressure"] and b["volume"] > a["volume"] for a, b in back)
+
+
+def test_a_bifurcation_is_named_where_the_load_does_not_turn():
+    """One free point of a sheet in plane strain rates: it leaves the plane where the stresses S11 + S22 are zero."""
+    sheet = square(3)
+    x, y = sheet.points[:, 0], sheet.points[:, 1]
+    loads = [Fixed(sheet.edges("all"), "z")]
+    for k in range(3):
+        at = 0.05 * k
+        for along, here, rate in (("x", x, 0.5), ("y", y, -0.3)):
+            chosen = np.intersect1d(np.flatnonzero(np.isclose(here, at)), np.asarray(sheet.edges("all")))
+            loads.append(Motion(chosen, times=[0.0, 1.0], **{along: [0.0, rate * at]}))
+
+    def sum_of_stresses(s):
+        a, b = 1.0 + 0.5 * s, 1.0 - 0.3 * s
+        return 2.0 - (a**-2 + b**-2) / (a * b) ** 2
+
+    result = run(
+        sheet, ArcLength(increment=0.05), material=MooneyRivlin(5e4), weights="plain", horizon=1.5, loads=loads
+    )
+    assert result.status == "finished" and kinds(result) == ["bifurcation"]
+    (found,) = result.summary["solve"]["found"]
+    assert found["load_factor"] == pytest.approx(brentq(sum_of_stresses, 0.2, 1.0), rel=2e-3)
+    assert [row["unstable"] for row in result.history][:: len(result.history) - 1] == [0.0, 1.0]
+    assert any("a bifurcation at load factor" in note for note in result.summary["notes"])
+
+
+def test_places_between_two_points_of_a_path():
+    """Cubics through both points are exact for cubic paths: s^3 / 3 - s of the arc length s."""
+
+    def at(s, step, negative, lowest):
+        return Point(step, s**3 / 3.0 - s, s**2 - 1.0, negative, lowest)
+
+    minimum, bifurcation = changes(at(0.5, 3, 0, [0.5]), at(2.0, 4, 2, [-1.0]), 1.5)
+    assert minimum["kind"] == "minimum" and minimum["steps"] == [3, 4]
+    assert minimum["load_factor"] == pytest.approx(-2.0 / 3.0, abs=1e-12)
+    assert bifurcation["eigenvalues"] == 1
+    assert bifurcation["load_factor"] == pytest.approx(-2.0 / 3.0)
+    assert changes(at(1.5, 3, None, []), at(2.0, 4, None, []), 0.5) == []
+
+
+def test_what_no_path_can_follow_is_told():
+    sheet = square(5)
+    with pytest.raises(InputError, match="expected a load or a motion that changes with the load factor"):
+        run(sheet, ArcLength(), loads=[Fixed(sheet.edges("all")), Pressure(1.0, ramp=[(0.0, 0.0)])])
+
+
+def test_a_path_that_is_not_over_says_so():
+    result = snapping(ArcLength(most_steps=3))
+    assert result.status == "finished" and len(result.history) == 4
+    assert any("followed for most_steps = 3" in note for note in result.summary["notes"])

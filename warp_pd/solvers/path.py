@@ -1,0 +1,298 @@
+"""A path of equilibria by pseudo-arclength: predictor along the tangent, Newton's method across it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError
+from ..device.fields import assign
+from ..interfaces import FrameSink, System, Tangent
+from .descent import Sizes
+from .level import OWNER
+from .newton_settings import PathSettings
+from .stability import stability
+from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
+from .turning_points import Point, changes
+
+# Accuracy of the linear solves, and the part of the largest increment over which loads are differenced.
+ACCURACY, DIFFERENCE = 1e-6, 0.1
+# Corrector steps that are aimed at, and the part of the largest increment by which the predictor may miss the load.
+AIMED_STEPS, AIMED_MISS = 4.0, 0.25
+LEAST_GROWTH, MOST_GROWTH = 0.5, 2.0
+# Cosine of the angle between the directions of two steps below which the second is on another branch.
+SAME_BRANCH = 0.5
+
+
+@dataclass
+class Progress:
+    """How far the path has been followed.
+
+    Attributes:
+        step: Number of the last point, from 0 for the start.
+        factor: Load factor.
+        rate: Its change with the arc length [1/m].
+        length: Next step [m], root mean square of the displacement.
+        negative: Number of negative eigenvalues of the tangent, or None.
+        lowest: Lowest eigenvalues, see `Stability`.
+        found: Limit points and bifurcations.
+    """
+
+    step: int = 0
+    factor: float = 0.0
+    rate: float = 0.0
+    length: float = 0.0
+    negative: int | None = None
+    lowest: list[float] = field(default_factory=list)
+    found: list[dict[str, Any]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The point that a step starts from.
+
+    Attributes:
+        displacement: [m], shape (N, 3).
+        direction: Displacement over arc length along the path [-], shape (N, 3).
+        factor: Load factor.
+        rate: Its change with the arc length [1/m].
+    """
+
+    displacement: np.ndarray
+    direction: np.ndarray
+    factor: float
+    rate: float
+
+
+class Path(StaticSystem):
+    """A path of equilibria of one simulation.
+
+    Attributes:
+        settings: Of the solver.
+        direction: Displacement over arc length along the path [-], (N,) vec3.
+        state: How far the path has been followed.
+    """
+
+    name = "ArcLength"
+    definite = False
+    factorised = 20_000
+    settings: PathSettings
+
+    def __init__(self, settings: PathSettings, system: System, tangent: Tangent) -> None:
+        """Add all stages.
+
+        Raises:
+            InputError: for a preconditioner that the sheet does not allow, or bonds that can break.
+        """
+        if system.rupture is not None:
+            raise InputError(f"{system.rupture.label}: ArcLength follows sheets that do not break; expected Newton")
+        super().__init__(settings, system, tangent)
+        context = system.context
+        self.direction = context.array(
+            "path_direction", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
+        )
+        self.state = Progress()
+
+    def host_state(self) -> dict[str, Any]:
+        """Where the path stands, for a restart that goes on bit for bit."""
+        return {"sizes": asdict(self.sizes), "path": asdict(self.state)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Put back what `host_state` gave."""
+        self.sizes, self.state = Sizes(**state["sizes"]), Progress(**state["path"])
+
+    def run(self, sink: FrameSink) -> str:
+        """Follow the path; returns the final status."""
+        self._start_report(sink)
+        state, finest = self.state, self.levels[0]
+        while state.step < self.settings.most_steps and abs(state.factor) < 1.0:
+            wp.copy(self.good, finest.displacement)
+            if not (self._begin_path(sink) if state.step == 0 else self._advance(sink)):
+                wp.copy(finest.displacement, self.good)
+                self.set_loads(state.factor)
+                finest.evaluate()
+                sink.solve = self._summary(state.factor)
+                return NOT_CONVERGED
+            self._record(sink, state.factor)
+        return FINISHED
+
+    def _summary(self, reached: float) -> dict[str, Any]:
+        return {**super()._summary(reached), "found": self.state.found}
+
+    # Steps ---------------------------------------------------------------------------------------------
+
+    def _begin_path(self, sink: FrameSink) -> bool:
+        """The first point, by Newton's method at a load factor; whether it is found."""
+        level, factor = self.levels[0], min(1.0, self.settings.increment)
+        start = level.displacement.numpy().astype(np.float64)
+        for _ in range(self.settings.most_cuts + 1):
+            converged, sink.residual = self._load_step(factor, sink)
+            if converged:
+                secant = level.displacement.numpy().astype(np.float64) - start
+                length = norm(secant)
+                if length == 0.0:
+                    raise InputError(
+                        "solver = ArcLength: expected a load or a motion that changes with the load factor"
+                    )
+                origin = Origin(start, secant / length, 0.0, factor / length)
+                return self._accept(origin, factor, length, 1.0)
+            wp.copy(level.displacement, self.good)
+            factor *= 0.5
+        return False
+
+    def _advance(self, sink: FrameSink) -> bool:
+        """The next point of the path; whether it is found."""
+        level, state = self.levels[0], self.state
+        origin = Origin(
+            level.displacement.numpy().astype(np.float64), self.direction.numpy().astype(np.float64), state.factor,
+            state.rate,
+        )  # fmt: skip
+        for _ in range(self.settings.most_cuts + 1):
+            if self._step(origin, sink):
+                return True
+            wp.copy(level.displacement, self.good)
+            state.length *= LEAST_GROWTH
+        return False
+
+    def _step(self, origin: Origin, sink: FrameSink) -> bool:
+        """One step of the present length; whether it stays on the path."""
+        length, increment = self.state.length, self.settings.increment
+        predicted = origin.factor + length * origin.rate
+        entry: dict[str, Any] = {"share": predicted, "converged": False, "rounds": 0, "lattices": []}
+        self.report.load_steps.append(entry)
+        if abs(predicted) >= 1.0:
+            factor, found = self._end(origin, math.copysign(1.0, predicted), sink)
+        else:
+            factor, found = self._correct(origin, length, sink)
+        entry |= {"share": factor, "lattices": [found]}
+        miss = abs(factor - predicted)
+        if not found["converged"] or abs(factor) > 1.0 or miss > increment:
+            return False
+        sink.residual = found["residuals"][-1]
+        growth = math.sqrt(AIMED_STEPS / max(1, len(found["shares"])))
+        if miss > 0.0:
+            growth = min(growth, math.sqrt(AIMED_MISS * increment / miss))
+        entry["converged"] = self._accept(origin, factor, length, min(MOST_GROWTH, max(LEAST_GROWTH, growth)))
+        return bool(entry["converged"])
+
+    def _end(self, origin: Origin, factor: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
+        """Equilibrium at the last load factor; one that turned before, or that is far away, counts as not found."""
+        level, length = self.levels[0], (factor - origin.factor) / origin.rate
+        self.set_loads(factor)
+        assign(level.displacement, origin.displacement + length * origin.direction)
+        found = self._descend(0, factor, sink, self.tolerance)
+        moved = mean_product(origin.direction, level.displacement.numpy() - origin.displacement)
+        found["converged"] &= LEAST_GROWTH * length < moved < MOST_GROWTH * length
+        return factor, found
+
+    def _accept(self, origin: Origin, factor: float, length: float, growth: float) -> bool:
+        """Take the present equilibrium as the next point, unless it is on another branch."""
+        state, level = self.state, self.levels[0]
+        ahead = self._tangent(origin, factor)
+        if ahead is None:
+            return False
+        direction, rate = ahead
+        found = stability(level, self.solvers[0], self.settings.modes) if self.settings.modes else None
+        before = Point(state.step, state.factor, origin.rate, state.negative, state.lowest)
+        state.step, state.factor, state.rate = state.step + 1, factor, rate
+        state.negative = None if found is None else found.negative
+        state.lowest = [] if found is None else found.lowest
+        after = Point(state.step, factor, rate, state.negative, state.lowest)
+        moved = norm(level.displacement.numpy().astype(np.float64) - origin.displacement)
+        state.found += changes(before, after, moved)
+        state.length = min(growth * length, self.settings.increment / abs(rate) if rate else math.inf)
+        assign(self.direction, direction)
+        return True
+
+    def _tangent(self, origin: Origin, factor: float) -> tuple[np.ndarray, float] | None:
+        """Direction of the path at the present point and the rate of the load factor; None on another branch."""
+        level = self.levels[0]
+        self.set_loads(factor)
+        level.evaluate()
+        if not self.linearise(0, level.tangent.min_tension(self.tolerance)):
+            return None
+        along = self._along(factor, math.copysign(1.0, origin.rate))
+        size = norm(along)
+        if not (math.isfinite(size) and size > 0.0):
+            return None
+        cosine = mean_product(along, origin.direction) / size
+        if abs(cosine) < SAME_BRANCH:
+            return None
+        size = math.copysign(size, cosine)
+        return along / size, 1.0 / size
+
+    # Newton's method -----------------------------------------------------------------------------------
+
+    def _correct(self, origin: Origin, length: float, sink: FrameSink) -> tuple[float, dict[str, Any]]:
+        """Equilibrium on the plane across the path at a distance; the load factor, and an entry of the report."""
+        level, products = self.levels[0], self.solvers[0].products
+        factor = origin.factor + length * origin.rate
+        there = origin.displacement + length * origin.direction
+        residuals: list[float] = []
+        converged = False
+        for iteration in range(self.settings.most_iterations + 1):
+            self.set_loads(factor)
+            assign(level.displacement, np.where(level.held, self.target(0, factor), there))
+            relative = self.sizes.relative(*(sums := level.evaluate()))
+            residuals.append(relative)
+            sink.progress(iteration, relative, self.tolerance)
+            converged = relative <= self.tolerance
+            if converged:
+                self.sizes.largest = max(self.sizes.largest, sums[1])
+            grows = len(residuals) > 2 and residuals[-1] > residuals[-2] > residuals[-3]
+            if converged or grows or not math.isfinite(relative) or iteration == self.settings.most_iterations:
+                break
+            if not self.linearise(0, level.tangent.min_tension(relative)):
+                break
+            rest = self._solve(level.residual.numpy().astype(np.float64))
+            along = self._along(factor, math.copysign(1.0, origin.rate))
+            across = mean_product(origin.direction, along)
+            if across == 0.0:
+                break
+            gap = length - mean_product(origin.direction, there - origin.displacement)
+            change = (gap - mean_product(origin.direction, rest)) / across
+            there, factor = there + rest + change * along, factor + change
+        return factor, {
+            "points": level.points, "converged": converged, "residuals": residuals,
+            "shares": [1.0] * (len(residuals) - 1), "products": self.solvers[0].products - products,
+        }  # fmt: skip
+
+    def _along(self, factor: float, sign: float) -> np.ndarray:
+        """Change of the displacement with the load factor [m], shape (N, 3), by the tangent at the present point."""
+        level, ahead = self.levels[0], DIFFERENCE * self.settings.increment * sign
+        # Schedules may end with the load.
+        ahead = -ahead if abs(factor + ahead) > 1.0 else ahead
+        here = level.residual.numpy().astype(np.float64)
+        self.set_loads(factor + ahead)
+        level.run("evaluate")
+        load = (level.residual.numpy() - here) / ahead
+        self.set_loads(factor)
+        motion = np.zeros_like(load)
+        held = level.held
+        if held.any():
+            motion[held] = ((self.target(0, factor + ahead) - self.target(0, factor)) / ahead)[held]
+        if motion.any():
+            assign(level.vector, motion)
+            level.run("product")
+            load -= level.image.numpy()
+        return np.asarray(self._solve(load) + motion)
+
+    def _solve(self, force: np.ndarray) -> np.ndarray:
+        """Displacement x [m] with K x = force [N], both of shape (N, 3)."""
+        self.solvers[0].solve(force, ACCURACY)
+        return np.asarray(self.levels[0].direction.numpy().astype(np.float64))
+
+
+def mean_product(a: np.ndarray, b: np.ndarray) -> float:
+    """Mean over points of the scalar product of two fields of shape (N, 3)."""
+    return float(np.einsum("ic,ic->", a, b)) / len(a)
+
+
+def norm(a: np.ndarray) -> float:
+    """Root mean square over points of a field of shape (N, 3)."""
+    return math.sqrt(mean_product(a, a))

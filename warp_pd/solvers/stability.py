@@ -1,0 +1,86 @@
+"""Stability of an equilibrium: the lowest eigenvalues of the tangent, and how many of them are negative."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..device.fields import assign
+from .level import Level
+from .linear import LinearSolver
+
+# Accuracy of eigenvalues over the largest, and vectors of the Krylov space besides those that are wanted.
+ACCURACY, FURTHER = 1e-4, 12
+
+
+@dataclass(frozen=True)
+class Stability:
+    """The lowest eigenvalues of a tangent.
+
+    Attributes:
+        negative: Number of negative ones: 0 in a stable equilibrium.
+        lowest: Some of them, lowest first. With loads that follow the displacement those of K x = mu K0 x, K0 being the
+            tangent without them [-]; else the one nearest to zero [N/m].
+    """
+
+    negative: int
+    lowest: list[float]
+
+
+def stability(level: Level, solver: LinearSolver, number: int) -> Stability | None:
+    """Stability as of the last linearisation.
+
+    K0 is factorised; the signs of its pivots are those of its eigenvalues (Sylvester). With loads that follow the
+    displacement K has as many more negative ones as K0^-1 K has, if K0 has none; else their sum is even or odd as
+    their number is, which suffices to see one change its sign.
+
+    Args:
+        level: The sheet.
+        solver: Its linear solves, with the tangent factorised.
+        number: Number of eigenvalues to find.
+
+    Returns:
+        None without a factorisation, or where the eigenvalues are not found.
+    """
+    factors = solver.factors
+    negative = None if factors is None else factors.negative()
+    if factors is None or negative is None:
+        return None
+    free = np.flatnonzero(~level.held.ravel())
+
+    def whole(x: np.ndarray) -> np.ndarray:
+        vector = np.zeros(3 * level.points)
+        vector[free] = x.ravel()
+        return vector.reshape(-1, 3)
+
+    def solved(x: np.ndarray) -> np.ndarray:
+        return np.asarray(factors(whole(x)).ravel()[free])
+
+    def solved_product(x: np.ndarray) -> np.ndarray:
+        assign(level.vector, whole(x))
+        level.run("product")
+        return np.asarray(factors(level.image.numpy().astype(np.float64)).ravel()[free])
+
+    if not level.following:
+        inverse = _extreme(solved, len(free), 1, "LM")
+        return None if inverse is None else Stability(negative, [1.0 / float(inverse[0])])
+    found = _extreme(solved_product, len(free), min(number, len(free) - 2), "SR")
+    if found is None:
+        return None
+    return Stability(negative + int((found < 0.0).sum()), found.tolist())
+
+
+def _extreme(product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str) -> np.ndarray | None:
+    """Real parts of the largest ("LM") or lowest ("SR") eigenvalues, in order; None if they are not found."""
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+
+    operator = LinearOperator((size, size), matvec=product, dtype=np.float64)
+    start = np.random.default_rng(0).normal(size=size)
+    vectors = min(size, 2 * number + FURTHER)
+    try:
+        found = eigs(operator, k=number, which=which, v0=start, tol=ACCURACY, ncv=vectors, return_eigenvectors=False)
+    except ArpackNoConvergence:
+        return None
+    return np.sort(found.real)

@@ -1,0 +1,176 @@
+"""A sheet whose static equilibrium is sought: its levels, their linear solves, loads at a load factor, the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from time import perf_counter
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+
+from ..device.checks import InputError
+from ..device.fields import assign
+from ..interfaces import FrameSink, System, Tangent
+from .descent import COARSE_TOLERANCE, Descent, Sizes
+from .level import OWNER, Level
+from .linear import LinearSolver
+from .multigrid import Hierarchy, coarse_points, coarser
+from .newton_settings import EquilibriumSettings, Report
+
+# A wider family hardly feels a checkerboard, so no sweep over the points smooths it: the V-cycle fails at 3.15.
+MAX_MULTIGRID_HORIZON = 2.5
+FINISHED, NOT_CONVERGED = "finished", "not converged"
+
+
+class StaticSystem:
+    """What every search for static equilibrium has: Newton's method at given loads, and paths of equilibria.
+
+    Attributes:
+        levels: The sheet itself, then coarser lattices over it.
+        solvers: Linear solves of the levels.
+        good: Displacement of the last good load step [m], (N,) vec3.
+        sizes: How stiff and how loaded the sheet is.
+    """
+
+    name: ClassVar[str]
+    # Whether the tangent has no negative eigenvalues, so that conjugate gradients solve with it.
+    definite: ClassVar[bool]
+    # Number of points up to which the tangent is factorised on the host before anything else.
+    factorised: ClassVar[int] = 0
+
+    def __init__(self, settings: EquilibriumSettings, system: System, tangent: Tangent) -> None:
+        """Add all stages.
+
+        Raises:
+            InputError: for a preconditioner that the sheet does not allow.
+        """
+        self.settings, self.system = settings, system
+        context, state = system.context, system.context.state
+        finest = Level(context, system.law, tangent, system.external.following)
+        dead = system.external.keep_dead_apart()
+        stage = context.stage("evaluate", "every residual of Newton")
+        system.law.add_force(stage, state.displacement, state.force)
+        if state.external is not None:
+            system.external.add_force(stage, state.displacement, state.external)
+        finest.add_residual(stage, dead)
+        self.good = context.array("last_load_step", OWNER, context.types.vec3, shape=context.sheet.size)
+        self.preconditioner = self._preconditioner(tangent)
+        self.hierarchy = Hierarchy(finest, system) if self.preconditioner == "multigrid" else None
+        self.levels: Sequence[Level] = self.hierarchy.levels if self.hierarchy else [finest]
+        self.solvers = [
+            LinearSolver(level, index, self.preconditioner, self.hierarchy, self.definite)
+            for index, level in enumerate(self.levels)
+        ]
+        self.report = Report(self.name, self.preconditioner)
+        self.tolerance = settings.tolerance or (1e-8 if context.bits == 64 else 1e-4)
+        self.sizes, self._begin = Sizes(), 0.0
+
+    def _preconditioner(self, tangent: Tangent) -> str:
+        wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
+        sheet, held = context.sheet, context.held
+        smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and not sheet.cuts and law.intact is None
+        lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth else []
+        possible = bool(lattices) and law.coarsens
+        if sheet.lattice is not None and possible:
+            nearest = coarse_points(lattices[-1], sheet.lattice)
+            # A support that no coarse point sees would leave the coarse sheet loose.
+            possible = bool((np.bitwise_or.reduce(held) & ~np.bitwise_or.reduce(held[nearest])) == 0)
+        if possible:
+            possible = all(load.coarsens for load in self.system.external.following)
+        if wanted == "multigrid" and not possible:
+            raise InputError(
+                "preconditioner = 'multigrid': expected an uncut rectangle of more than 300 points, a horizon up to "
+                f"{MAX_MULTIGRID_HORIZON}, a law and loads that exist on coarser lattices; take 'direct' or 'jacobi'"
+            )
+        if wanted != "auto":
+            return wanted
+        if sheet.size <= self.factorised:
+            return "direct"
+        direct = context.device.is_cpu or sheet.size <= tangent.direct_points
+        return "multigrid" if possible else "direct" if direct else "jacobi"
+
+    def set_loads(self, factor: float) -> None:
+        """Set the loads of the sheet itself to a load factor."""
+        self._set_loads(0, factor)
+
+    def _start_report(self, sink: FrameSink) -> None:
+        """Begin the report; that of a resumed run has the load steps before it, too."""
+        self._begin = perf_counter()
+        if sink.solve is not None:
+            self._begin -= sink.solve["seconds"]
+            self.report.load_steps += sink.solve["load_steps"]
+
+    def _summary(self, reached: float) -> dict[str, Any]:
+        self.report.seconds = perf_counter() - self._begin
+        return self.report.summary(self.levels[0].points, reached)
+
+    def _record(self, sink: FrameSink, reached: float) -> None:
+        """Hand the state to the sink as the next frame."""
+        before = sink.steps
+        sink.solve = self._summary(reached)
+        now = reached * self.settings.duration
+        sink.frame(sink.frame_index + 1, now, sink.solve["iterations"] - before, 0.0)
+
+    def _load_step(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
+        """Equilibrium at a load factor, from the last good load step; whether found, and the residual."""
+        entry: dict[str, Any] = {"share": factor, "converged": False, "rounds": 0, "lattices": []}
+        self.report.load_steps.append(entry)
+        last = len(self.levels) - 1
+        if self.hierarchy:
+            self.hierarchy.sample()
+        for index in reversed(range(last + 1)):
+            level = self.levels[index]
+            self._set_loads(index, factor)
+            wp.copy(level.base, level.displacement)
+            if index < last and self.hierarchy and entry["lattices"][-1]["converged"]:
+                self.hierarchy.start(index)
+                self._prescribe(index, factor)
+            tolerance = self.tolerance if index == 0 else max(self.tolerance, COARSE_TOLERANCE)
+            found = self._descend(index, factor, sink, tolerance)
+            entry["lattices"].append(found)
+            if not found["converged"] and index > 0:
+                wp.copy(level.displacement, level.base)
+        entry["converged"] = found["converged"]
+        return found["converged"], found["residuals"][-1]
+
+    def _descend(self, index: int, factor: float, sink: FrameSink, tolerance: float, rounds: int = 0) -> dict[str, Any]:
+        """Newton steps on a lattice at a load factor, after some rounds of rupture, as an entry of the report."""
+
+        def told(steps: int, residual: float) -> None:
+            sink.progress(steps, residual, tolerance, rounds)
+
+        return Descent(
+            self.settings, self.levels[index], self.solvers[index], partial(self.linearise, index),
+            self.target(index, factor), self.sizes, tolerance, told if index == 0 else None,
+        ).run()  # fmt: skip
+
+    def _set_loads(self, index: int, factor: float) -> None:
+        duration = self.settings.duration
+        self.system.set_clock(0.0, max(1.0, factor) * duration, factor * duration)
+        if index > 0 and self.hierarchy:
+            self.hierarchy.set_loads(index)
+
+    def target(self, index: int, factor: float) -> np.ndarray:
+        """Displacement of held components at a load factor [m], shape (N, 3); others are meaningless."""
+        target = self.system.prescribed(factor * self.settings.duration)
+        if index > 0 and self.hierarchy:
+            lattices = self.hierarchy.lattices
+            return np.asarray(target[coarse_points(lattices[index], lattices[0])])
+        return target
+
+    def _prescribe(self, index: int, factor: float) -> None:
+        level = self.levels[index]
+        held = level.held
+        if held.any():
+            u = level.displacement.numpy()
+            assign(level.displacement, np.where(held, self.target(index, factor), u))
+
+    def linearise(self, index: int, tension: float) -> bool:
+        """Take the tangent of a level and of what preconditions it; whether it could be factorised."""
+        if self.hierarchy:
+            self.hierarchy.linearise(index, tension)
+            return self.hierarchy.usable
+        self.levels[0].linearise(tension)
+        return self.solvers[0].prepare()
