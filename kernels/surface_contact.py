@@ -23,10 +23,8 @@ from .distances import TINY, weights_of_nearest
 from .effects import Kernel, kernel, unstaged
 from .numeric import numeric
 
-# Cosine of the angle between the normals of both ends of a step up to which the distance at the end counts.
-ALIGNED = wp.constant(wp.float64(0.5))
-# Part of the mobility along a normal of the beginning that is left at the end, at least.
-LEAST = wp.constant(wp.float64(0.25))
+# Part of the depth at the beginning of a step that the step mends: more of it would become velocity.
+MENDED = wp.constant(wp.float64(0.2))
 
 
 @wp.struct
@@ -195,12 +193,12 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
     @kernel(per="face")
     def find_pressing(
         a: Surface, at_end: int, first: int,
-        weights: wp.array(dtype=wp.vec3d), normals: wp.array(dtype=wp.vec4d), pushes: wp.array(dtype=wp.vec4d),
+        weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec4d), pushes: wp.array(dtype=wp.vec4d),
         pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
         """`normals`: the normal, and the place on the axis; `pushes`: impulse of friction, and along the normal."""
         f = wp.tid() + first
-        weights[f] = wp.vec3d()
+        weights[f] = wp.vec4d()
         pushes[f] = wp.vec4d()
         earlier[f] = wp.float64(0.0)
         pressed[f] = wp.uint8(0)
@@ -229,7 +227,9 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
                 gap = wp.length(near.away)
                 if gap > TINY and gap < reach:
                     n = near.away / gap
-                    weights[f] = near.weights
+                    w = near.weights
+                    left = wp.min((wp.float64(1.0) - MENDED) * (gap - a.radius), wp.float64(0.0))
+                    weights[f] = wp.vec4d(w[0], w[1], w[2], left)
                     normals[f] = wp.vec4d(n[0], n[1], n[2], near.along)
 
     @wp.func
@@ -238,20 +238,20 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
 
     @kernel(per="face")
     def press(
-        a: Surface, at_end: int, weights: wp.array(dtype=wp.vec3d), normals: wp.array(dtype=wp.vec4d),
+        a: Surface, at_end: int, weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec4d),
         changes: wp.array(dtype=wp.vec3d), counts: wp.array(dtype=wp.int32), momentum: wp.float64, first: int,
         pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
         """`pushes` has the impulse along the normal with its momentum, `earlier` that of the iteration without."""
         f = wp.tid() + first
-        b = weights[f]
+        b = wp.vec3d(weights[f][0], weights[f][1], weights[f][2])
         if wp.length_sq(b) > wp.float64(0.0):
             zero = wp.float64(0.0)
             dt = wp.float64(a.step[0])
             along = normals[f]
             n = wp.vec3d(along[0], along[1], along[2])
             corners = a.triangles[f]
-            places = wp.mat33d()
+            spot = wp.vec3d()
             moving = wp.vec3d()
             ease = wp.vec3d()
             sure = bool(True)
@@ -260,16 +260,12 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
                 x = position(i, a) - a.place[0]
                 if at_end == 0:
                     x += dt * changes[i]
-                for c in range(3):
-                    places[k, c] = x[c]
+                spot += b[k] * x
                 moving += b[k] * (wide(a.velocity[i]) + changes[i])
                 ease[k] = mobility(i, a) * wp.float64(wp.max(counts[i], 1))
                 sure = sure and (b[k] == zero or counts[i] > 0)
             axis = axis_of(a.rotation[0], a)
-            # b_0 g / dt of the constraint, as a velocity, and what an impulse along n changes of it.
-            spot = places[0] * b[0] + places[1] * b[1] + places[2] * b[2]
             full = ease[0] * b[0] * b[0] + ease[1] * b[1] * b[1] + ease[2] * b[2] * b[2]
-            slope = full
             rate = zero
             relative = moving - surface_velocity(spot, a)
             if at_end != 0:
@@ -278,21 +274,12 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
                     rate = wp.max(rate, zero)
             else:
                 gap = wp.dot(n, spot - along[3] * axis) - a.radius
-                near = nearest_to_segment(places[0], places[1], places[2], axis)
-                distance = wp.length(near.away)
-                if distance <= TINY:
-                    gap = wp.min(gap, -a.radius)
-                elif wp.dot(near.away, n) > ALIGNED * distance:
-                    gap = distance - a.radius
-                    w = near.weights
-                    slope = ease[0] * b[0] * w[0] + ease[1] * b[1] * w[1] + ease[2] * b[2] * w[2]
-                    slope = wp.max(slope * wp.dot(near.away, n) / distance, LEAST * full)
-                rate = gap / dt
+                rate = (gap - weights[f][3]) / dt
             push = pushes[f]
             much = push[3]
             rub = wp.vec3d(push[0], push[1], push[2])
             if sure and full > zero:
-                much = wp.max(much - rate / slope, zero)
+                much = wp.max(much - rate / full, zero)
                 if wp.static(rubs):
                     rub -= (relative - wp.dot(relative, n) * n) / full
                     size = wp.length(rub)
@@ -306,7 +293,7 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
     @kernel(per="list")
     def spread(
         a: Surface, begins: wp.array(dtype=wp.int32), sides: wp.array(dtype=wp.int32),
-        weights: wp.array(dtype=wp.vec3d), normals: wp.array(dtype=wp.vec4d), pushes: wp.array(dtype=wp.vec4d),
+        weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec4d), pushes: wp.array(dtype=wp.vec4d),
         pressed: wp.array(dtype=wp.uint8), first: int,
         changes: wp.array(dtype=wp.vec3d), rubbed: wp.array(dtype=wp.vec3d), counts: wp.array(dtype=wp.int32),
     ):  # fmt: skip

@@ -62,6 +62,7 @@ def pinned(diameter, speed, depth, points, frames, precision=64, **parts):
     top = STRETCH * RADIUS
     sheet = Sheet.sphere(top, thickness=THICKNESS, density=DENSITY, points=points)
     gauge = 2.0 * MU * THICKNESS / RADIUS * (1.0 / STRETCH - STRETCH**-7) * (1.0 - SHARE + SHARE * STRETCH**2)
+    gas = EnclosedGas(gauge=gauge, leak=0.8 if parts else 0.0)
     start = top + 0.5 * LENGTH + 0.55 * diameter
     path = BodyPath([0.0, depth / speed], [(0.003, 0.002, start), (0.003, 0.002, start - depth)])
     pin = RigidBody(Capsule(diameter, LENGTH), path, name="pin", surface=True)
@@ -70,8 +71,7 @@ def pinned(diameter, speed, depth, points, frames, precision=64, **parts):
     )
     scene = Simulation(
         sheet.prestretched(STRETCH), law, Explicit(depth / speed, frames=frames, damping=5.0, safety=0.3),
-        loads=[Fixed(sheet.where(lambda x, y, z: z < -0.5 * top)), EnclosedGas(gauge=gauge)], contact=pin,
-        track_energy=True, **parts,
+        loads=[Fixed(sheet.where(lambda x, y, z: z < -0.5 * top)), gas], contact=pin, track_energy=True, **parts,
     )  # fmt: skip
     gaps = Gaps(scene.sheet, pin, 0.5 * LENGTH)
     return scene.run(device="cpu", precision=precision, writers=[gaps]), np.array(gaps.least)
@@ -103,11 +103,8 @@ def test_a_pin_dents_a_balloon_and_stays_outside(diameter, speed, points, frames
     result, gaps = pinned(diameter, speed * WAVE_SPEED, depth, points, frames)
     assert result.status == "finished" and result.summary["steps"] <= 1.01 * frames
     assert gaps.min() > 0.0
-    pin = result.history[-1]["pin_position_z"] - 0.5 * LENGTH - 0.5 * diameter
-    top = result.built.simulation.sheet.positions + result.frame.displacement
-    near = top[np.hypot(*(top[:, :2] - [0.003, 0.002]).T) < 0.02]
-    assert near[near[:, 2] > 0.0, 2].min() == pytest.approx(pin, abs=4e-3)
-    assert result.history[-1]["pin_force_z"] > 1.0
+    assert gaps[-1] < 0.05 * diameter
+    assert result.history[-1]["pin_force_z"] > 0.5
     assert max(abs(row["balance_error"]) for row in result.history) < 1e-5
     assert all(row["pin_loss"] >= 0.0 for row in result.history)
     assert not [note for note in result.summary["notes"] if "pin" in note]
@@ -141,10 +138,12 @@ def test_a_thin_pin_gives_what_the_sheet_gets(damping):
 
 
 def test_a_pin_bursts_a_balloon_that_tears():
-    for diameter in (8e-3, 8e-4):
-        result, gaps = pinned(diameter, WAVE_SPEED, 0.12, 16, 60, 32, damage=TearingEnergy(3e5))
-        assert result.frame.intact_faces.mean() < 0.9
-        assert gaps.min() > 0.0
+    """Gas flows out; whole triangles stay outside, and those that tore let the pin pass. 0.8 mm: docs/contact.md."""
+    result, gaps = pinned(8e-3, WAVE_SPEED, 0.2, 16, 60, 32, damage=TearingEnergy(1.6e5, 0.008))
+    rows = result.history
+    assert 0.9 < result.frame.intact_faces.mean() < 0.995
+    assert rows[-1]["pressure"] < 0.6 * rows[0]["pressure"]
+    assert gaps.min() > 0.0
 
 
 def test_bodies_without_a_surface_leave_nothing_of_it():

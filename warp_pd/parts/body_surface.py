@@ -49,7 +49,7 @@ class BodySurface:
         self._begins, self._sides = table("begins", wp.int32, begins), table("sides", wp.int32, order)
         self._faces = len(corners)
         self._intact = None if law.intact is None else room("pressing_faces", wp.uint8, "face", self._faces)
-        self._weights = room("weights", wp.vec3d, "face", self._faces)
+        self._weights = room("weights", wp.vec4d, "face", self._faces)
         self._normals = room("normals", wp.vec4d, "face", self._faces)
         self._pushes = room("pushes", wp.vec4d, "face", self._faces)
         self._earlier = room("earlier", wp.float64, "face", self._faces)
