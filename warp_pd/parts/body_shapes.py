@@ -171,7 +171,7 @@ class Capsule(BodyShape):
 
     def axis(self) -> tuple[float, float] | None:
         """The radius, and half of the length."""
-        return self.sizes()
+        return 0.5 * self.diameter, 0.5 * self.length
 
     def inertia(self) -> np.ndarray:
         """That of the cylinder and of the half balls [m^2]."""

@@ -70,7 +70,9 @@ class BodySurface:
         corners = (sheet.positions + context.initial_displacement - place)[sheet.triangles]
         found = wp.empty(self._faces, dtype=wp.float64, device=context.device)
         given: Any = wp.array(np.ascontiguousarray(corners, np.float64), dtype=wp.vec3d, device=context.device)
-        axis = wp.quat_rotate(wp.quatd(*rotation.tolist()), wp.vec3d(0.0, 0.0, self._half_length))
+        turned: Any = wp.quatd(*rotation.tolist())
+        along: Any = wp.vec3d(0.0, 0.0, self._half_length)
+        axis = wp.quat_rotate(turned, along)
         wp.launch(distances_of_faces, self._faces, inputs=[given, axis, 0], outputs=[found], device=context.device)
         gap = found.numpy() - self._radius + self._layer
         if gap.min() < self._layer:
