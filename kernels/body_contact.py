@@ -42,6 +42,8 @@ class BodyContactKernels:
         find_touching: The same before `separate`.
         mark: Marks points that may touch in the step, for the stages of large sheets.
         mark_now: The same for points that may touch at its end.
+        take_in_step: Gives points what kernels/surface_contact.py found, after the drift.
+        take_at_end: The same after the second half kick.
     """
 
     project: Pointwise
@@ -50,6 +52,8 @@ class BodyContactKernels:
     find_touching: Pointwise
     mark: Pointwise
     mark_now: Pointwise
+    take_in_step: Pointwise
+    take_at_end: Pointwise
 
 
 @functools.cache
@@ -154,6 +158,25 @@ def body_contact(
                     a.rubbed[i] = a.rubbed[i] + wp.dot(rub, passing) - warmed
 
     @wp.func
+    def end_strike(i: int, change: wp.vec3d, arrested: wp.vec3d, arm: wp.vec3d, a: BodyContact):
+        """A strike after the second half kick, which damping divides by 1 + c dt / 2; the impulse counts before."""
+        start = wide(a.velocity[i])
+        slowed = start
+        weight = real(1.0)
+        if wp.static(damped):
+            weight += half_loss(a.step, a.damping)
+            slowed = wide(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
+            start -= wp.float64(real(0.5) * half_loss(a.step, a.damping)) * change
+        strike(i, change, arrested, start, slowed, weight, arm, a)
+
+    @wp.func
+    def rubbed_of(i: int, a: BodyContact):
+        if wp.static(rubs):
+            return a.rubbing[i]
+        else:
+            return wp.vec3d()
+
+    @wp.func
     def forget(i: int, a: BodyContact):
         if wp.static(moves_freely):
             a.push[i] = wp.vec3d()
@@ -240,6 +263,27 @@ def body_contact(
                         # The drift took the load along the way that the point did not go.
                         a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
 
+    @pointwise(BodyContact, writes=("displacement", *given))
+    def take_in_step(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            change = a.changes[i]
+            if wp.length_sq(change) > wp.float64(0.0):
+                dt = wp.float64(a.step[0])
+                arm = position(i, a) - dt * wide(a.velocity[i]) - a.place[1]
+                kick = half_kick(i, a.step, a.mass, a.force, a.external)
+                start = wide((a.velocity[i] - kick) / (real(1.0) - half_loss(a.step, a.damping)))
+                a.displacement[i] = a.displacement[i] + narrow(dt * change)
+                strike(i, change, rubbed_of(i, a), start, start, real(1.0), arm, a)
+                if wp.static(tracked and loaded):
+                    a.work[i] = a.work[i] + wp.float64(0.5) * dt * wp.dot(wide(a.external[i]), change)
+
+    @pointwise(BodyContact, writes=given)
+    def take_at_end(begin: int, end: int, a: BodyContact):
+        for i in range(begin, end):
+            change = a.changes[i]
+            if wp.length_sq(change) > wp.float64(0.0):
+                end_strike(i, change, rubbed_of(i, a), position(i, a) - a.place[0], a)
+
     @pointwise(BodyContact, writes=given)
     def separate_from(begin: int, end: int, a: BodyContact):
         here = plane(a)
@@ -258,19 +302,12 @@ def body_contact(
                     approach = -wp.dot(relative, n)
                     if approach > wp.float64(0.0):
                         change = approach * n
-                        start = wide(a.velocity[i])
-                        slowed = start
-                        weight = real(1.0)
-                        if wp.static(damped):
-                            # The second half kick divided by 1 + c dt / 2; the impulse of the body counts before.
-                            weight += half_loss(a.step, a.damping)
-                            slowed = wide(weight * a.velocity[i] - half_kick(i, a.step, a.mass, a.force, a.external))
                         lost = wp.vec3d()
                         if wp.static(rubs):
                             lost = arrest(relative + change, approach, n, a.friction)
                             change += lost
-                        if wp.static(damped):
-                            start -= wp.float64(real(0.5) * half_loss(a.step, a.damping)) * change
-                        strike(i, change, lost, start, slowed, weight, arm, a)
+                        end_strike(i, change, lost, arm, a)
 
-    return BodyContactKernels(project_out, separate_from, find_inside, find_touching, search.mark, search.mark_now)
+    return BodyContactKernels(
+        project_out, separate_from, find_inside, find_touching, search.mark, search.mark_now, take_in_step, take_at_end
+    )

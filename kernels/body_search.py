@@ -110,6 +110,8 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         push_work: wp.array(dtype=wp.float64)
         rub: wp.array(dtype=wp.vec3d)
         rub_work: wp.array(dtype=wp.float64)
+        changes: wp.array(dtype=wp.vec3d)
+        rubbing: wp.array(dtype=wp.vec3d)
 
     @wp.func
     def wide(v: vec3):

@@ -115,8 +115,10 @@ def box_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
 
 
 @wp.func
-def nearest_of_triangle(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+def weights_of_nearest(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    """Weights of the corners of a triangle in its point that is nearest to p."""
     zero = wp.float64(0.0)
+    one = wp.float64(1.0)
     ab = b - a
     ac = c - a
     d1 = wp.dot(ab, p - a)
@@ -128,21 +130,24 @@ def nearest_of_triangle(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     va = d3 * d6 - d5 * d4
     vb = d5 * d2 - d1 * d6
     vc = d1 * d4 - d3 * d2
-    found = a
+    found = wp.vec3d(one, zero, zero)
     if d1 <= zero and d2 <= zero:
-        found = a
+        found = wp.vec3d(one, zero, zero)
     elif d3 >= zero and d4 <= d3:
-        found = b
+        found = wp.vec3d(zero, one, zero)
     elif vc <= zero and d1 >= zero and d3 <= zero:
-        found = a + (d1 / (d1 - d3)) * ab
+        t = d1 / (d1 - d3)
+        found = wp.vec3d(one - t, t, zero)
     elif d6 >= zero and d5 <= d6:
-        found = c
+        found = wp.vec3d(zero, zero, one)
     elif vb <= zero and d2 >= zero and d6 <= zero:
-        found = a + (d2 / (d2 - d6)) * ac
+        t = d2 / (d2 - d6)
+        found = wp.vec3d(one - t, zero, t)
     elif va <= zero and d4 - d3 >= zero and d5 - d6 >= zero:
-        found = b + ((d4 - d3) / ((d4 - d3) + (d5 - d6))) * (c - b)
+        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        found = wp.vec3d(zero, one - t, t)
     else:
-        found = a + (vb / (va + vb + vc)) * ab + (vc / (va + vb + vc)) * ac
+        found = wp.vec3d(va, vb, vc) / (va + vb + vc)
     return found
 
 
@@ -160,7 +165,8 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
         a = body.vertices[corners[0]]
         b = body.vertices[corners[1]]
         c = body.vertices[corners[2]]
-        out = arm - nearest_of_triangle(arm, a, b, c)
+        w = weights_of_nearest(arm, a, b, c)
+        out = w[0] * (arm - a) + w[1] * (arm - b) + w[2] * (arm - c)
         n = wp.normalize(wp.cross(b - a, c - a))
         length = wp.length(out)
         height = wp.dot(out, n)

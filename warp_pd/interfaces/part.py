@@ -191,6 +191,10 @@ class BuiltContact(BuiltPart, Protocol):
         """Least extent of the body [m]; None if it is unbounded or has no outline."""
         return None
 
+    def between_points(self) -> bool:
+        """Whether the body may pass between points, as only they touch it."""
+        return True
+
     def distance_from(self, points: np.ndarray) -> np.ndarray | None:
         """Signed distance of points [m], shape (N, 3), from its surface at a frame, shape (N,); None without a body."""
         return None

@@ -21,6 +21,7 @@ from ..interfaces.phases import Phase
 from ..kernels.body_contact import body_contact
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, on_device, signed_distances
+from .body_surface import BodySurface
 from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 
 # Layer on the surface in which a point counts as touching, in spacings: more than its place is rounded by.
@@ -44,15 +45,18 @@ class RigidBody(Contact):
         motion: BodyPath or Free.
         friction: Coefficient of Coulomb friction; 0 for none.
         name: What its columns of the history begin with; bodies of one scene have different names.
+        surface: Whether triangles of the sheet press on it, not only points: it may be thinner than the spacing. For
+            Sphere and Capsule on a BodyPath. Triangles that a crack cuts do not press.
 
     Raises:
-        InputError: for a wrong shape or motion, or negative friction.
+        InputError: for a wrong shape or motion, negative friction, or a surface with another shape or motion.
     """
 
     shape: BodyShape
     motion: BodyMotion
     friction: float = 0.0
     name: str = "body"
+    surface: bool = False
 
     half_steps: ClassVar[bool] = True
 
@@ -65,6 +69,10 @@ class RigidBody(Contact):
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise InputError(f"RigidBody.name = {said(self.name)}: expected a name, such as 'needle'")
         self.motion.check(self.shape)
+        if not isinstance(self.surface, bool):
+            raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
+        if self.surface and (self.shape.axis() is None or self.motion.free):
+            raise InputError(f"RigidBody {self.name!r}: surface = True: expected a Sphere or Capsule on a BodyPath")
 
     def check(self, others: Sequence[Part]) -> None:
         """Check that no other body has the same name.
@@ -83,11 +91,13 @@ class RigidBody(Contact):
         """
         if self.motion.free:
             raise InputError(f"RigidBody {self.name!r}: motion = Free: expected BodyPath, or a run in one process")
+        if self.surface:
+            raise InputError(f"RigidBody {self.name!r}: surface = True: expected False, or a run in one process")
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """The body on a device."""
-        return BuiltBody(self, context)
+        return BuiltBody(self, context, law)
 
 
 class BuiltBody(BuiltContact):
@@ -97,15 +107,16 @@ class BuiltBody(BuiltContact):
         motion: Its motion.
     """
 
-    def __init__(self, part: RigidBody, context: Context) -> None:
+    def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         self.part, self.context, self.label = part, context, f"contact = RigidBody {part.name!r}"
         name, sheet, types = part.name, context.sheet, context.types
         # A thinner body passes between points.
-        if part.shape.bounded:
+        if part.shape.bounded and not part.surface:
             resolved(f"RigidBody {name!r}: smallest extent", part.shape.thinnest(), sheet.spacing, MIN_DIAMETER)
         self._body, self._mesh = on_device(part.shape, context.device)
-        self._check_apart()
         self._rubs = part.friction > 0.0
+        self._surface = BodySurface(name, context, law, part.shape, self._rubs) if part.surface else None
+        self._check_apart()
         self.motion = part.motion.build(name, part.shape, context, float(part.friction))
         curved = sheet.frames is not None
         self._reference = context.array(f"{name}_reference", name, types.vec3 if curved else types.vec2, sheet.points)
@@ -134,9 +145,11 @@ class BuiltBody(BuiltContact):
         """Refuse a body that begins in the sheet.
 
         Raises:
-            InputError: for the deepest point inside it.
+            InputError: for the deepest point inside it, or the nearest triangle.
         """
         part, context = self.part, self.context
+        if self._surface is not None:
+            self._surface.check_apart(f"RigidBody {part.name!r}", *part.motion.pose(0.0))
         depth = -self._distances(context.sheet.positions + context.initial_displacement, *part.motion.pose(0.0))
         deepest = int(depth.argmax())
         if depth[deepest] > TOUCHING * min(part.shape.thinnest(), context.sheet.spacing):
@@ -163,6 +176,14 @@ class BuiltBody(BuiltContact):
             f.damped, f.tracked, f.half_steps, self._seen is not None, self.motion.marks is not None,
         )  # fmt: skip
         project = phase is Phase.PROJECT
+        if self._surface is not None:
+            motion = self.motion
+            self._surface.add(
+                stage, not project, reference=self._reference, skin=SKIN * context.sheet.spacing,
+                friction=float(part.friction), place=motion.place, rotation=motion.rotation, motion=motion.motion,
+            )  # fmt: skip
+            take = kernels.take_in_step if project else kernels.take_at_end
+            stage.pointwise(part.name, take, context.sheet.size, **self._arguments())
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
         shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
         if alone:
@@ -192,6 +213,8 @@ class BuiltBody(BuiltContact):
             "damping": state.damping, "force": state.force, "external": state.external,
             "displacement": state.displacement, "velocity": state.velocity, "work": state.work,
             "dissipated": state.dissipated,
+            "changes": None if self._surface is None else self._surface.changes,
+            "rubbing": None if self._surface is None else self._surface.rubbing,
             "impulse": self.impulse, "turn": self.turn, "loss": self.loss, "rubbed": self.rubbed, **flying,
         }  # fmt: skip
 
@@ -272,6 +295,10 @@ class BuiltBody(BuiltContact):
     def thickness(self) -> float | None:
         """Least extent of a bounded body [m]."""
         return self.part.shape.thinnest() if self.part.shape.bounded else None
+
+    def between_points(self) -> bool:
+        """Whether it may pass between points."""
+        return not self.part.surface
 
     def distance_from(self, points: np.ndarray) -> np.ndarray:
         """Signed distance of points [m], shape (N, 3), from its surface at a frame, shape (N,)."""

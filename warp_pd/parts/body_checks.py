@@ -100,7 +100,9 @@ class BodyChecks(BuiltPart):
             if thickness is None or pose is None:
                 continue
             centres[body.label] = pose[:3]
-            if thickness < MIN_DIAMETER * self._widest_near(body, thickness, position, corners):
+            if body.between_points() and thickness < MIN_DIAMETER * self._widest_near(
+                body, thickness, position, corners
+            ):
                 met.add(("thin", body.label))
             if self._before is not None and body.label in self._before[1]:
                 before, centre = self._before[0][corners], self._before[1][body.label]

@@ -55,6 +55,10 @@ class BodyShape(Protocol):
         """Vertices and triangles that the distance searches, or None."""
         return None
 
+    def axis(self) -> tuple[float, float] | None:
+        """Radius and half of the length along z of a body around a segment or a point [m]; None for others."""
+        return None
+
 
 @dataclass(frozen=True)
 class Sphere(BodyShape):
@@ -79,6 +83,10 @@ class Sphere(BodyShape):
     def thinnest(self) -> float:
         """The diameter [m]."""
         return self.diameter
+
+    def axis(self) -> tuple[float, float] | None:
+        """The radius, and a point."""
+        return self.radius(), 0.0
 
     def inertia(self) -> np.ndarray:
         """Two fifths of the radius squared [m^2]."""
@@ -160,6 +168,10 @@ class Capsule(BodyShape):
     def thinnest(self) -> float:
         """The diameter [m]."""
         return self.diameter
+
+    def axis(self) -> tuple[float, float] | None:
+        """The radius, and half of the length."""
+        return 0.5 * self.diameter, 0.5 * self.length
 
     def inertia(self) -> np.ndarray:
         """That of the cylinder and of the half balls [m^2]."""

@@ -26,6 +26,7 @@ from warp_pd import (
     BondAssociated,
     BondBased,
     Box,
+    Capsule,
     CriticalStretch,
     EnclosedGas,
     EnclosedVolume,
@@ -71,9 +72,11 @@ CASES = (
 
 
 def bodies(friction):
-    """One on a path and a free one."""
+    """Two on a path, one of them with a surface, and a free one."""
     still = RigidBody(Box((1.0, 1.0, 1.0)), warp_pd.BodyPath.still((0.0, 0.0, 9.0)), friction=friction, name="still")
-    return [still, RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")]
+    path = warp_pd.BodyPath.still((9.0, 0.0, 0.0))
+    thin = RigidBody(Capsule(0.1, 1.0), path, friction=friction, name="thin", surface=True)
+    return [still, thin, RigidBody(Sphere(1.0), Free(1.0, (0.0, 0.0, -9.0)), friction=friction, name="free")]
 
 
 def further():
