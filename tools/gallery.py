@@ -63,7 +63,9 @@ SCENES: dict[str, Shown] = {
     "bimodular_bar": Shown({"points": 100}),
     "bulge_test": Shown({"points": 31}, "displacement along z", view="3D"),
     "cantilever": Shown({"points": 100}),
-    "double_notch": Shown({"points": 40, "duration": 1.3, "frames": 30}, share=0.6),
+    "double_notch": Shown(
+        {"points": 40, "duration": 1.3, "frames": 30, "slow_from": 0.94, "slow_to": 0.99}, "damage", 0.68, "top"
+    ),
     "dropped_ball": Shown({"points": 31, "frames": 40}, "displacement along z", 0.32),
     "drum": Shown({"points": 41, "amplitude": 0.05, "frames": 40}, "displacement along z", 0.25, "3D"),
     "edge_notch": Shown({"points": 40, "horizon": 2.015, "frames": 60}, "damage", 0.93, "top"),
