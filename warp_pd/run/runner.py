@@ -226,7 +226,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
             message = _not_converged(recorder)
         elif status == DIVERGED:
             when = format_time(recorder.time, built.simulation.load_duration)
-            cause = recorder.soundness.cause(recorder.dt)
+            cause = recorder.soundness.cause(recorder.dt, recorder.time)
             message = f"diverged: the residual is {recorder.residual} beyond {when}; likely cause: {cause}"
     except DivergedError as error:
         status, message = DIVERGED, str(error)

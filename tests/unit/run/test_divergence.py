@@ -5,7 +5,7 @@ import json
 import h5py
 import numpy as np
 import pytest
-from helpers import GENT, build, square
+from helpers import GENT, build, jittered, square
 from small_runs import BALL, cli
 
 from warp_pd import BondAssociated, Explicit, Fixed, Motion, Simulation
@@ -47,6 +47,18 @@ def test_gent_near_its_lock_ends_with_the_cause():
     assert result.status == "diverged"
     assert "lock" in result.summary["message"]
     assert np.isfinite(result.frame.displacement).all()
+
+
+@pytest.mark.parametrize(("waves", "motion"), [(5.0, True), (0.5, False)])
+def test_edges_pulled_faster_than_waves_are_the_cause(waves, motion):
+    """Waves of small strain go at sqrt(4 mu / density) = 2 m/s."""
+    sheet, pulled = jittered(13), waves * 2.0
+    ends = [Motion(sheet.edges(name), [0.0, 1.0], x=[0.0, side * pulled]) for name, side in (("left", -1), ("right", 1))]
+    law = BondAssociated(GENT, weights="plain", horizon=2.015)
+    result = Simulation(sheet, law, Explicit(0.5 / pulled, frames=50), loads=ends).run(device="cpu")
+    assert result.status == "diverged"
+    said = f"points are moved at {pulled:g} m/s, faster than any wave"
+    assert (said in result.summary["message"]) == motion, result.summary["message"]
 
 
 def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):
