@@ -59,11 +59,24 @@ def test_an_inclusion_starts_with_the_velocity_of_its_points():
     assert result.frame.displacement == pytest.approx(duration * velocity, abs=bent)
 
 
-def test_an_inclusion_that_would_deform_is_refused():
+@pytest.mark.parametrize("name", ["initial_displacement", "initial_velocity"])
+def test_an_inclusion_that_would_deform_is_refused(name):
     sheet = square(9).inclusion((0.05, 0.05), 0.02)
-    velocity = np.zeros((sheet.size, 3))
-    velocity[:, 0] = 0.1 * sheet.points[:, 0]
-    with pytest.raises(
-        InputError, match=r"initial_velocity of point \d+ = .*expected a rigid motion of its rigid inclusion"
-    ):
-        run(sheet, initial_velocity=velocity)
+    strained = np.zeros((sheet.size, 3))
+    strained[:, 0] = 0.1 * sheet.points[:, 0]
+    with pytest.raises(InputError, match=rf"{name} of point \d+ = .*expected a rigid motion of its rigid inclusion"):
+        run(sheet, **{name: strained})
+
+
+def test_an_inclusion_starts_where_its_points_are():
+    """A sheet that starts turned about an oblique axis, and elsewhere, does as the sheet in its place."""
+    sheet = square(9).inclusion((0.03, 0.06), 0.02)
+    turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    velocity = np.cross([2.0, 1.0, 3.0], sheet.positions - sheet.positions[40])
+    here = run(sheet, initial_velocity=velocity, solver=Explicit(0.05, frames=1, safety=0.3))
+    there = run(
+        sheet, initial_displacement=sheet.positions @ turn.T + [0.1, 0.2, 0.3] - sheet.positions,
+        initial_velocity=velocity @ turn.T, solver=Explicit(0.05, frames=1, safety=0.3),
+    )  # fmt: skip
+    moved, turned = (result.frame.displacement + sheet.positions for result in (here, there))
+    assert turned == pytest.approx(moved @ turn.T + [0.1, 0.2, 0.3], abs=1e-9)

@@ -44,8 +44,10 @@ def test_stiffness_goes_with_its_points():
 
 
 @pytest.mark.parametrize(
-    ("points", "factor", "message"), [
-        ([0], 0.0, r"^stiffened: factor = 0\.0"), ([81], 2.0, "contains point 81"),
+    ("points", "factor", "message"),
+    [
+        ([0], 0.0, r"^stiffened: factor = 0\.0"),
+        ([81], 2.0, "contains point 81"),
         ([], 2.0, r"^stiffened: points = \[\]: expected at least one"),
     ],
 )

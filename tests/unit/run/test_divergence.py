@@ -53,7 +53,8 @@ def test_gent_near_its_lock_ends_with_the_cause():
 def test_edges_pulled_faster_than_waves_are_the_cause(waves, motion):
     """Waves of small strain go at sqrt(4 mu / density) = 2 m/s."""
     sheet, pulled = jittered(13), waves * 2.0
-    ends = [Motion(sheet.edges(name), [0.0, 1.0], x=[0.0, side * pulled]) for name, side in (("left", -1), ("right", 1))]
+    sides = (("left", -1), ("right", 1))
+    ends = [Motion(sheet.edges(name), [0.0, 1.0], x=[0.0, side * pulled]) for name, side in sides]
     law = BondAssociated(GENT, weights="plain", horizon=2.015)
     result = Simulation(sheet, law, Explicit(0.5 / pulled, frames=50), loads=ends).run(device="cpu")
     assert result.status == "diverged"
