@@ -40,10 +40,12 @@ def test_a_free_sheet_with_an_inclusion_keeps_its_momenta_but_for_damping(dampin
 
     linear, angular = momenta(place, velocity)
     after, turning = momenta(place + result.frame.displacement, result.frame.velocity)
-    assert after == pytest.approx(left * linear, abs=1e-5 * np.abs(linear).max())
+    # Damping is of second order in the step.
+    within = 1e-5 if damping else 1e-12
+    assert after == pytest.approx(left * linear, abs=within * np.abs(linear).max())
     # The drift moves the origin of the arms.
     shift = (mass * (place + result.frame.displacement)).sum(axis=0) / mass.sum()
-    assert turning - np.cross(shift, after) == pytest.approx(left * angular, abs=1e-3 * np.abs(angular).max())
+    assert turning - np.cross(shift, after) == pytest.approx(left * angular, abs=within * np.abs(angular).max())
     total = [row["kinetic"] + row["strain"] for row in result.history]
     assert damping or total[-1] == pytest.approx(total[0], rel=5e-3)
 
