@@ -83,6 +83,11 @@ def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet, st
     grown = np.flatnonzero(field > 1e-3)
     assert 0 < len(grown) < sheet.size and 0.1 < field.max() < 0.8
 
+    # What the step left of the stiffness is what the same damage leaves when it is given.
+    stored = strain_energy(built, displacement)
+    built.rupture.assign(field)
+    assert strain_energy(built, displacement) == pytest.approx(stored, rel=1e-12)
+
     def energy(values):
         built.rupture.assign(values)
         return strain_energy(built, displacement) + float(built.rupture.fracture.numpy().sum())
