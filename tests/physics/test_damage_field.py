@@ -64,7 +64,7 @@ def test_the_force_is_minus_the_gradient_of_the_energy(sheet, law):
 
 
 @pytest.mark.parametrize(
-    ("sheet", "strength"), [(square(17), None), (jittered(17), None), (square(17), 30.0), (square(17), 15.0)],
+    ("sheet", "strength"), [(square(17), None), (jittered(17), None), (square(17), 60.0), (square(17), 15.0)],
     ids=["lattice", "cloud", "weak", "weakest"],
 )  # fmt: skip
 def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet, strength):
