@@ -157,6 +157,10 @@ def test_lists_hold_every_pair_within_their_reach():
         expected = ((apart < reach) & (sheet.pieces[:, None] != sheet.pieces)).sum(axis=1)
         assert expected.min() >= 1
         np.testing.assert_array_equal(part._counts.numpy(), expected)
+    # As far on the other side, the pieces lie apart.
+    built.state.displacement.assign(-start)
+    built.context.run("setup")
+    assert not part._counts.numpy().any()
 
 
 @pytest.mark.parametrize("precision", [64, 32])
