@@ -50,7 +50,7 @@ NOT_PHYSICS = re.compile(
 TUNING = re.compile(r"(?i)toleran|tiny|small|block|most|limit|guess|safety|margin|shrink|restart|factor|\beps")
 CHECKS = re.compile("check|log_|expect|range$|InputError|required|positive|said|print|isinstance|launch_bounds|len$")
 TURNED = {ast.Lt: ">", ast.Gt: "<", ast.LtE: ">", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="}
-NO_KERNEL = re.compile("Warp[A-Za-z]*Error|Error while parsing|SyntaxError|Couldn't find|Could not find")
+NO_KERNEL = re.compile("Warp[A-Za-z]*Error|Error while parsing|SyntaxError|Could(n't| not) find (?!or load)")
 # Seconds of tests that a change gets, and the survivors of these at their second trial.
 SOON, LATE = 8.0, 240.0
 
