@@ -342,17 +342,11 @@ def page(options: argparse.Namespace) -> None:
         lines.append([folder or "all", *map(str, (len(here), *told, len(here) - sum(told)))])
     head = ("folder", "changes", "found", "of no effect", "missed")
     origin = f"Made by `tools/mutations.py` on {provenance('a CPU')}. Every change: [mutations.json](mutations.json)."
-    missed = [row for row in rows if row["result"] == "survived" and not row["reason"]]
-    listed = [f"- `{row['file']}`, line {row['line']}: `{row['before']}`" for row in missed]
-    text = [
-        origin,
-        "",
-        *table(head, lines),
-        "",
-        "Missed, or not yet tried with all tests that reach them:",
-        "",
-        *listed,
-    ]
+    text = [origin, "", *table(head, lines), ""]
+    for title, wanted in (("Missed", False), ("Of no effect", True)):
+        some = [row for row in rows if row["result"] == "survived" and bool(row["reason"]) == wanted]
+        listed = [f"- `{row['file']}`, line {row['line']}: `{row['before']}` {row['reason']}".strip() for row in some]
+        text += [f"{title}:", "", *listed, ""] if listed else []
     renew(DOCS / "reliability.md", {"## Tests that notice": text})
 
 
