@@ -342,6 +342,7 @@ def page(options: argparse.Namespace) -> None:
         lines.append([folder or "all", *map(str, (len(here), *told, len(here) - sum(told)))])
     head = ("folder", "changes", "found", "of no effect", "missed")
     origin = f"Made by `tools/mutations.py` on {provenance('a CPU')}. Every change: [mutations.json](mutations.json)."
+    origin += " Tests were written for changes that were missed at first."
     text = [origin, "", *table(head, lines), ""]
     for title, wanted in (("Missed", False), ("Of no effect", True)):
         some = [row for row in rows if row["result"] == "survived" and bool(row["reason"]) == wanted]
