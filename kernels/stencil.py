@@ -37,9 +37,3 @@ class Stencil:
     def all_members(self) -> int:
         """Bits of all members."""
         return (1 << len(self.steps)) - 1
-
-
-def inverse_of(K: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Inverse of a symmetric tensor (11, 12, 22)."""
-    determinant = K[0] * K[2] - K[1] * K[1]
-    return K[2] / determinant, -K[1] / determinant, K[0] / determinant

@@ -307,7 +307,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
     if scene is not None and Path(scene).stem != summary["scene"]:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
     simulation = build_scene(scene or summary.get("file") or summary["scene"], summary["settings"])
-    draw_pictures(simulation, read_history(folder / "history.csv"), folder, picture_formats(pictures))
+    draw_pictures(simulation, read_history(folder / "history.csv"), folder, summary, picture_formats(pictures))
     for path in pictures_in(folder):
         click.echo(f"  {path.name}")
 

@@ -101,6 +101,17 @@ def test_momentum_and_energy_of_a_ball_and_a_free_sheet(precision, friction):
         assert rows[-1]["body_spin_y"] < 30.0
 
 
+def test_a_plate_that_picks_up_a_sheet_loses_as_much_as_it_gives():
+    """An inelastic impact, in which friction holds: half of the work of the plate, that of friction too."""
+    sheet = square(7)
+    path = BodyPath.straight((0.05, 0.05, -0.001), (0.5, 0.0, 1.0), 0.01)
+    rows = run(sheet, Explicit(0.01, frames=2), precision=64, contact=RigidBody(Plane(), path, friction=1.0)).history
+    mass = sheet.areas.sum() * sheet.thickness * sheet.density
+    assert rows[-1]["kinetic"] == pytest.approx(0.5 * mass * 1.25, rel=1e-12)
+    assert rows[-1]["body_loss"] == pytest.approx(0.5 * mass * 1.25, rel=1e-12)
+    assert rows[-1]["body_rubbed"] == pytest.approx(0.5 * mass * 0.25, rel=1e-12)
+
+
 def rubbing(shape, speed, safety, rotation=(0.0, 0.0, 0.0, 1.0)):
     sheet = square(15)
     edge = sheet.where(lambda x, y: (abs(x - 0.05) > 0.0499) | (abs(y - 0.05) > 0.0499))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bond_based_cases import CRACK, LAWS, SHEETS, E, beam, built, flat, run
-from helpers import rough, sever, square
+from helpers import rough, sever, square, uniform
 
 from warp_pd import CriticalStretch, Explicit, Fixed, Motion, Newton, Pressure, Relaxation, Sheet
 from warp_pd.device.fields import assign
@@ -48,6 +48,17 @@ def test_the_tangent_is_the_derivative_of_the_force(sheet, material, broken):
     for order in (0, len(free) // 2, len(free) - 1):
         own = matrix[3 * order : 3 * order + 3, 3 * order : 3 * order + 3].toarray()
         assert blocks[free[order]] @ own == pytest.approx(np.eye(3), abs=1e-8)
+
+
+@pytest.mark.parametrize(("strain", "held", "slack"), [(0.0, "", True), (0.0, "z", False), (0.01, "", False)])
+def test_a_sheet_is_slack_if_no_tension_holds_its_points_in_the_plane(strain, held, slack):
+    sheet = square(9)
+    loads = [Fixed(sheet.edges("left")), *([flat(sheet)] if held else [])]
+    part = built(sheet, solver=Newton(), loads=loads)
+    level = part.solver.search.levels[0]
+    assign(level.displacement, uniform(sheet, (1.0 + strain) * np.eye(3)[:, :2]))
+    level.linearise(0.0)
+    assert part.solver.tangent.is_slack() == slack
 
 
 # Newton and relaxation ----------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from warp_pd import (
     Fixed,
     InputError,
     Motion,
+    NeoHookean,
     Nodal,
     Prony,
     Sheet,
@@ -63,7 +64,7 @@ def test_the_force_is_minus_the_gradient_of_the_energy(sheet, law):
 
 
 @pytest.mark.parametrize(
-    ("sheet", "strength"), [(square(17), None), (jittered(17), None), (square(17), 30.0), (square(17), 15.0)],
+    ("sheet", "strength"), [(square(17), None), (jittered(17), None), (square(17), 60.0), (square(17), 15.0)],
     ids=["lattice", "cloud", "weak", "weakest"],
 )  # fmt: skip
 def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet, strength):
@@ -81,6 +82,11 @@ def test_after_a_step_the_energy_is_stationary_in_the_damage_that_grew(sheet, st
     field = built.rupture.field.numpy().copy()
     grown = np.flatnonzero(field > 1e-3)
     assert 0 < len(grown) < sheet.size and 0.1 < field.max() < 0.8
+
+    # What the step left of the stiffness is what the same damage leaves when it is given.
+    stored = strain_energy(built, displacement)
+    built.rupture.assign(field)
+    assert strain_energy(built, displacement) == pytest.approx(stored, rel=1e-12)
 
     def energy(values):
         built.rupture.assign(values)
@@ -273,6 +279,18 @@ def test_intact_material_begins_to_tear_at_its_strength():
             internal_force(built, uniform(sheet, [[stretch, 0.0], [0.0, widths(stretch)], [0.0, 0.0]]))
             built.context.run("step")
             assert (built.rupture.field.numpy()[sheet.where(inside)] > 0.0).all() == (share > 1.0)
+
+
+def test_a_stiffened_sheet_tears_as_one_of_stiffer_rubber():
+    fields, stiffer = [], NeoHookean(4.0 * NEO.mu, 4.0 * NEO.bulk)
+    for sheet, material in ((square(15).stiffened(np.arange(225), 4.0), NEO), (square(15), stiffer)):
+        built = build(sheet, material=material, damage=TearingEnergy(5.0, strength=300.0), weights="corrected")
+        built.state.step.fill_(1e-12)
+        internal_force(built, uniform(sheet, 1.2 * np.eye(3)[:, :2]))
+        built.context.run("step")
+        fields.append(built.rupture.field.numpy())
+    assert fields[0].max() > 0.0
+    np.testing.assert_allclose(*fields, rtol=1e-9)
 
 
 def test_a_stretch_at_break_is_a_strength():

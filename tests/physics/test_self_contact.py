@@ -12,6 +12,7 @@ from warp_pd import (
     Explicit,
     Fixed,
     InputError,
+    MooneyRivlin,
     Newton,
     Place,
     Relaxation,
@@ -156,6 +157,10 @@ def test_lists_hold_every_pair_within_their_reach():
         expected = ((apart < reach) & (sheet.pieces[:, None] != sheet.pieces)).sum(axis=1)
         assert expected.min() >= 1
         np.testing.assert_array_equal(part._counts.numpy(), expected)
+    # As far on the other side, the pieces lie apart.
+    built.state.displacement.assign(-start)
+    built.context.run("setup")
+    assert not part._counts.numpy().any()
 
 
 @pytest.mark.parametrize("precision", [64, 32])
@@ -190,6 +195,14 @@ def test_launches_with_nothing_to_do_are_left_out_with_the_same_bits(monkeypatch
     for name in ("displacement", "velocity"):
         np.testing.assert_array_equal(getattr(quick.frame, name), getattr(every.frame, name))
     assert any(left_out) and every.history[-1]["sheet_friction"] > 0.0
+
+
+def test_the_default_stiffness_is_that_of_the_softest_rubber():
+    """In pure shear, incompressible rubber has the modulus 4 mu."""
+    sheet, rubber = square(9), MooneyRivlin(2e5, 1e5)
+    part = build(sheet.stiffened(sheet.edges("left"), 0.5), material=rubber, contact=SelfContact())
+    expected = self_contact.STIFFNESS * 0.5 * 4.0 * 6e5 * sheet.thickness
+    assert part.contact.stiffness == pytest.approx(expected, rel=1e-4)
 
 
 def test_both_precisions_agree():

@@ -31,7 +31,7 @@ class Field:
         restart: Whether a restart file keeps it; such names are unique in a simulation.
         halo: Whether a halo of neighbouring points needs it where several devices divide the points.
         own_exchange: Whether its owner itself keeps it right in the whole halo.
-        output: Name under which frames show it, or "" if they do not.
+        output: Name under which frames show it, which no other field has, or "" if they do not.
         density: Whether frames divide it by the volume of the point [m^3].
     """
 
@@ -103,10 +103,15 @@ class FieldRegister:
 
         Raises:
             ValueError: for a second restart field of the same name.
-            InputError: for rows that are too long.
+            InputError: for rows that are too long, or a name of output that another field has.
         """
         if declared.restart and any(s.field.restart and s.name == declared.name for s in self.stored):
             raise ValueError(f"field {declared.name!r} exists already: expected a new name for a restart field")
+        for other in (s for s in self.shown() if s.field.output == declared.output):
+            raise InputError(
+                f"{declared.owner}: output = {declared.output!r}: {other.owner} shows a field of this name; expected "
+                "another one"
+            )
         if values is None:
             array = wp.zeros(shape, dtype=dtype, device=self.device)
         else:

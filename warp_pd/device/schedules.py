@@ -26,6 +26,11 @@ class Schedule:
         """Values at a time [s], shape (3,)."""
         return np.array([np.interp(time, self.times, self.values[:, c]) for c in range(3)])
 
+    def top_speed(self, time: float) -> float:
+        """Largest rate of change until a time [1/s]."""
+        rates = np.diff(self.values, axis=0) / np.diff(self.times)[:, None]
+        return float(np.linalg.norm(rates[self.times[:-1] < time], axis=1).max(initial=0.0))
+
 
 def schedule(name: str, times: np.ndarray, values: np.ndarray) -> Schedule:
     """A checked schedule of finite numbers: times, shape (K,), and values, shape (K, 3).

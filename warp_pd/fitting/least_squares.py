@@ -13,6 +13,7 @@ from .data import Curve, FieldData, Test
 from .equilibrium import NoEquilibriumError
 from .model import Experiment, Model
 from .report import Fit, Judgement
+from .uniform import LOADINGS
 
 LOSSES = ("linear", "soft_l1")
 # Median absolute deviation to standard deviation of normal noise.
@@ -23,6 +24,8 @@ MARGIN, MOST_MARGINS = 2.0, 5
 PULL = 1e-5
 # The median of the model over that of the data from which on a wrong unit is likely.
 UNLIKELY = 50.0
+# The largest stress of a uniform test [Pa] below which MPa were likely meant: soft gels carry more.
+TINY_STRESS = 1e3
 
 
 def fit(
@@ -210,7 +213,11 @@ class Problem:
             outputs = self.outputs(q)
         except NoEquilibriumError as error:
             raise InputError(f"start values: {error}; expected others, or smaller loads") from None
-        notes = []
+        notes = [
+            f"{test.name or 'a test'}: stresses up to {np.abs(data).max():.3g} Pa: check the unit, expected pascals"
+            for test, data in zip(self.tests, self._measured, strict=True)
+            if test.control in LOADINGS and np.abs(data).max() < TINY_STRESS
+        ]
         for test, output, data, usable in zip(self.tests, outputs, self._measured, self._usable, strict=True):
             model, measured = (float(np.median(np.abs(values[usable]))) for values in (output, data))
             if min(model, measured) > 0.0 and not 1.0 / UNLIKELY < measured / model < UNLIKELY:

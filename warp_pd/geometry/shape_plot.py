@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sized
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,6 @@ import numpy as np
 
 from ..device.checks import InputError, said
 from .picture_files import new_figure, save
-from .shape import Shape
 from .topology import boundary_edges, boundary_rings, pieces
 
 if TYPE_CHECKING:
@@ -112,8 +112,8 @@ def _flat(sheet: Sheet) -> tuple[Any, Any]:
         axes.add_collection(LineCollection(sheet.cuts, colors=CUT, linewidths=2.0, label="cuts", zorder=5))
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen, label, color=colour, markersize=size, zorder=3)
-    for rank, (label, chosen) in enumerate(_parts(sheet)):
-        _markers(axes, where, chosen, label, color=_colour(rank), markersize=size + _growth(sheet, rank), zorder=6)
+    for rank, (label, chosen) in enumerate(parts := _parts(sheet)):
+        _markers(axes, where, chosen, label, color=_colour(rank), markersize=size + _growth(parts, rank), zorder=6)
     margin = 0.03 * extent.max()
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
     axes.set_xlim(low[0] - margin, high[0] + margin)
@@ -151,8 +151,8 @@ def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
         _markers(axes, where, members, label, color=RIGID, markersize=3.5, marker="s", zorder=2)
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen[_towards(sheet, view)[chosen]], label, color=colour, markersize=1.5, zorder=2)
-    for rank, (label, chosen) in enumerate(_parts(sheet)):
-        _markers(axes, where, chosen, label, color=_colour(rank), markersize=2.0 + _growth(sheet, rank), zorder=4)
+    for rank, (label, chosen) in enumerate(parts := _parts(sheet)):
+        _markers(axes, where, chosen, label, color=_colour(rank), markersize=2.0 + _growth(parts, rank), zorder=4)
     for c, name in enumerate("xyz"):
         getattr(axes, f"set_{name}lim")(low[c], high[c])
         getattr(axes, f"set_{name}label")(f"{name} (m)")
@@ -176,7 +176,7 @@ def _markers(axes: Any, where: np.ndarray, chosen: np.ndarray, label: str, **sty
     axes.plot(*where[chosen].T, **{"marker": "o", "linestyle": "none", "markeredgewidth": 0.0, "label": label, **style})
 
 
-def _kinds(sheet: Shape) -> list[tuple[str, np.ndarray, str]]:
+def _kinds(sheet: Sheet) -> list[tuple[str, np.ndarray, str]]:
     """Label, points and colour of the points on the square grid and of the others."""
     if sheet.grid is None:
         return [(f"{sheet.size} points", np.arange(sheet.size), GRID_POINT)]
@@ -188,7 +188,7 @@ def _kinds(sheet: Shape) -> list[tuple[str, np.ndarray, str]]:
     ]
 
 
-def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
+def _inclusions(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
     """Label and points of the rigid inclusions; a label that begins with an underscore is not in the legend."""
     return [
         (f"rigid inclusion {number}, {len(points)} points" if number <= MAX_PARTS else "_more", points)
@@ -196,9 +196,11 @@ def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
     ]
 
 
-def _parts(sheet: Shape) -> list[tuple[str, np.ndarray]]:
-    """Label and points of the named parts, the largest first: smaller ones lie on them."""
-    order = sorted(sheet.parts.items(), key=lambda part: -len(part[1]))
+def _parts(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
+    """Label and points of stiffened and of named parts, the largest first: smaller ones lie on them."""
+    stiffness = np.ones(0) if sheet.stiffness is None else sheet.stiffness
+    stiff = {f"{s:g} times as stiff": np.flatnonzero(stiffness == s) for s in np.unique(stiffness[stiffness != 1.0])}
+    order = sorted([*sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
     shown = [(f"{name}, {len(points)} points", points) for name, points in order[:MAX_PARTS]]
     rest = [points for _, points in order[MAX_PARTS:]]
     return shown if not rest else [*shown, (f"{len(rest)} more parts", np.unique(np.concatenate(rest)))]
@@ -208,12 +210,12 @@ def _colour(rank: int) -> str:
     return PART_COLOURS[rank % len(PART_COLOURS)]
 
 
-def _growth(sheet: Shape, rank: int) -> float:
+def _growth(parts: Sized, rank: int) -> float:
     """Extra size of the markers of a part, so that those on top show the ones below."""
-    return 0.6 + 0.5 * min(len(sheet.parts) - rank - 1, 5)
+    return 0.6 + 0.5 * min(len(parts) - rank - 1, 5)
 
 
-def _typical_distance(sheet: Shape) -> float:
+def _typical_distance(sheet: Sheet) -> float:
     return sheet.spacing if sheet.spacings is None else float(np.median(sheet.spacings))
 
 
@@ -223,7 +225,7 @@ def _sides(triangles: np.ndarray) -> np.ndarray:
     return np.unique(np.sort(edges, axis=1), axis=0)
 
 
-def _apart(sheet: Shape) -> np.ndarray:
+def _apart(sheet: Sheet) -> np.ndarray:
     """Where the points of a flat sheet are drawn [m], shape (N, 2)."""
     where = sheet.points.copy()
     edge = np.unique(boundary_edges(sheet.triangles))
@@ -268,7 +270,7 @@ def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.asarray(middle[joined[first]])
 
 
-def _towards(sheet: Shape, view: tuple[float, float]) -> np.ndarray:
+def _towards(sheet: Sheet, view: tuple[float, float]) -> np.ndarray:
     """Points on the side of a closed surface that the eye sees; all of an open one, shape (N,)."""
     if len(boundary_edges(sheet.triangles)):
         return np.ones(sheet.size, bool)

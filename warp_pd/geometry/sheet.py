@@ -388,7 +388,7 @@ class Sheet(SelectableShape):
             InputError: for a factor that is not above zero, or an index that does not exist.
         """
         stiffness = np.ones(self.size) if self.stiffness is None else self.stiffness.copy()
-        stiffness[point_indices("points", points, self.size)] *= positive("factor", factor)
+        stiffness[point_indices("stiffened: points", points, self.size)] *= positive("stiffened: factor", factor)
         return replace(self, stiffness=stiffness)
 
     def prestretched(self, first: float, second: float | None = None) -> Sheet:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 
 from ..geometry.picture_files import new_figure, save
 from . import plots
 from .picture_frames import Shown, frames_at
-from .quantities import ENERGIES, column_label, column_unit
+from .quantities import ENERGIES, column_label, column_unit, known_units
 from .vtkhdf import read_series
 
 # Panels of the sheet; of a sheet with more points than that only the last frame is drawn.
@@ -29,13 +30,13 @@ NOT_DRAWN = {
 }  # fmt: skip
 
 
-def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, str]) -> None:
+def draw(history: Sequence[dict[str, float]], folder: Path, summary: Mapping[str, Any]) -> None:
     """Draw sheet.png, damage.png, energy.png and measures.png, as far as the run has something to show.
 
     Args:
         history: One row a frame.
         folder: Of the run, with frames.vtkhdf.
-        units: Units of the scene's measures by name.
+        summary: Of the run: its measures and units.
     """
     series = read_series(folder / "frames.vtkhdf")
     chosen = telling_frames(history, series.frames) if series.points <= LARGE else [series.frames - 1]
@@ -46,11 +47,12 @@ def draw(history: Sequence[dict[str, float]], folder: Path, units: Mapping[str, 
         names = [name for name in ENERGIES if any(row.get(name) for row in history)]
         plots.curves(folder / "energy.png", history, names, ylabel="energy (J)")
     numbers = [name for name in history[-1] if name not in NOT_DRAWN and _moves(history, name)]
-    numbers = [name for name in numbers if name in units or _counts(history, name)]
-    numbers.sort(key=lambda name: name not in units)
+    measures = summary.get("measures", {})
+    numbers = [name for name in numbers if name in measures or _counts(history, name)]
+    numbers.sort(key=lambda name: name not in measures)
     if numbers and len(history) > 1:
-        still = [name for name in units if name in history[-1] and name not in numbers]
-        _draw_numbers(folder, history, numbers, units, still)
+        still = [name for name in measures if name in history[-1] and name not in numbers]
+        _draw_numbers(folder, history, numbers, known_units(summary), still)
 
 
 def telling_frames(history: Sequence[Mapping[str, float]], frames: int) -> list[int]:
@@ -113,8 +115,8 @@ def _draw_numbers(
     panels = figure.subplots(rows, columns, squeeze=False)
     for axes, name in zip(panels.flat, drawn, strict=False):
         plots.draw_curves(axes, history, [name])
-        unit = units.get(name, column_unit(name))
-        ylabel = column_label(name) + (f" ({unit})" if unit not in ("", "1") else "")
+        unit = column_unit(name, units)
+        ylabel = column_label(name) + (f" ({unit})" if unit else "")
         axes.set(xlabel=plots.across_label("time"), ylabel=ylabel)
     for axes in panels.flat[len(drawn) :]:
         axes.set_visible(False)

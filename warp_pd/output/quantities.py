@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -101,40 +101,50 @@ def spoken(name: str) -> str:
     return {**COLUMNS, **OTHER_WORDS}.get(name, name.replace("_", " "))
 
 
-def column_unit(name: str, measures: Mapping[str, Any] = MappingProxyType({})) -> str:
-    """Unit of a column of the history; empty where none is known.
+def known_units(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Units of columns of the history that the summary of a run tells."""
+    measures = {name: str(found["unit"]) for name, found in summary.get("measures", {}).items()}
+    return {**summary.get("units", {}), **measures}
+
+
+def column_unit(name: str, units: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Unit of a column of the history; empty for a number without one, or where none is known.
 
     Args:
         name: The column.
-        measures: Those of the summary.
+        units: Those that are known otherwise than by the name.
     """
-    if name in measures:
-        unit = str(measures[name]["unit"])
-        return "" if unit in ("1", "-") else unit
+    if name in units:
+        return "" if units[name] in ("1", "-") else units[name]
     if name in ENERGIES:
         return "J"
     ending = name.removesuffix("_x").removesuffix("_y").removesuffix("_z").rpartition("_")[2]
     return {**UNITS, **OTHER_UNITS}.get(name, UNITS.get(ending, ""))
 
 
-def curves(columns: Sequence[str], measures: Mapping[str, Any]) -> list[dict[str, Any]]:
+def curves(columns: Sequence[str], measures: Collection[str], units: Mapping[str, str]) -> list[dict[str, Any]]:
     """Columns of the history that share a graph: energies, components of a vector, and each other one alone.
+
+    Args:
+        columns: Their names.
+        measures: Names of those that the scene measures.
+        units: Known units, by name.
 
     Returns:
         For each graph "label", "unit" and "columns", what the scene measures first.
     """
     left = [name for name in columns if name not in ("time", "step")]
-    graphs = [_graph(spoken(name), [name], measures) for name in left if name in measures]
+    graphs = [_graph(spoken(name), [name], units) for name in left if name in measures]
     left = [name for name in left if name not in measures]
     vectors = [name[:-2] for name in left if name.endswith("_x") and {name[:-1] + c for c in "yz"} <= set(left)]
-    graphs += [_graph(spoken(name), [f"{name}_{c}" for c in "xyz"], measures) for name in vectors]
+    graphs += [_graph(spoken(name), [f"{name}_{c}" for c in "xyz"], units) for name in vectors]
     energies = [name for name in left if name in ENERGIES]
     if energies:
-        graphs.append(_graph("energies", energies, measures))
+        graphs.append(_graph("energies", energies, units))
     taken = {part["column"] for graph in graphs for part in graph["columns"]}
-    return graphs + [_graph(spoken(name), [name], measures) for name in left if name not in taken]
+    return graphs + [_graph(spoken(name), [name], units) for name in left if name not in taken]
 
 
-def _graph(label: str, columns: Sequence[str], measures: Mapping[str, Any]) -> dict[str, Any]:
+def _graph(label: str, columns: Sequence[str], units: Mapping[str, str]) -> dict[str, Any]:
     names = [{"column": name, "label": spoken(name)} for name in columns]
-    return {"label": label, "unit": column_unit(columns[0], measures), "columns": names}
+    return {"label": label, "unit": column_unit(columns[0], units), "columns": names}

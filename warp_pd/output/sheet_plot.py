@@ -20,8 +20,9 @@ def draw_sheet(
     """Draw a sheet, flat or curved. No device is touched.
 
     The picture shows triangles, points (of a sheet with a square grid: those on it, and the others), the boundary,
-    cuts, rigid inclusions, named parts, and in colour a thickness that varies. Where there are too many points or
-    triangles to tell apart it shows some of them and says how many. The two faces of a crack are drawn a little apart.
+    cuts, rigid inclusions, stiffened points, named parts, and in colour a thickness that varies. Where there are too
+    many points or triangles to tell apart it shows some of them and says how many. The two faces of a crack are drawn a
+    little apart.
 
     Args:
         sheet: The sheet.

@@ -18,7 +18,7 @@ from ..device.checks import InputError, count, one_of
 from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packing import Arrays
-from .quantities import choices, column_unit, curves
+from .quantities import choices, column_unit, curves, known_units
 from .vtkhdf import SeriesInfo, read_frame, read_outlines, read_series
 
 # What a page loads, in this order; vendor.* are the libraries.
@@ -95,7 +95,7 @@ def page(
     content = {
         "title": str(summary.get("scene") or info.metadata.get("scene") or path.parent.name),
         "summary": _finite(dict(summary)),
-        "history": _history(history, summary.get("measures", {}), bool(info.metadata.get("turns"))),
+        "history": _history(history, summary, bool(info.metadata.get("turns"))),
         **_sheet(path, info, limits, arrays),
     }
     return _html(content, arrays, shared)
@@ -169,14 +169,15 @@ def _bodies(path: Path, shown: NDArray[np.int64], arrays: Arrays) -> list[dict[s
     return found
 
 
-def _history(history: Sequence[Mapping[str, float]], measures: Mapping[str, Any], turns: bool) -> dict[str, Any]:
+def _history(history: Sequence[Mapping[str, float]], summary: Mapping[str, Any], turns: bool) -> dict[str, Any]:
     """Columns of the history, and which of them share a graph; rows are numbered where the load factor `turns`."""
     if not history:
         return {"columns": {}, "graphs": []}
     columns = {name: [_finite(float(f"{row[name]:.6g}")) for row in history] for name in history[0]}
     if turns:
         columns["time"] = [float(k) for k in range(len(history))]
-    return {"columns": columns, "graphs": curves(list(columns), measures), "timeUnit": column_unit("time", {})}
+    graphs = curves(list(columns), summary.get("measures", {}), known_units(summary))
+    return {"columns": columns, "graphs": graphs, "timeUnit": column_unit("time")}
 
 
 def _left_out(info: SeriesInfo, sheet: Drawn, shown: NDArray[np.int64]) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from scipy.spatial.transform import Rotation
 
 from ..device.checks import InputError
 from ..device.launches import Stage
@@ -19,7 +20,7 @@ from ..kernels.integrate import RIGID
 from ..kernels.rigid import rigid_inclusions
 
 OWNER = "rigid inclusions"
-# How far velocities of an inclusion may be from those of a rigid body, over the largest.
+# How far displacements or velocities of an inclusion may be from those of a rigid body, over the largest.
 RIGID_WITHIN = 1e-6
 
 
@@ -43,7 +44,7 @@ class RigidInclusions(Part):
         """The bodies on a device.
 
         Raises:
-            InputError: for an initial velocity of an inclusion that is not that of a rigid body.
+            InputError: for an initial displacement or velocity of an inclusion that is not that of a rigid body.
         """
         return BuiltInclusions(self.groups, self.velocity, context)
 
@@ -57,17 +58,23 @@ class BuiltInclusions(BuiltPart):
         self.context, self.count = context, len(groups)
         sheet = context.sheet
         mass = sheet.areas * sheet.thickness * sheet.density
-        arms, masses, inertia, linear, angular = [], [], [], [], []
+        arms, masses, inertia, place, rotation, linear, angular = [], [], [], [], [], [], []
         for members in groups:
             m, X = mass[members], sheet.positions[members]
             arm = X - m @ X / m.sum()
             arms.append(arm)
             masses.append(m.sum())
             inertia.append(np.linalg.inv(((arm**2).sum(axis=1) * m).sum() * np.eye(3) - (arm.T * m) @ arm))
-            linear.append(m @ velocity[members])
-            angular.append(m @ np.cross(arm, velocity[members]))
-            rigid = linear[-1] / masses[-1] + np.cross(inertia[-1] @ angular[-1], arm)
-            _require_rigid(velocity[members], rigid, members)
+            u, v = context.initial_displacement[members], velocity[members]
+            place.append(m @ u / m.sum())
+            turned = _rotation(arm, u - place[-1], m)
+            rotation.append(turned)
+            _require_rigid("initial_displacement", u, place[-1] + arm @ turned.T - arm, members)
+            arm = arm @ turned.T
+            linear.append(m @ v)
+            angular.append(m @ np.cross(arm, v))
+            omega = turned @ inertia[-1] @ turned.T @ angular[-1]
+            _require_rigid("initial_velocity", v, linear[-1] / masses[-1] + np.cross(omega, arm), members)
         begins = np.concatenate([[0], np.cumsum([len(g) for g in groups])])
 
         def table(name: str, dtype: Any, values: np.ndarray) -> Any:
@@ -83,10 +90,10 @@ class BuiltInclusions(BuiltPart):
             "masses": table("body_masses", wp.float64, np.array(masses)),
             "inverse_inertia": table("body_inverse_inertia", wp.mat33d, np.array(inertia)),
         }
-        self.place = body("body_place", wp.vec3d, np.zeros((self.count, 3)))
+        self.place = body("body_place", wp.vec3d, np.array(place))
         self.linear = body("body_linear", wp.vec3d, np.array(linear))
         self.angular = body("body_angular", wp.vec3d, np.array(angular))
-        self.rotation = body("body_rotation", wp.mat33d, np.repeat(np.eye(3)[None], self.count, axis=0))
+        self.rotation = body("body_rotation", wp.mat33d, np.array(rotation))
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launches that drift and kick the bodies."""
@@ -106,11 +113,19 @@ class BuiltInclusions(BuiltPart):
             stage.launch(OWNER, kick, self.count, **shared)
 
 
-def _require_rigid(given: np.ndarray, rigid: np.ndarray, members: np.ndarray) -> None:
+def _rotation(arms: np.ndarray, shift: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """The rotation that takes arms nearest to their shifted ends, exactly the identity without a shift."""
+    if not shift.any():
+        return np.eye(3)
+    found, _ = Rotation.align_vectors(arms + shift, arms, masses)
+    return np.asarray(found.as_matrix())
+
+
+def _require_rigid(name: str, given: np.ndarray, rigid: np.ndarray, members: np.ndarray) -> None:
     off = np.linalg.norm(given - rigid, axis=1)
     worst = int(off.argmax())
     if off[worst] > RIGID_WITHIN * np.linalg.norm(given, axis=1).max():
         raise InputError(
-            f"initial_velocity of point {members[worst]} = {given[worst]}: expected a rigid motion of its rigid "
-            f"inclusion, {rigid[worst]} m/s here"
+            f"{name} of point {members[worst]} = {given[worst]}: expected a rigid motion of its rigid inclusion, "
+            f"{rigid[worst]} here"
         )

@@ -46,7 +46,7 @@ class Soundness:
             between = f"became NaN or Inf between t = {last:.6g} s and t = {now:.6g} s (frame {index})"
         else:
             between = f"became NaN or Inf beyond {format_time(last, load_duration)}"
-        raise DivergedError(f"diverged: {where} {between}; likely cause: {self.cause(dt)}")
+        raise DivergedError(f"diverged: {where} {between}; likely cause: {self.cause(dt, now)}")
 
     def _require_slow(self, index: int, now: float, dt: float) -> None:
         built = self.built
@@ -56,7 +56,7 @@ class Soundness:
             when = format_time(now, built.simulation.load_duration)
             raise DivergedError(
                 f"diverged: point {fastest} moves more than a horizon in one step at {when} "
-                f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt)}"
+                f"(|v| = {speed[fastest]:.4g} m/s, frame {index}); likely cause: {self.cause(dt, now)}"
             )
 
     def require_no_gain(self, row: Mapping[str, float], index: int, dt: float) -> None:
@@ -64,11 +64,11 @@ class Soundness:
         if row.get("balance_error", 0.0) > MAX_GAIN:
             raise DivergedError(
                 f"diverged: at t = {row['time']:.6g} s (frame {index}) the sheet holds more energy than was ever put "
-                f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self.cause(dt)}"
+                f"in, balance error {100.0 * row['balance_error']:.0f} %; likely cause: {self.cause(dt, row['time'])}"
             )
 
-    def cause(self, dt: float) -> str:
-        """What to suspect after a step of dt [s]."""
+    def cause(self, dt: float, now: float) -> str:
+        """What to suspect at a time [s] after a step of dt [s]."""
         if self.last_time is None:
             return "the initial displacement strains the sheet more than its material bears"
         if self.built.simulation.load_duration is not None:
@@ -80,6 +80,15 @@ class Soundness:
             )
         if self.stable_dt is not None and dt > self.stable_dt * (1.0 + 1e-9):
             return f"the step {dt:.4g} s is above the stable step {self.stable_dt:.4g} s"
+        if self.stable_dt is not None:
+            # Nothing passes more than a horizon in a stable step.
+            wave = self.built.law.families.horizon / self.stable_dt
+            speed = max((c.motion.top_speed(now) for c in self.built.constraints if c.motion is not None), default=0.0)
+            if speed > wave:
+                return (
+                    f"points are moved at {speed:.4g} m/s, faster than any wave in this sheet (below {wave:.4g} m/s); "
+                    "try a slower motion"
+                )
         return self.built.law.likely_cause()
 
 

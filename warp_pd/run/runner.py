@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -227,7 +227,7 @@ def _march(recorder: Recorder, resumed: bool) -> tuple[str, str]:
             message = _not_converged(recorder)
         elif status == DIVERGED:
             when = format_time(recorder.time, built.simulation.load_duration)
-            cause = recorder.soundness.cause(recorder.dt)
+            cause = recorder.soundness.cause(recorder.dt, recorder.time)
             message = f"diverged: the residual is {recorder.residual} beyond {when}; likely cause: {cause}"
     except DivergedError as error:
         status, message = DIVERGED, str(error)
@@ -254,7 +254,7 @@ def _finish(result: Result, folder: Path, files: Files) -> None:
     scene = result.built.simulation
     if files.pictures:
         try:
-            draw(scene, result.history, folder, files.pictures)
+            draw(scene, result.history, folder, summary, files.pictures)
         except InputError as error:
             if scene.chosen_fields is None:
                 raise
@@ -287,7 +287,9 @@ def picture_formats(pictures: bool | str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(one_of("pictures", name, FORMATS) for name in names))
 
 
-def draw(scene: Scene, history: History, folder: Path, formats: tuple[str, ...] = ("png",)) -> None:
+def draw(
+    scene: Scene, history: History, folder: Path, summary: Mapping[str, Any], formats: tuple[str, ...] = ("png",)
+) -> None:
     """Draw the scene's pictures; those of `output.default_pictures` if it has no function for them.
 
     Raises:
@@ -302,7 +304,7 @@ def draw(scene: Scene, history: History, folder: Path, formats: tuple[str, ...] 
             return
         from ..output import default_pictures
 
-        default_pictures.draw(history, folder, {measure.name: measure.unit for measure in scene.measures})
+        default_pictures.draw(history, folder, summary)
 
 
 def _not_converged(recorder: Recorder) -> str:

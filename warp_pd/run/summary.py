@@ -14,6 +14,7 @@ import numpy as np
 
 from ..device.checks import InputError, said
 from ..interfaces import History
+from .description import units_of
 from .recorder import Recorder, number_of
 from .scene import Measure, Outcome
 
@@ -131,6 +132,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
     """The summary of a run that is over."""
     notes = notes_of(recorder)
     measures = _measures(recorder, notes)
+    columns = recorder.history[-1] if recorder.history else {}
     return {
         **_origin(recorder, status, message),
         **_model(recorder),
@@ -140,6 +142,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "energy": _energy(recorder),
         "notes": notes,
         "measures": measures,
+        "units": {name: unit for name, unit in units_of(recorder.built).items() if name in columns},
     }
 
 

@@ -14,3 +14,10 @@ def test_rows_that_warp_cannot_address_are_refused():
         register.allocate(Field("bond_force", "law", "bond"), wp.vec3, shape=(0, 178_956_971))
     held = register.allocate(Field("bond_force", "law", "bond"), wp.vec3, shape=(0, 178_956_970))
     assert held.strides[0] == 12 * 178_956_970 < 2**31
+
+
+def test_two_fields_of_one_name_in_frames_are_refused():
+    register = FieldRegister(wp.get_device("cpu"))
+    register.allocate(Field("shown", "law", output="heat"), wp.float32, shape=3)
+    with pytest.raises(InputError, match="mine: output = 'heat': law shows a field of this name; expected another one"):
+        register.allocate(Field("other", "mine", output="heat"), wp.float32, shape=3)

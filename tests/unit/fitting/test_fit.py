@@ -128,6 +128,13 @@ def test_a_wrong_unit_is_noticed(heights):
     assert any("check the unit" in note for note in found.notes)
 
 
+def test_stresses_in_megapascals_are_noticed_where_the_start_is_too():
+    stretch = np.linspace(1.1, 3.0, 9)
+    megapascals = Curve("uniaxial", stretch, "stress", nominal_stress(MooneyRivlin(0.2, 0.0), "uniaxial", stretch))
+    found = fit(UniformTests(MooneyRivlin, [megapascals]), ["c10"], start={"c10": 0.1})
+    assert any("stresses up to 1.16 Pa: check the unit, expected pascals" in note for note in found.notes), found.notes
+
+
 def test_wrong_arguments_are_refused(heights):
     for vary, more, said in (
         (["nu"], {}, "vary = 'nu'"),

@@ -44,7 +44,12 @@ def test_stiffness_goes_with_its_points():
 
 
 @pytest.mark.parametrize(
-    ("points", "factor", "message"), [([0], 0.0, r"factor = 0\.0"), ([81], 2.0, "contains point 81")]
+    ("points", "factor", "message"),
+    [
+        ([0], 0.0, r"^stiffened: factor = 0\.0"),
+        ([81], 2.0, "contains point 81"),
+        ([], 2.0, r"^stiffened: points = \[\]: expected at least one"),
+    ],
 )
 def test_wrong_stiffness_is_named(points, factor, message):
     with pytest.raises(InputError, match=message):

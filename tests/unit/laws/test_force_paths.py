@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from curved_sheets import rough_motion, small_tube
+from curved_sheets import rough_motion, small_tube, tear
 from grid_sheets import holed, partly_off_the_grid
 from helpers import GENT, MU, NEO, array, build, internal_force, jittered, sever, soften, square, strain_energy
 
@@ -112,18 +112,31 @@ def test_a_cpu_sums_rows_of_any_material(material):
     assert "family_rows_force" in quick
 
 
-@pytest.mark.parametrize(("torn", "bits"), [(False, 32), (True, 64)], ids=["undamaged", "torn"])
-def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
-    tube, forces, energies = small_tube(), [], []
+def compare_curved(bits, tear=None):
+    """The same for a tube, which a function may tear."""
+    tube, forces, energies, launches = small_tube(), [], [], []
     for fast in (True, False):
-        parts = {"damage": CriticalStretch(1e3)} if torn else {}
+        parts = {"damage": CriticalStretch(1e3)} if tear else {}
         built = build(tube, horizon=2.5, material=GENT, precision=bits, law={"fast": fast}, **parts)
-        if torn:
-            break_at_random(built)
+        if tear:
+            tear(built)
         forces.append(internal_force(built, rough_motion(tube)))
         energies.append(energy_of_families(built, rough_motion(tube)))
+        launches.append(launch_names(built))
     assert np.abs(forces[0] - forces[1]).max() <= TOLERANCE[bits] * np.abs(forces[1]).max()
     assert np.abs(energies[0] - energies[1]).max() <= ENERGY_TOLERANCE[bits] * energies[1].max()
+    return launches
+
+
+@pytest.mark.parametrize(("torn", "bits"), [(False, 32), (True, 64)], ids=["undamaged", "torn"])
+def test_a_cpu_sums_rows_on_a_curved_sheet(torn, bits):
+    quick, _ = compare_curved(bits, break_at_random if torn else None)
+    assert "family_rows_force" in quick
+
+
+def test_torn_families_of_a_curved_sheet_share_blocks(large_on_gpu):
+    quick, _ = compare_curved(64, tear)
+    assert "family_block_force" in quick
 
 
 @pytest.mark.parametrize(

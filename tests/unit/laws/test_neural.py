@@ -29,6 +29,22 @@ def test_bonds_outside_the_training_range_are_counted_and_reported():
         assert "bonds_outside_training" not in stretched_run(law, np.eye(3)[:, :2]).history[0]
 
 
+@pytest.mark.parametrize(
+    "stretches", [(0.97, 0.97), (0.97, 0.03), (0.97, 1.03), (1.03, 1.03), (-0.03, 0.5), (0.03, 0.03)]
+)
+def test_a_bond_is_outside_if_a_principal_stretch_is(stretches):
+    """In parts of the range: 0 is its lower and 1 its upper end."""
+    law, sheet = Neural(NEO), square(5)
+    least, most = law.loaded.stretches
+    first, second = (least + part * (most - least) for part in stretches)
+    turn = np.array([[np.cos(0.4), -np.sin(0.4), 0.0], [np.sin(0.4), np.cos(0.4), 0.0], [0.0, 0.0, 1.0]])
+    gradient = turn @ np.diag([first, second, 1.0]) @ turn.T
+    built = Simulation(sheet, law, Explicit(1.0), initial_displacement=uniform(sheet, gradient[:, :2])).build("cpu")
+    built.context.run("frame")
+    outside = any(not 0.0 < part < 1.0 for part in stretches)
+    assert built.law.outside.numpy().sum() == outside * built.law.families.bond_count
+
+
 def test_newton_asks_for_a_tangent():
     sheet = square(9)
     for law in (Nodal(NEO), Neural(NEO, evaluation="closed_form")):

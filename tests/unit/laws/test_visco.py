@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import warp as wp
 from helpers import square
 from visco_laws import LAWS, POLYUREA, TERMS
 
@@ -19,6 +20,7 @@ from warp_pd import (
     ViscoBondBased,
     Yeoh,
 )
+from warp_pd.kernels.visco import relaxation_factors
 
 
 def names_of(law, damage=None):
@@ -89,3 +91,17 @@ def test_static_solvers_refuse_prony_terms(solver, name, law):
 def test_wrong_arguments_are_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+def test_what_a_step_retains_is_right_near_no_step():
+    """(1 - exp(-x)) / x, as a series or not."""
+    x, out = np.geomspace(1e-9, 3.0, 400), wp.zeros(400, dtype=wp.float64, device="cpu")
+    retained = relaxation_factors(64)
+
+    @wp.kernel(module="unique")
+    def evaluate(x: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        out[i] = retained(x[i])
+
+    wp.launch(evaluate, dim=400, inputs=[wp.array(x, dtype=wp.float64, device="cpu")], outputs=[out], device="cpu")
+    np.testing.assert_allclose(out.numpy(), -np.expm1(-x) / x, rtol=1e-10)

@@ -45,12 +45,14 @@ def test_a_scene_without_a_function_is_drawn(tmp_path, default_pictures):
 
 def test_a_static_scene_is_drawn_over_the_load_factor(tmp_path, default_pictures):
     solver = "Newton(load_steps=2)"
-    still = "Fixed(sheet.edges(), 'z'), Fixed(right, 'xy'), Pressure(5.0)"
+    still = "Fixed(sheet.edges(), 'z'), Fixed(right, 'xy'), Pressure(5.0), Reaction(right, 'pull')"
     drawn = run(tmp_path, solver, still, "--pictures", "svg")
     assert drawn == ["energy.svg", "measures.svg", "sheet.svg"]
     # Matplotlib notes a text beside its outlines.
-    for name in ("energy.svg", "measures.svg"):
-        assert (tmp_path / "out" / name).read_text().count("<!-- load factor -->") == 1
+    energy, measures = ((tmp_path / "out" / name).read_text() for name in ("energy.svg", "measures.svg"))
+    panels = measures.count("<!-- pull x (N) -->") + measures.count("<!-- pull z (N) -->") + 1
+    assert panels > 1
+    assert (energy.count("<!-- load factor -->"), measures.count("<!-- load factor -->")) == (1, panels)
 
 
 def test_no_pictures(tmp_path, default_pictures):

@@ -114,6 +114,14 @@ def test_pieces_graded_spacing_and_many_parts():
     assert labels(axes)[-1] == f"{25 - shape_plot.MAX_PARTS} more parts" and len(labels(axes)) == 3 + 19
 
 
+@pytest.mark.parametrize("curved", [False, True])
+def test_stiffened_points_are_shown_with_their_factor(curved):
+    sheet = tube() if curved else Sheet.rectangle(0.1, 0.1, points=11, **FLAT)
+    axes = drawn(sheet.stiffened([3, 4, 5], 2.5).stiffened([5], 4.0))
+    assert np.allclose(markers(axes, "2.5 times as stiff, 2 points"), sheet.positions[[3, 4], : 2 + curved])
+    assert np.allclose(markers(axes, "10 times as stiff, 1 points"), sheet.positions[[5], : 2 + curved])
+
+
 def test_a_bar():
     axes = drawn(Sheet.line(1.0, 1e-4, density=1.0, points=20))
     assert labels(axes) == ["20 points"] and np.diff(axes.get_ylim())[0] > 0.0

@@ -1,5 +1,7 @@
 """Notes on bodies that do what contact does not prevent."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers import NEO, square
@@ -46,6 +48,16 @@ def test_a_way_through_a_triangle_is_told_from_one_beside_it():
 
 def test_a_pin_beside_the_sheet_is_not_noted():
     assert notes(pin(0.15, 0.055)) == []
+
+
+def test_a_way_through_a_torn_triangle_is_no_passage():
+    corners = np.array([[[0.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]])
+    checks, intact = BodyChecks.__new__(BodyChecks), np.full((1, 4), 7, np.uint32)
+    for torn, met in ((3, True), (1, False)):
+        now = intact.copy()
+        now[0, torn] = 3
+        checks._intact, checks.law = intact, SimpleNamespace(intact=SimpleNamespace(numpy=now.copy))
+        assert checks._passed(corners + [0.0, 0.0, 0.2], corners - [0.0, 0.0, 0.8], np.array([[0, 1, 2]])) == met
 
 
 @pytest.mark.parametrize(("apart", "overlap"), [(0.02, True), (0.05, False)])

@@ -1,9 +1,13 @@
 """Enclosed volumes: their size, the gradient, laws of pressure, what closes a sheet, wrong input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from curved_sheets import small_tube
 from enclosed_cases import CUBE, TETRAHEDRON, ball, enclosed
 from helpers import NEO, build, jittered, rough, square
+from scipy.spatial.transform import Rotation
 
 from warp_pd import (
     BondAssociated,
@@ -107,6 +111,17 @@ def test_a_flat_sheet_is_closed_by_a_cap():
     flat = build(sheet, loads=[Fixed(sheet.edges("all")), EnclosedVolume([(0.0, 1.0)], 5.0)])
     flat.context.run("setup")
     assert flat.to_numpy(flat.state.external)[:, 2] == pytest.approx(5.0 * sheet.areas, rel=1e-12)
+
+
+def test_a_rim_may_slide_in_the_plane_where_the_sheet_starts():
+    """A tube whose reference is aslant; only its start has rims in planes of constant z."""
+    tube, turn = small_tube(12), Rotation.from_rotvec([0.3, 0.0, 0.0]).as_matrix()
+    aslant = replace(tube, points=tube.points @ turn.T, frames=turn @ tube.frames)
+    loads = [Fixed(np.asarray(tube.edges()), "z"), EnclosedVolume([(0.0, 1.0)], 5.0)]
+    build(aslant, horizon=2.5, loads=loads, initial_displacement=tube.points - aslant.points)
+    for sheet, start in ((aslant, None), (tube, aslant.points - tube.points)):
+        with pytest.raises(InputError, match="is on an edge of the sheet and free"):
+            build(sheet, horizon=2.5, loads=loads, initial_displacement=start)
 
 
 def test_the_edges_of_a_cap_may_slide_in_its_plane():

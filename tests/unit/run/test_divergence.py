@@ -1,15 +1,18 @@
 """Divergence: what is wrong, where, and the likely cause."""
 
 import json
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
-from helpers import GENT, build, square
+from helpers import GENT, build, jittered, square
 from small_runs import BALL, cli
 
 from warp_pd import BondAssociated, Explicit, Fixed, Motion, Simulation
 from warp_pd.__main__ import build_scene
+from warp_pd.families.partition import partition_sheet
+from warp_pd.parts.frame_checks import FrameChecks
 from warp_pd.run.divergence import DivergedError
 from warp_pd.run.recorder import Recorder
 
@@ -23,6 +26,20 @@ def test_the_first_point_that_is_not_finite_is_named(field, bad):
     getattr(built.state, field).assign(values)
     with pytest.raises(DivergedError, match=f"point {min(bad)} at"):
         Recorder(built, []).frame(0, 0.0, 0, 0.0)
+
+
+def test_the_first_bad_point_of_several_processes_has_its_number_in_the_whole_sheet():
+    """Each process tells of each of its blocks of 256 points the first bad one of its own, or too large a number."""
+    sheet, begins = square(33), 256 * np.arange(5)
+    partition = partition_sheet(sheet, 2.015, 1, 3)
+    first = partition.bounds[partition.block_owner_of(begins)]
+    checks = FrameChecks.__new__(FrameChecks)
+    for bad in ([0], [255, 256], [767, 800], [1000, 1088], []):
+        checks.not_finite = np.full(5, sheet.size)
+        for point in bad[::-1]:
+            checks.not_finite[point // 256] = point - first[point // 256]
+        checks.context = SimpleNamespace(partition=partition, whole=sheet, whole_array=np.copy)
+        assert checks.first_not_finite() == min(bad, default=None)
 
 
 @pytest.mark.parametrize("precision", [32, 64])
@@ -47,6 +64,19 @@ def test_gent_near_its_lock_ends_with_the_cause():
     assert result.status == "diverged"
     assert "lock" in result.summary["message"]
     assert np.isfinite(result.frame.displacement).all()
+
+
+@pytest.mark.parametrize(("waves", "motion"), [(5.0, True), (0.5, False)])
+def test_edges_pulled_faster_than_waves_are_the_cause(waves, motion):
+    """Waves of small strain go at sqrt(4 mu / density) = 2 m/s."""
+    sheet, pulled = jittered(13), waves * 2.0
+    sides = (("left", -1), ("right", 1))
+    ends = [Motion(sheet.edges(name), [0.0, 1.0], x=[0.0, side * pulled]) for name, side in sides]
+    law = BondAssociated(GENT, weights="plain", horizon=2.015)
+    result = Simulation(sheet, law, Explicit(0.5 / pulled, frames=50), loads=ends).run(device="cpu")
+    assert result.status == "diverged"
+    said = f"points are moved at {pulled:g} m/s, faster than any wave"
+    assert (said in result.summary["message"]) == motion, result.summary["message"]
 
 
 def test_a_diverging_run_ends_with_code_3_and_its_cause(tmp_path):

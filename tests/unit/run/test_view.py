@@ -12,7 +12,7 @@ from small_runs import cli, simulate
 from torn_frames import FRAMES, make_frame, write_all
 
 from warp_pd.device.checks import InputError
-from warp_pd.output.quantities import choices, column_unit, curves
+from warp_pd.output.quantities import choices, column_unit, curves, known_units
 from warp_pd.output.view import Limits, files
 from warp_pd.output.vtkhdf import VtkHdfSeries
 from warp_pd.run import runner
@@ -142,11 +142,13 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(ball, tmp_path):
 
 
 def test_names_get_words_and_units():
-    measures = {"load": {"unit": "N"}, "share": {"unit": "1"}}
+    measures = known_units({"measures": {"load": {"unit": "N"}, "share": {"unit": "1"}}, "units": {"pull_x": "N"}})
     columns = ["time", "step", "kinetic", "strain", "ball_force_x", "ball_force_y", "ball_force_z", "load", "pressure"]
-    graphs = curves(columns, measures)
+    columns += ["pull_x"]
+    graphs = curves(columns, ["load"], measures)
     assert [(g["label"], g["unit"], len(g["columns"])) for g in graphs] == [
         ("load", "N", 1), ("ball force", "N", 3), ("energies", "J", 2), ("pressure", "Pa", 1),
+        ("pull x", "N", 1),
     ]  # fmt: skip
     assert (column_unit("share", measures), column_unit("lid_torque_y", {}), column_unit("unknown", {})) == (
         "", "N m", "",
