@@ -56,24 +56,21 @@ def compare(sheet, bits, **options):
         (square(13), 3.015, True, 64),
         (square(13), 3.015, False, 32),
         (jittered(11), 2.015, True, 32),
-        (jittered(11), 2.015, False, 64),
         (holed(19), 4.15, True, 64),
     ],
-    ids=["torn lattice", "lattice", "torn cloud", "cloud", "torn grid, two words"],
+    ids=["torn lattice", "lattice", "torn cloud", "torn grid, two words"],
 )
 def test_a_step_is_that_of_the_reference_kernels(sheet, horizon, torn, bits):
     tear = {"damage": CriticalStretch(1e3), "tear": lambda built: sever(built, CUT)} if torn else {}
     compare(sheet, bits, horizon=horizon, **tear)
 
 
-@pytest.mark.parametrize("weights", ["plain", "corrected"])
-def test_weights(weights):
-    compare(square(11), 64, weights=weights)
+def test_corrected_weights():
+    compare(square(11), 64, weights="corrected")
 
 
-@pytest.mark.parametrize("bits", [32, 64])
-def test_a_curved_sheet(bits):
-    compare(small_tube(), bits, horizon=2.5)
+def test_a_curved_sheet():
+    compare(small_tube(), 64, horizon=2.5)
 
 
 def test_off_the_path_the_state_is_kept():
