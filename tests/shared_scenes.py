@@ -71,7 +71,7 @@ def thick(x, y):
 def sheet_of(name, points):
     # The sweeps of a field go further than a halo: twice as long a sheet is not all within their reach.
     height, grid = (2.0, (points, 2 * points - 1)) if name.startswith("field") else (1.0, points)
-    size = {**SIZE, "thickness": thick} if name in ("torn", "cloud", "field hole") else SIZE
+    size = {**SIZE, "thickness": thick} if name in ("cloud", "field hole") else SIZE
     if name in ("cloud", "field cloud"):
         sheet = Sheet.filled(1.0, height, points=grid, jitter=0.2, **size)
     elif name == "scattered":

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, by_point, one_of, point_indices, positive
+from ..device.checks import InputError, by_point, numbers, one_of, point_indices, positive
 from ..device.fields import Array, to_host
 from ..device.launches import Stage
 from ..families.partition import Partition
@@ -311,11 +311,11 @@ class DamageField(Damaged):
             from_end = distance_from_segments(sheet.points, np.stack(2 * [loose_ends(segments)], axis=1), self.length)
             ahead = from_end <= apart * (1.0 + 1e-9)
         if self.rupture.initial_damage is not None:
-            given = np.asarray(self.rupture.initial_damage, float)
-            if given.shape != damage.shape or not ((given >= 0.0) & (given <= 1.0)).all():
+            given = numbers("TearingEnergy.initial_damage", self.rupture.initial_damage)
+            if given.shape != damage.shape or given.min() < 0.0 or given.max() > 1.0:
+                found = f"{given.min():g} to {given.max():g}" if given.shape == damage.shape else f"shape {given.shape}"
                 raise InputError(
-                    f"TearingEnergy.initial_damage: expected {sheet.size} numbers from 0 to 1, got shape {given.shape} "
-                    f"from {given.min():g} to {given.max():g}"
+                    f"TearingEnergy.initial_damage: expected {sheet.size} numbers from 0 to 1, got {found}"
                 )
             damage = np.maximum(damage, given)
         damage = np.minimum(damage, MOST_AT_START)
