@@ -28,7 +28,7 @@ from warp_pd import Explicit, Fixed, Measure, NeoHookean, Outcome, RigidBall, Se
 from warp_pd.device.checks import count, positive
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, largest, time_above, worst_balance
-from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 
 def build(
@@ -84,6 +84,7 @@ def build(
         loads=[Fixed(clamp)],
         contact=[ball, SelfContact()] if self_contact else ball,
         damage=stretch_or_energy(critical_stretch, tearing_energy, length, None if clamp_can_tear else clamp),
+        notes=notes_on_criterion(critical_stretch),
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[
             Measure("lowest_point", "m", lambda built, frame: lowest(sheet, frame)),

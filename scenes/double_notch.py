@@ -26,7 +26,7 @@ from warp_pd.device.checks import InputError, count, finite, positive, resolved
 from warp_pd.geometry.roughness import rough_surface
 from warp_pd.materials import with_wrinkles
 from warp_pd.measures import TearLine, largest, support_force, time_above, worst_balance
-from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 
 def build(
@@ -97,6 +97,7 @@ def build(
             Motion(bottom, times=[0.0, duration], x=0.0, y=[0.0, -travel], z=0.0),
         ],
         damage=stretch_or_energy(critical_stretch, tearing_energy, length, grips),
+        notes=notes_on_criterion(critical_stretch),
         initial_displacement=rough_surface(sheet, roughness, seed, grips),
         solver=Explicit(duration=duration, frames=times, damping=damping, safety=safety),
         measures=[

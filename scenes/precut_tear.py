@@ -21,7 +21,7 @@ from warp_pd import Explicit, Fixed, Measure, Motion, NeoHookean, Outcome, Sheet
 from warp_pd.device.checks import InputError, positive, resolved
 from warp_pd.laws import force_law
 from warp_pd.measures import TearLine, growth_rate, largest, support_force, time_above, time_below, worst_balance
-from warp_pd.parts import horizon_for_tears, length_for_tears, stretch_or_energy
+from warp_pd.parts import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 
 # Within this distance of the pulled points [m] torn faces belong to the grip.
 GRIP = 0.2
@@ -87,6 +87,7 @@ def build(
             Motion(pulled, times=[0.0, duration], x=[0.0, pull * duration], y=0.0, z=[0.0, lift * duration]),
         ],
         damage=stretch_or_energy(critical_stretch, tearing_energy, length, np.concatenate([left, pulled])),
+        notes=notes_on_criterion(critical_stretch),
         initial_displacement=ripples,
         solver=Explicit(duration=duration, frames=frames, damping=damping, safety=safety),
         measures=[

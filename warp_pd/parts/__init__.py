@@ -10,9 +10,10 @@ from .enclosed import Enclosed, EnclosedGas, EnclosedVolume
 from .loads import BodyForce, PointForce, Pressure
 from .reaction import Reaction
 from .rupture import BondCriterion, CriticalEnergy, CriticalStretch
+from .scene_rupture import horizon_for_tears, length_for_tears, notes_on_criterion, stretch_or_energy
 from .self_contact import SelfContact
 from .supports import Fixed, Motion, stretching_edges
-from .tearing_energy import TearingEnergy, horizon_for_tears, length_for_tears, stretch_or_energy
+from .tearing_energy import TearingEnergy
 
 __all__ = [
     "BodyForce",
@@ -43,6 +44,7 @@ __all__ = [
     "TriangleMesh",
     "horizon_for_tears",
     "length_for_tears",
+    "notes_on_criterion",
     "stretch_or_energy",
     "stretching_edges",
 ]

@@ -21,7 +21,7 @@ from ..interfaces.context import Context
 from ..interfaces.phases import Phase
 from ..kernels.damage_field import NEAR, TOGETHER, damage_field
 from .damage_ghosts import LAYERS, DamageGhosts
-from .rupture import AT_REST, CriticalStretch, Damaged
+from .rupture import AT_REST, Damaged
 from .weak_seams import narrow_seam
 
 # Default length over the spacing, and its least ratio to the horizon, see docs/tearing-energy.md.
@@ -573,27 +573,3 @@ class DamageField(Damaged):
 def bias(ratio: float) -> float:
     """Energy that a tear takes over the one that the field is given, at a ratio of the horizon to the length."""
     return 1.0 + BIAS[0] * ratio + BIAS[1] * ratio**2
-
-
-def stretch_or_energy(
-    critical_stretch: float | None, tearing_energy: float, length: float | None = None, spared: Any = None
-) -> Rupture:
-    """The criterion of a scene: a critical stretch [-] if one is given, a tearing energy [J/m^2] otherwise."""
-    if critical_stretch is not None:
-        return CriticalStretch(critical_stretch, spared)
-    return TearingEnergy(tearing_energy, length, spared=spared)
-
-
-def horizon_for_tears(horizon: float | None, critical_stretch: float | None) -> float:
-    """Horizon of a scene in spacings: the given one, or 2.015, or 3.15 with a critical stretch.
-
-    With a critical stretch cracks follow the grid at smaller horizons.
-    """
-    if horizon is not None:
-        return positive("horizon", horizon)
-    return 2.015 if critical_stretch is None else 3.15
-
-
-def length_for_tears(length: float | None, default: float, horizon: float, sheet: Sheet) -> float:
-    """Length of the damage field of a scene [m]: the given one, or the default, or the horizon if that is more."""
-    return max(default, horizon * sheet.spacing) if length is None else length
