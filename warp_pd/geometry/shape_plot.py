@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sized
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..device.checks import InputError, said
 from .picture_files import new_figure, save
+from .shape import Shape
 from .topology import boundary_edges, boundary_rings, pieces
-
-if TYPE_CHECKING:
-    from .sheet import Sheet
 
 # Most triangles that are drawn one by one, most markers of a kind, most parts in the legend, longest side [inches].
 MAX_TRIANGLES, MAX_MARKERS, MAX_PARTS, SIDE = 20_000, 8_000, 18, 8.0
@@ -27,24 +24,31 @@ PART_COLOURS = ("C0", "C1", "C2", "C3", "C4", "C6", "C8", "C9")
 APART = 0.2
 # Elevation and azimuth of the eye [degrees].
 VIEW = (28.0, -60.0)
+# Labels and points of parts.
+Parts: TypeAlias = list[tuple[str, np.ndarray]]
 
 
 def draw_shape(
-    sheet: Sheet,
+    sheet: Shape,
     path: str | os.PathLike[str] | None = None,
     *,
     title: str = "",
     view: tuple[float, float] = VIEW,
+    thickness: float | np.ndarray,
+    stiffness: np.ndarray | None,
 ) -> Any:
-    """Draw a sheet; see `warp_pd.draw_sheet`, which draws a sheet so.
+    """Draw a sheet of this shape; see `warp_pd.draw_sheet`, which draws a sheet so.
 
     Raises:
         InputError: for a path that cannot be written.
     """
     written = None if path is None else target(path)
     curved = bool(np.ptp(sheet.positions[:, 2]) > 0.0)
-    figure, axes = _curved(sheet, view) if curved else _flat(sheet)
-    axes.set_title("\n".join([*([title] if title else []), _described(sheet)]), fontsize=10, pad=20 if curved else 6)
+    varying = np.asarray(thickness) if np.ndim(thickness) else None
+    parts = _parts(sheet, stiffness)
+    figure, axes = _curved(sheet, parts, varying, view) if curved else _flat(sheet, parts, varying)
+    lines = [*([title] if title else []), _described(sheet, varying)]
+    axes.set_title("\n".join(lines), fontsize=10, pad=20 if curved else 6)
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, fontsize=8, frameon=False)
     if written is not None:
         save(figure, written, bbox_inches="tight", pad_inches=0.15)
@@ -70,19 +74,19 @@ def target(path: Any) -> Path:
     return found
 
 
-def _described(sheet: Sheet) -> str:
+def _described(sheet: Shape, thickness: np.ndarray | None) -> str:
     size = " x ".join(f"{extent:.4g}" for extent in np.ptp(sheet.points, axis=0))
     text = f"{size} m, {sheet.size} points, {len(sheet.triangles)} triangles"
     text += f", spacing {sheet.spacing:.4g} m" if sheet.spacings is None else (
         f", spacing {sheet.spacings.min():.4g} to {sheet.spacings.max():.4g} m"
     )  # fmt: skip
-    if np.ndim(sheet.thickness):
-        text += f", thickness {np.min(sheet.thickness):.4g} to {np.max(sheet.thickness):.4g} m"
+    if thickness is not None:
+        text += f", thickness {thickness.min():.4g} to {thickness.max():.4g} m"
     count = int(pieces(sheet.triangles).max()) + 1 if len(sheet.triangles) else 1
     return text if count == 1 else f"{text}, {count} pieces"
 
 
-def _flat(sheet: Sheet) -> tuple[Any, Any]:
+def _flat(sheet: Shape, parts: Parts, thickness: np.ndarray | None) -> tuple[Any, Any]:
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patches import PathPatch
 
@@ -96,8 +100,8 @@ def _flat(sheet: Sheet) -> tuple[Any, Any]:
     if len(edges):
         outline = _filled(where, edges)
         axes.add_patch(PathPatch(outline, facecolor=RUBBER, edgecolor="none", zorder=0))
-        if np.ndim(sheet.thickness):
-            shaded = axes.tripcolor(*where.T, sheet.triangles, sheet.thickness, cmap=THICKNESS, zorder=0.5)
+        if thickness is not None:
+            shaded = axes.tripcolor(*where.T, sheet.triangles, thickness, cmap=THICKNESS, zorder=0.5)
             figure.colorbar(shaded, location="bottom", label="thickness (m)", shrink=0.6)
         if len(sheet.triangles) <= MAX_TRIANGLES:
             sides = where[_sides(sheet.triangles)]
@@ -112,7 +116,7 @@ def _flat(sheet: Sheet) -> tuple[Any, Any]:
         axes.add_collection(LineCollection(sheet.cuts, colors=CUT, linewidths=2.0, label="cuts", zorder=5))
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen, label, color=colour, markersize=size, zorder=3)
-    for rank, (label, chosen) in enumerate(parts := _parts(sheet)):
+    for rank, (label, chosen) in enumerate(parts):
         _markers(axes, where, chosen, label, color=_colour(rank), markersize=size + _growth(parts, rank), zorder=6)
     margin = 0.03 * extent.max()
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
@@ -121,7 +125,7 @@ def _flat(sheet: Sheet) -> tuple[Any, Any]:
     return figure, axes
 
 
-def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
+def _curved(sheet: Shape, parts: Parts, thickness: np.ndarray | None, view: tuple[float, float]) -> tuple[Any, Any]:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import to_rgb
     from matplotlib.ticker import MaxNLocator
@@ -137,9 +141,9 @@ def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     shade = 0.5 + 0.5 * np.abs(normals @ (-0.4, -0.5, 0.77))
     face = np.column_stack([shade[:, None] * to_rgb(RUBBER), np.ones(len(shade))])
-    if np.ndim(sheet.thickness) and len(triangles) <= MAX_TRIANGLES:
+    if thickness is not None and len(triangles) <= MAX_TRIANGLES:
         shown = ScalarMappable(cmap=THICKNESS)
-        face[:, :3] = shade[:, None] * shown.to_rgba(np.asarray(sheet.thickness)[triangles].mean(axis=1))[:, :3]
+        face[:, :3] = shade[:, None] * shown.to_rgba(thickness[triangles].mean(axis=1))[:, :3]
         figure.colorbar(shown, ax=axes, location="bottom", label="thickness (m)", shrink=0.6)
     label = "triangles" if len(triangles) <= MAX_TRIANGLES else "triangles, joined to larger ones"
     lines = {"edgecolors": "0.45", "linewidths": 0.2}
@@ -151,7 +155,7 @@ def _curved(sheet: Sheet, view: tuple[float, float]) -> tuple[Any, Any]:
         _markers(axes, where, members, label, color=RIGID, markersize=3.5, marker="s", zorder=2)
     for label, chosen, colour in _kinds(sheet):
         _markers(axes, where, chosen[_towards(sheet, view)[chosen]], label, color=colour, markersize=1.5, zorder=2)
-    for rank, (label, chosen) in enumerate(parts := _parts(sheet)):
+    for rank, (label, chosen) in enumerate(parts):
         _markers(axes, where, chosen, label, color=_colour(rank), markersize=2.0 + _growth(parts, rank), zorder=4)
     for c, name in enumerate("xyz"):
         getattr(axes, f"set_{name}lim")(low[c], high[c])
@@ -176,7 +180,7 @@ def _markers(axes: Any, where: np.ndarray, chosen: np.ndarray, label: str, **sty
     axes.plot(*where[chosen].T, **{"marker": "o", "linestyle": "none", "markeredgewidth": 0.0, "label": label, **style})
 
 
-def _kinds(sheet: Sheet) -> list[tuple[str, np.ndarray, str]]:
+def _kinds(sheet: Shape) -> list[tuple[str, np.ndarray, str]]:
     """Label, points and colour of the points on the square grid and of the others."""
     if sheet.grid is None:
         return [(f"{sheet.size} points", np.arange(sheet.size), GRID_POINT)]
@@ -188,7 +192,7 @@ def _kinds(sheet: Sheet) -> list[tuple[str, np.ndarray, str]]:
     ]
 
 
-def _inclusions(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
+def _inclusions(sheet: Shape) -> list[tuple[str, np.ndarray]]:
     """Label and points of the rigid inclusions; a label that begins with an underscore is not in the legend."""
     return [
         (f"rigid inclusion {number}, {len(points)} points" if number <= MAX_PARTS else "_more", points)
@@ -196,9 +200,9 @@ def _inclusions(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
     ]
 
 
-def _parts(sheet: Sheet) -> list[tuple[str, np.ndarray]]:
+def _parts(sheet: Shape, stiffness: np.ndarray | None) -> Parts:
     """Label and points of stiffened and of named parts, the largest first: smaller ones lie on them."""
-    stiffness = np.ones(0) if sheet.stiffness is None else sheet.stiffness
+    stiffness = np.ones(0) if stiffness is None else stiffness
     stiff = {f"{s:g} times as stiff": np.flatnonzero(stiffness == s) for s in np.unique(stiffness[stiffness != 1.0])}
     order = sorted([*sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
     shown = [(f"{name}, {len(points)} points", points) for name, points in order[:MAX_PARTS]]
@@ -210,12 +214,12 @@ def _colour(rank: int) -> str:
     return PART_COLOURS[rank % len(PART_COLOURS)]
 
 
-def _growth(parts: Sized, rank: int) -> float:
+def _growth(parts: Parts, rank: int) -> float:
     """Extra size of the markers of a part, so that those on top show the ones below."""
     return 0.6 + 0.5 * min(len(parts) - rank - 1, 5)
 
 
-def _typical_distance(sheet: Sheet) -> float:
+def _typical_distance(sheet: Shape) -> float:
     return sheet.spacing if sheet.spacings is None else float(np.median(sheet.spacings))
 
 
@@ -225,7 +229,7 @@ def _sides(triangles: np.ndarray) -> np.ndarray:
     return np.unique(np.sort(edges, axis=1), axis=0)
 
 
-def _apart(sheet: Sheet) -> np.ndarray:
+def _apart(sheet: Shape) -> np.ndarray:
     """Where the points of a flat sheet are drawn [m], shape (N, 2)."""
     where = sheet.points.copy()
     edge = np.unique(boundary_edges(sheet.triangles))
@@ -270,7 +274,7 @@ def _coarse(where: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.asarray(middle[joined[first]])
 
 
-def _towards(sheet: Sheet, view: tuple[float, float]) -> np.ndarray:
+def _towards(sheet: Shape, view: tuple[float, float]) -> np.ndarray:
     """Points on the side of a closed surface that the eye sees; all of an open one, shape (N,)."""
     if len(boundary_edges(sheet.triangles)):
         return np.ones(sheet.size, bool)

@@ -331,7 +331,7 @@ class Sheet(SelectableShape):
         """A picture of the sheet, which a notebook shows; see `warp_pd.draw_sheet`."""
         from .shape_plot import draw_shape
 
-        return draw_shape(self, path)
+        return draw_shape(self, path, thickness=self.thickness, stiffness=self.stiffness)
 
     def cut(self, start: tuple[float, float], end: tuple[float, float]) -> Sheet:
         """A copy in which no bond crosses the segment from `start` to `end` [m].

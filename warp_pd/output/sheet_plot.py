@@ -38,4 +38,4 @@ def draw_sheet(
     """
     if not isinstance(sheet, Sheet):
         raise InputError(f"sheet = {said(sheet)}: expected a Sheet")
-    return draw_shape(sheet, path, title=title, view=view)
+    return draw_shape(sheet, path, title=title, view=view, thickness=sheet.thickness, stiffness=sheet.stiffness)
