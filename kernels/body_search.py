@@ -57,6 +57,26 @@ class BodySearch:
 
 
 @functools.cache
+def wide_places(bits: int, curved: bool) -> tuple[wp.Function, wp.Function]:
+    """Functions (v) -> v in float64, and (reference position, displacement) -> place in space in float64 [m]."""
+    types = numeric(bits)
+    vec3, reference = types.vec3, types.vec3 if curved else types.vec2
+
+    @wp.func
+    def wide(v: vec3):
+        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+    @wp.func
+    def placed(X: reference, u: vec3):
+        if wp.static(curved):
+            return wide(u) + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(X[2]))
+        else:
+            return wide(u) + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
+
+    return wide, placed
+
+
+@functools.cache
 def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, searched: bool, marked: bool) -> BodySearch:
     """Struct and functions of a body.
 
@@ -73,6 +93,7 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
     out = ways_out(distance)
     way_out, pushed_out = out.way_out, out.pushed_out
     flat = distance is plane_distance
+    wide, placed = wide_places(bits, curved)
 
     @wp.struct
     class BodyContact:
@@ -114,21 +135,12 @@ def body_search(bits: int, distance: wp.Function, curved: bool, held: bool, sear
         rubbing: wp.array(dtype=wp.vec3d)
 
     @wp.func
-    def wide(v: vec3):
-        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
-    @wp.func
     def narrow(v: wp.vec3d):
         return vec3(real(v[0]), real(v[1]), real(v[2]))
 
     @wp.func
     def position(i: int, a: BodyContact):
-        X = a.reference[i]
-        x = wide(a.displacement[i])
-        if wp.static(curved):
-            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(X[2]))
-        else:
-            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
+        return placed(a.reference[i], a.displacement[i])
 
     @wp.func
     def feels(i: int, a: BodyContact):

@@ -19,6 +19,7 @@ from typing import Any
 
 import warp as wp
 
+from .body_search import wide_places
 from .distances import TINY, weights_of_nearest
 from .effects import Kernel, kernel, unstaged
 from .numeric import numeric
@@ -147,6 +148,7 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
+    wide, placed = wide_places(bits, curved)
 
     @wp.struct
     class Surface:
@@ -167,17 +169,8 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
         velocity: wp.array(dtype=vec3)
 
     @wp.func
-    def wide(v: vec3):
-        return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
-    @wp.func
     def position(i: int, a: Surface):
-        X = a.reference[i]
-        x = wide(a.displacement[i])
-        if wp.static(curved):
-            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(X[2]))
-        else:
-            return x + wp.vec3d(wp.float64(X[0]), wp.float64(X[1]), wp.float64(0.0))
+        return placed(a.reference[i], a.displacement[i])
 
     @wp.func
     def mobility(i: int, a: Surface):
