@@ -10,12 +10,12 @@ import numpy as np
 import torch
 import warp as wp
 
-from ...device.checks import InputError, count, finite, positive
-from ...kernels.neural_network import training_samples
-from ...kernels.numeric import numeric
-from ...materials import Material, capabilities, padded_constants
-from .networks import INPUTS, OUTPUTS, Network, inputs
-from .torch_network import bond_network
+from warp_pd import InputError
+from warp_pd.kernels.neural_network import training_samples
+from warp_pd.kernels.numeric import numeric
+from warp_pd.laws.neural.networks import INPUTS, OUTPUTS, Network, inputs
+from warp_pd.laws.neural.torch_network import bond_network
+from warp_pd.materials import Material, capabilities, padded_constants
 
 # Errors are relative to the force on the bond, or to this fraction of mu where that is smaller: the force passes zero.
 FLOOR = 0.1
@@ -65,16 +65,8 @@ class Training:
     patience: int = 20
 
     def __post_init__(self) -> None:
-        least, most = positive("stretches[0]", self.stretches[0]), finite("stretches[1]", self.stretches[1])
-        if not least < 1.0 < most:
-            raise InputError(f"stretches = {self.stretches!r}: expected two numbers with 1 in between")
-        count("samples", self.samples, 100)
-        for name in ("steps", "patience"):
-            count(name, getattr(self, name), 1)
-        if not self.hidden:
-            raise InputError("hidden = (): expected at least one width")
-        for width in self.hidden:
-            count("hidden", width, 1)
+        if not 0.0 < self.stretches[0] < 1.0 < self.stretches[1]:
+            raise InputError(f"stretches = {self.stretches!r}: expected two positive numbers with 1 in between")
 
 
 def training_data(material: Material, states: np.ndarray) -> TrainingData:
