@@ -44,14 +44,8 @@ class HyperelasticBondsKernels:
 
 
 @functools.cache
-def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> HyperelasticBondsKernels:
-    """Kernels of the law.
-
-    Args:
-        layout: Layout of the families.
-        compressed: Whether bonds shorter than in the reference configuration have separate constants.
-        corrected: Whether there is a surface correction.
-    """
+def hyperelastic_bonds(layout: Layout) -> HyperelasticBondsKernels:
+    """Kernels of the law."""
     types = layout.types
     real, vec2, vec3, parameters = types.real, types.vec2, types.vec3, types.parameters
     f = family_functions(layout)
@@ -61,16 +55,8 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
 
     @wp.struct
     class Constants:
-        stretched: parameters
-        shortened: parameters
+        tension: parameters
         factors: wp.array(dtype=vec2)
-
-    @wp.func
-    def chosen(e: real, constants: Constants):
-        if wp.static(compressed):
-            return wp.where(e < real(0.0), constants.shortened, constants.stretched)
-        else:
-            return constants.stretched
 
     @wp.func
     def tension(e: real, p: parameters):
@@ -100,24 +86,23 @@ def hyperelastic_bonds(layout: Layout, compressed: bool, corrected: bool) -> Hyp
         along = xi[0] * Y[0] + xi[1] * Y[1]
         cosine = along * along / (squared * wp.dot(Y, Y))
         weight = real(0.5) * (f.weight(family, i, k) + f.weight(family, m, f.reverse(family, i, k)))
-        if wp.static(corrected):
-            mean = real(0.5) * (constants.factors[i] + constants.factors[m])
-            x = xi[0] / mean[0]
-            y = xi[1] / mean[1]
-            weight *= wp.sqrt(squared / (x * x + y * y))
+        mean = real(0.5) * (constants.factors[i] + constants.factors[m])
+        x = xi[0] / mean[0]
+        y = xi[1] / mean[1]
+        weight *= wp.sqrt(squared / (x * x + y * y))
         return weight * cosine / squared
 
     @wp.func
     def force_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
         e = strain(xi, U)
         Y = image(xi, U)
-        return coefficient(family, constants, i, k, m, xi, Y) * tension(e, chosen(e, constants)) * wp.normalize(Y)
+        return coefficient(family, constants, i, k, m, xi, Y) * tension(e, constants.tension) * wp.normalize(Y)
 
     @wp.func
     def stiffness_of(family: Family, constants: Constants, i: int, k: int, m: int, xi: vec2, U: vec3):
         """The larger of the stiffnesses along and across the bond."""
         e = strain(xi, U)
-        p = chosen(e, constants)
+        p = constants.tension
         stiffest = wp.max(wp.abs(slope(e, p)), wp.abs(tension(e, p)) / (real(1.0) + e))
         return coefficient(family, constants, i, k, m, xi, image(xi, U)) / wp.length(xi) * stiffest
 

@@ -46,13 +46,12 @@ class ViscoBondKernels:
 
 
 @functools.cache
-def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
+def visco_bonds(layout: Layout, terms: bool) -> ViscoBondKernels:
     """Kernels of the law.
 
     Args:
         layout: Layout of the families.
         terms: Whether there are Prony terms.
-        series: Whether the viscous stretch is updated by the series of VE eq. 60, or exactly.
     """
     types, bits = layout.types, layout.bits
     real, vec3, parameters = types.real, types.vec3, types.parameters
@@ -145,12 +144,8 @@ def visco_bonds(layout: Layout, terms: bool, series: bool) -> ViscoBondKernels:
                         x *= wp.pow(rate, term[3])
                     row = p * family.members + k
                     gamma = viscous_stretch[row, i]
-                    if wp.static(series):
-                        half = real(0.5) * x
-                        viscous_stretch[row, i] = gamma - x * gamma * (real(1.0) - half) + change * (real(1.0) - half)
-                    else:
-                        kept = retained(x)
-                        viscous_stretch[row, i] = gamma - x * kept * gamma + kept * change
+                    kept = retained(x)
+                    viscous_stretch[row, i] = gamma - x * kept * gamma + kept * change
                 strain[k, i] = s
 
     @wp.func

@@ -193,14 +193,12 @@ LAWS: dict[str, Callable[[], Any]] = {
     "bonds": lambda: w.BondBased(w.Bimodular(3e3, 1e3)),
     "slack": lambda: w.BondBased(w.Bimodular(3e3, 0.0)),
     "hyperelastic": lambda: w.HyperelasticBonds(w.BondNeoHookean(1e3)),
-    "hyperelastic both": lambda: w.HyperelasticBonds(w.BondNeoHookean(1e3, "uniaxial", "published_both")),
     "closed form": lambda: w.Neural(neo(), 2.015, evaluation="closed_form", weights="published"),
     "fused": lambda: w.Neural(neo(), 2.015, evaluation="fused", weights="published"),
     "torch": lambda: w.Neural(neo(), 2.015, weights="published"),
     "visco": lambda: w.Visco(w.Yeoh(0.5e3, 10.0, 1.0), 2.015, prony=prony()),
     "visco without terms": lambda: w.Visco(w.Yeoh(0.5e3, 10.0, 1.0), 2.015),
     "visco bonds": lambda: w.ViscoBondBased(w.Yeoh(1e3, 10.0), prony=prony()),
-    "visco bonds series": lambda: w.ViscoBondBased(w.Yeoh(1e3, 10.0), prony=prony(), update="series"),
     "elastic bonds": lambda: w.ViscoBondBased(w.Yeoh(1e3, 10.0)),
 }
 MATERIALS: dict[str, Callable[[], Any]] = {

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive
+from ..device.checks import InputError, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
@@ -45,12 +45,10 @@ class HyperelasticBonds:
     Attributes:
         material: Material for one mode, see `BondNeoHookean`.
         horizon: Horizon in spacings of the sheet [-], at least 1; the paper's are 3.015, and 9.015 uniaxial.
-        surface_correction: Whether to apply the surface correction.
     """
 
     material: BondNeoHookean
     horizon: float = 3.015
-    surface_correction: bool = True
 
     weights: ClassVar[str] = "pairwise"
     has_energy: ClassVar[bool] = False
@@ -58,7 +56,6 @@ class HyperelasticBonds:
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
-        one_of("surface_correction", self.surface_correction, (True, False))
         if not isinstance(self.material, BondNeoHookean):
             raise InputError(f"material = {self.material!r}: expected BondNeoHookean with the law HyperelasticBonds")
 
@@ -75,8 +72,7 @@ class HyperelasticBondsForce(FamilyLaw):
     """The law on one sheet and device.
 
     Attributes:
-        bond_constants: Constants of bonds that are longer and shorter than in the reference configuration, and the
-            surface correction along x and y of each point, (N,) vec2, if there is one.
+        bond_constants: Constants of bonds, and the surface correction along x and y of each point, (N,) vec2.
     """
 
     weights = "pairwise"
@@ -89,14 +85,11 @@ class HyperelasticBondsForce(FamilyLaw):
         families = build_families(sheet, law.horizon, "inverse", intersections=False)
         weights = families.scaled(_bond_weights(families))
         super().__init__(law, context, families, None, weights)
-        shortened = law.material.compressed_constants
-        self.kernels = hyperelastic_bonds(context.layout, shortened is not None, law.surface_correction)
+        self.kernels = hyperelastic_bonds(context.layout)
         self.bond_constants = self.kernels.constants()
-        self.bond_constants.stretched = self.constants
-        self.bond_constants.shortened = context.types.parameters(*(shortened or law.material.constants))
-        if law.surface_correction:
-            values = families.rows_of_points(surface_factors(families, law.material))
-            self.bond_constants.factors = context.array("surface_factors", self.owner, context.types.vec2, values)
+        self.bond_constants.tension = self.constants
+        values = families.rows_of_points(surface_factors(families, law.material))
+        self.bond_constants.factors = context.array("surface_factors", self.owner, context.types.vec2, values)
 
     def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
         """Add the launch that fills `out` with the internal force [N] at a displacement [m], both (N,) vec3."""

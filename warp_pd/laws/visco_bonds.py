@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive
+from ..device.checks import InputError, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, build_families
@@ -19,8 +19,6 @@ from ..kernels.visco_bonds import visco_bonds
 from ..materials import Prony, Yeoh
 from .family_law import FamilyLaw, require_one_material, whole_sheet
 from .prony import at_once, check_prony, prony_array
-
-UPDATES = ("exact", "series")
 
 
 @dataclass(frozen=True)
@@ -36,20 +34,17 @@ class ViscoBondBased:
         material: Yeoh with c10 and c20.
         horizon: Horizon over the spacing of the sheet [-].
         prony: Terms that relax, by name only.
-        update: "exact" for a stretch that changes linearly over a step, or "series", eq. 60.
     """
 
     material: Yeoh
     horizon: float = 3.015
     prony: tuple[Prony, ...] = field(default=(), kw_only=True)
-    update: str = field(default="exact", kw_only=True)
 
     weights: ClassVar[str] = "pairwise"
     has_tangent: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive("horizon", self.horizon)
-        one_of("update", self.update, UPDATES)
         check_prony(self.prony)
         if not isinstance(self.material, Yeoh) or self.material.c30 != 0.0:
             raise InputError(f"material = {self.material!r}: expected Yeoh with c30 = 0")
@@ -83,7 +78,7 @@ class ViscoBondBasedForce(FamilyLaw):
         require_one_material(context.sheet, "the law ViscoBondBased")
         families = build_families(whole_sheet(law, context), law.horizon, "inverse_square", intersections=False)
         super().__init__(law, context, families, None, _bond_weights(families))
-        self.kernels = visco_bonds(context.layout, bool(law.prony), law.update == "series")
+        self.kernels = visco_bonds(context.layout, bool(law.prony))
         self.earlier_energy = self.kernels.earlier_energy
         shape = (families.members, self.points)
         self.pairs = context.array("bond_force", self.owner, context.types.vec3, shape=shape, per="bond", halo=True)
@@ -134,12 +129,6 @@ class ViscoBondBasedForce(FamilyLaw):
     def energy_kernel(self) -> Kernel:
         """Kernel of the energy of each family, without Prony terms."""
         return self.kernels.strain_energy
-
-    def likely_cause(self) -> str:
-        """What to suspect where a run diverged."""
-        if self.internal and self.law.update == "series":
-            return "a Prony term relaxed within a step, which the series update does not follow; try update 'exact'"
-        return super().likely_cause()
 
 
 def _bond_weights(families: Families) -> np.ndarray:
