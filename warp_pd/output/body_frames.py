@@ -24,7 +24,7 @@ class BodySeries:
         """Begin a file, or go on with one.
 
         Args:
-            path: The file, ending in .vtkhdf or .hdf.
+            path: The file.
             surface: The reference sheet with its bodies, one at least.
             append_from: As for `VtkHdfSeries`.
         """
@@ -44,7 +44,7 @@ class BodySeries:
         self._series = VtkHdfSeries(path, drawn, append_from=append_from, fields=("body",))
 
     def write(self, frame: Frame) -> None:
-        """Add the bodies of a frame; its index must be the next one."""
+        """Add the bodies of the next frame."""
         balls = [] if frame.ball_center is None else [np.append(frame.ball_center, NO_TURN)]
         poses = [*balls, *(() if frame.bodies is None else frame.bodies)]
         placed = np.concatenate([body.placed(pose) for body, pose in zip(self._bodies, poses, strict=True)])
@@ -55,5 +55,4 @@ class BodySeries:
         """Nothing to do: every frame is on disk once it is written."""
 
     def close(self) -> None:
-        """Refuse further frames."""
-        self._series.close()
+        """Nothing to do, as for `save`."""

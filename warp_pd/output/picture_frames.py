@@ -10,7 +10,7 @@ import numpy as np
 
 from ..interfaces.frame import format_time
 from .point_fields import FrameFields
-from .vtkhdf import read_ball, read_bodies, read_frame, read_series
+from .vtkhdf import read_frame, read_outlines, read_series
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +60,14 @@ def _shown(path: Path, index: int, load_duration: float | None, scene: str) -> S
     for name in [n for n, values in fields.items() if values.ndim == 2 and n != "displacement"]:
         for c in range(fields[name].shape[1]):
             fields[f"{name}_{c + 1}"] = fields[name][:, c]
+    outlines = [(body, poses[index]) for body, poses in read_outlines(path)]
     return Shown(
         when=format_time(time, load_duration),
         points=points,
         reference=points - fields["displacement"],
         triangles=triangles,
         fields=FrameFields(fields),
-        ball=read_ball(path, index),
-        bodies=read_bodies(path, index),
+        ball=next(((pose[:3], 2.0 * body.sizes[0]) for body, pose in outlines if not len(body.vertices)), None),
+        bodies=[(body.placed(pose), body.triangles) for body, pose in outlines if len(body.vertices)],
         scene=scene,
     )

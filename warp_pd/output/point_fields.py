@@ -39,6 +39,8 @@ def point_fields(frame: Frame, chosen: Collection[str] | None = None) -> dict[st
     for name, values in frame.point_data.items():
         if name in TAKEN or not name or "/" in name or name == ".":
             raise ValueError(f"point_data has a field '{name}'; expected any other name, without '/'")
+        if np.shape(values)[1:] not in ((), (3,)):
+            raise ValueError(f"point_data['{name}'] has shape {np.shape(values)}; expected (N,) or (N, 3)")
         fields[name] = values
     kept = fields if chosen is None else {name: fields[name] for name in fields if name in {"displacement", *chosen}}
     return {name: stored(np.asarray(values)) for name, values in kept.items()}

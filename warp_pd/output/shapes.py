@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -47,24 +45,6 @@ def point_normals(
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     usable = lengths > 1e-12 * max(lengths.max(), np.finfo(np.float64).tiny)
     return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)
-
-
-def require_writable(path: str | os.PathLike[str], endings: Sequence[str]) -> Path:
-    """The resolved path, once it is known that a file can be written there.
-
-    Raises:
-        ValueError: for another ending.
-        FileNotFoundError: for a folder that does not exist.
-        PermissionError: for a folder that cannot be written to.
-    """
-    whole = Path(path).resolve()
-    if whole.suffix not in endings:
-        raise ValueError(f"path is {path}; expected a name ending in {' or '.join(endings)}")
-    if not whole.parent.is_dir():
-        raise FileNotFoundError(f"path is {path}; expected a folder that exists, unlike {whole.parent}")
-    if not os.access(whole.parent, os.W_OK):
-        raise PermissionError(f"path is {path}; expected a folder that can be written to, unlike {whole.parent}")
-    return whole
 
 
 def camera_place(

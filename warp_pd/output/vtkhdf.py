@@ -20,7 +20,6 @@ import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import h5py
@@ -30,7 +29,6 @@ from numpy.typing import NDArray
 from ..device.checks import InputError
 from ..interfaces.frame import Body, Frame, Surface
 from .point_fields import plain_value, point_fields, same_arrays
-from .shapes import require_writable
 
 VERSION = (2, 2)
 # The kinds of cells of a PolyData, in the order of the columns of Steps/CellOffsets. Readers want all four.
@@ -78,10 +76,6 @@ class VtkHdfSeries:
     """Writes frames into one VTKHDF file, which can be read at any moment after the first frame.
 
     Every frame is on disk when `write` returns. Others may read the file while it grows.
-
-    Example:
-        with VtkHdfSeries("frames.vtkhdf", surface) as series:
-            series.write(frame)
     """
 
     def __init__(
@@ -91,76 +85,36 @@ class VtkHdfSeries:
         """Begin a series, or go on with one.
 
         Args:
-            path: The file, ending in .vtkhdf or .hdf. A file that is there is removed, unless appended to.
+            path: The file. One that is there is removed, unless appended to.
             surface: The reference sheet.
             append_from: Keep the frames before this one of the file that is there, drop the others, and go on
                 from here. None and 0 begin a new file.
             fields: Names of the point fields that it holds besides the displacement; None: all of a frame.
         """
-        self.path = require_writable(path, (".vtkhdf", ".hdf"))
+        self.path = Path(path).resolve()
         self.surface = surface
         self._chosen = fields
-        self._frames = 0
-        self._fields: tuple[str, ...] = ()
         self._last_faces: NDArray[np.integer] | None = None
         self._last_intact: NDArray[np.bool_] | None = None
-        self._closed = False
         if append_from:
             self._continue_from(append_from)
         else:
             self.path.unlink(missing_ok=True)
 
-    @property
-    def frames(self) -> int:
-        """Number of frames written so far, those appended to included: the index of the next frame."""
-        return self._frames
-
     def write(self, frame: Frame) -> None:
-        """Add one frame; its index must be the next one.
-
-        Args:
-            frame: The sheet's state. It must have the same fields (damage, point_data) on every frame.
-        """
-        self._require_next(frame)
+        """Add the next frame, with the same fields as the one before."""
         fields = point_fields(frame, self._chosen)
         if frame.index == 0:
             self._create(frame, fields)
         else:
-            self._require_same_fields(frame, fields)
             with h5py.File(self.path, "r+", locking=False) as file:
                 self._add(file, frame, fields)
-        self._frames = frame.index + 1
 
     def save(self) -> None:
         """Nothing to do: every frame is on disk once it is written."""
 
     def close(self) -> None:
-        """Refuse further frames. Those written are on disk already."""
-        self._closed = True
-
-    def __enter__(self) -> VtkHdfSeries:
-        """Return the series itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the series; the frames written before an error are kept."""
-        self.close()
-
-    def _require_next(self, frame: Frame) -> None:
-        if self._closed:
-            raise ValueError(f"series {self.path} is closed; expected write before close")
-        if frame.index != self._frames:
-            raise ValueError(f"index of the frame is {frame.index}; expected {self._frames}, the next of {self.path}")
-        frame.require_fits(self.surface)
-
-    def _require_same_fields(self, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
-        if set(fields) != set(self._fields):
-            raise ValueError(
-                f"fields of frame {frame.index} are {', '.join(sorted(fields))}; "
-                f"expected {', '.join(sorted(self._fields))}, as on the frames before it"
-            )
+        """Nothing to do, as for `save`."""
 
     def _create(self, frame: Frame, fields: dict[str, NDArray[Any]]) -> None:
         """Write the first frame into a file of another name, and rename that once it is whole."""
@@ -169,7 +123,6 @@ class VtkHdfSeries:
             _lay_out(file, self.surface, frame, fields)
             self._add(file, frame, fields)
         os.replace(unfinished, self.path)
-        self._fields = tuple(fields)
 
     def _add(self, file: h5py.File, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
         """Add the rows of one frame, and only then the frame to the number of steps."""
@@ -217,10 +170,6 @@ class VtkHdfSeries:
             raise ValueError(
                 f"append_from is {first}; expected 0 to {info.frames}, the number of frames in {self.path}"
             )
-        if info.points != len(self.surface.points):
-            raise ValueError(
-                f"surface has {len(self.surface.points)} points; expected {info.points}, as in {self.path}"
-            )
         with h5py.File(self.path, "r+", locking=False) as file:
             root = file["VTKHDF"]
             root["Steps/Values"].resize(first, axis=0)
@@ -229,8 +178,6 @@ class VtkHdfSeries:
             _cut(root, first)
             begin = root["Steps/ConnectivityIdOffsets"][first - 1, POLYGONS]
             self._last_faces = root["Polygons/Connectivity"][begin:].reshape(-1, 3)
-        self._fields = info.fields
-        self._frames = first
 
 
 def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
@@ -261,11 +208,9 @@ def read_frame(
 
     Raises:
         FileNotFoundError: There is no such file.
-        ValueError: There is no such frame, or the file is damaged or not one that `VtkHdfSeries` wrote.
+        ValueError: The file is damaged or not one that `VtkHdfSeries` wrote.
     """
     info = read_series(path)
-    if not 0 <= index < info.frames:
-        raise ValueError(f"index is {index}; expected 0 to {info.frames - 1}, the frames of {path}")
     with h5py.File(path, "r", locking=False) as file:
         root = file["VTKHDF"]
         rows = slice(index * info.points, (index + 1) * info.points)
@@ -275,24 +220,25 @@ def read_frame(
         return float(info.times[index]), root["Points"][rows], corners.reshape(-1, 3), fields
 
 
-def read_ball(path: str | os.PathLike[str], index: int) -> tuple[NDArray[np.float64], float] | None:
-    """Centre [m], shape (3,), and diameter [m] of the ball in one frame of a VTKHDF file; None without a ball."""
-    with h5py.File(path, "r", locking=False) as file:
-        if "ball_diameter" not in file["warp_pd"].attrs:
-            return None
-        return file["VTKHDF/FieldData/ball_center"][index], float(file["warp_pd"].attrs["ball_diameter"])
-
-
-def read_bodies(path: str | os.PathLike[str], index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
-    """Outlines of the rigid bodies in one frame of a VTKHDF file: vertices [m], shape (V, 3), and triangles."""
-    with h5py.File(path, "r", locking=False) as file:
-        return _bodies_in(file, index)
-
-
 def read_outlines(path: str | os.PathLike[str]) -> list[tuple[Body, NDArray[np.float64]]]:
-    """The ball and other rigid bodies of a VTKHDF file, each with its poses, shape (frames, 7)."""
+    """The ball, a sphere without vertices, and other rigid bodies of a VTKHDF file.
+
+    Returns:
+        Each body, with its position [m] and quaternion, shape (frames, 7).
+    """
+    found = []
     with h5py.File(path, "r", locking=False) as file:
-        return _outlines_in(file)
+        own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
+        if "ball_diameter" in own.attrs:
+            centres = columns["ball_center"][:]
+            poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
+            radius = 0.5 * float(own.attrs["ball_diameter"])
+            found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
+        for name, stored in own.items():
+            kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
+            body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
+            found.append((body, columns[f"{POSE}{name}"][:]))
+    return found
 
 
 def _read_info(file: h5py.File) -> SeriesInfo:
@@ -423,31 +369,6 @@ def _add_poses(root: Any, steps: Any, surface: Surface, frame: Frame) -> None:
         _add_rows(root["FieldData"][column], [pose])
         _add_rows(steps["FieldDataOffsets"][column], [frame.index])
         _add_rows(steps["FieldDataSizes"][column], [[7, 1]])
-
-
-def _bodies_in(file: Any, index: int) -> list[tuple[NDArray[np.float64], NDArray[np.integer]]]:
-    """Vertices [m], shape (V, 3), and triangles of each body in a frame."""
-    found = []
-    for name, stored in file["warp_pd"].items():
-        body = Body(name, str(stored.attrs["kind"]), (), stored["vertices"][:], stored["triangles"][:])
-        found.append((body.placed(file["VTKHDF/FieldData"][f"{POSE}{name}"][index]), body.triangles))
-    return found
-
-
-def _outlines_in(file: Any) -> list[tuple[Body, NDArray[np.float64]]]:
-    """The ball, a sphere without vertices, and each body, with its position [m] and quaternion, shape (frames, 7)."""
-    found = []
-    own, columns = file["warp_pd"], file["VTKHDF"].get("FieldData", {})
-    if "ball_diameter" in own.attrs:
-        centres = columns["ball_center"][:]
-        poses = np.hstack([centres, np.broadcast_to([0.0, 0.0, 0.0, 1.0], (len(centres), 4))])
-        radius = 0.5 * float(own.attrs["ball_diameter"])
-        found.append((Body("ball", "sphere", (radius,), np.empty((0, 3)), np.empty((0, 3), np.int64)), poses))
-    for name, stored in own.items():
-        kind, sizes = str(stored.attrs["kind"]), tuple(float(size) for size in stored.attrs["sizes"])
-        body = Body(name, kind, sizes, stored["vertices"][:], stored["triangles"][:])
-        found.append((body, columns[f"{POSE}{name}"][:]))
-    return found
 
 
 def _create_column(

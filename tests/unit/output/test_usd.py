@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ def surface() -> Surface:
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Usd.Stage:
     path = tmp_path_factory.mktemp("usd") / "animation.usd"
-    write_all(path, save_every=3, seconds_per_frame=0.01)
+    write_all(path, seconds_per_frame=0.01)
     return Usd.Stage.Open(str(path))
 
 
@@ -125,7 +126,7 @@ def test_normals_are_weighted_with_area_and_a_loose_point_keeps_its_first(tmp_pa
     surface = Surface(points, np.array([[0, 1, 2], [0, 2, 3], [2, 1, 4]], np.int32))
     intact = np.array([True, True, False])
     still = np.zeros_like(points)
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
+    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
         animation.write(Frame(0, 0.0, still, still, intact_faces=intact))
     stage = Usd.Stage.Open(str(tmp_path / "a.usd"))
     normals = np.array(UsdGeom.Mesh.Get(stage, SHEET).GetNormalsAttr().Get(0))
@@ -134,7 +135,7 @@ def test_normals_are_weighted_with_area_and_a_loose_point_keeps_its_first(tmp_pa
 
 
 def test_all_faces_torn_is_still_a_valid_file(tmp_path: Path, surface: Surface) -> None:
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
+    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
         animation.write(make_frame(surface, 0))
         animation.write(make_frame(surface, 1, intact_faces=np.zeros(len(surface.faces), bool)))
     stage = Usd.Stage.Open(str(tmp_path / "a.usd"))
@@ -158,7 +159,7 @@ def test_colours_follow_damage(mesh: UsdGeom.Mesh) -> None:
 
 def test_without_damage_one_constant_colour_and_no_primvar(tmp_path: Path) -> None:
     surface = make_surface(ball_diameter=None)
-    with UsdAnimation(tmp_path / "a.usd", surface) as animation:
+    with closing(UsdAnimation(tmp_path / "a.usd", surface)) as animation:
         for index in range(3):
             frame = make_frame(surface, index, damage=None, intact_faces=None, ball_center=None)
             animation.write(frame)
@@ -213,7 +214,7 @@ def test_camera_steps_back_from_a_sheet_that_stretches_but_not_for_a_loose_point
         ("loose", loose, without_first),
         ("stretched", stretched, without_first),
     ):
-        with UsdAnimation(tmp_path / f"{name}.usd", surface) as animation:
+        with closing(UsdAnimation(tmp_path / f"{name}.usd", surface)) as animation:
             animation.write(make_frame(surface, 0, displacement=still, intact_faces=intact))
             animation.write(make_frame(surface, 1, displacement=displacement, intact_faces=intact))
         stage = Usd.Stage.Open(str(tmp_path / f"{name}.usd"))
