@@ -97,9 +97,7 @@ class System:
                 trial = Stage("trial", "", context.device, context.block_dim, [])
                 part.add(phase, trial)
                 if len(trial):
-                    raise InputError(
-                        f"{part.label}: the solver {solver} has no phase for it ({phase.value}); expected Explicit"
-                    )
+                    raise InputError(f"{part.label}: expected the solver Explicit, got {solver}")
 
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
         """Set the time increment of a step, the end time, and the present time if given [s]; evaluate the schedules."""

@@ -51,13 +51,13 @@ class Progress:
         self._show(100.0 * report.fraction, text, every=max(1, report.frames // 10))
 
     def residual(self, steps: int, residual: float, tolerance: float, rounds: int) -> None:
-        """Show the residual of a static run, of a tear every tenth; the bar counts the decades to the tolerance."""
+        """Show every tenth residual of a static run; the bar counts the decades to the tolerance, frames the rest."""
         percent = 0.0
         if math.isfinite(residual) and residual > 0.0:
-            percent = 100.0 * min(1.0, max(0.0, math.log(residual) / math.log(tolerance)))
+            percent = min(99.9, max(0.0, 100.0 * math.log(residual) / math.log(tolerance)))
         text = f"step {steps}, residual {residual:.2e} (goal {tolerance:.0e})"
         if rounds:
-            percent, text = min(percent, 99.9), f"{text}, round {rounds} of rupture"
+            text += f", round {rounds} of rupture"
         self._show(percent, text, every=10)
 
     def close(self) -> None:

@@ -194,6 +194,8 @@ class Recorder:
         scene = self.built.simulation
         rate = self.steps / self.step_seconds if self.step_seconds > 0.0 else 0.0
         fraction = min(1.0, self.time / scene.solver.duration)
+        if self.built.solver.turns:
+            fraction = self.frame_index / scene.solver.frame_count
         when = format_time(self.time, scene.load_duration)
         return FrameReport(when, fraction, rate, scene.solver.frame_count, row)
 
