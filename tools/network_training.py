@@ -1,7 +1,6 @@
 """Training of the neural law's network: data of uniform deformation (NN algorithm 1), Levenberg-Marquardt."""
 
-from __future__ import annotations
-
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,7 +10,8 @@ import torch
 import warp as wp
 
 from warp_pd import InputError
-from warp_pd.kernels.neural_network import training_samples
+from warp_pd.kernels.effects import unstaged
+from warp_pd.kernels.factories import PairFactory
 from warp_pd.kernels.numeric import numeric
 from warp_pd.laws.neural.networks import INPUTS, OUTPUTS, Network, inputs
 from warp_pd.laws.neural.torch_network import bond_network
@@ -39,7 +39,7 @@ class TrainingData:
     features: np.ndarray
     forces: np.ndarray
 
-    def part(self, rows: np.ndarray) -> TrainingData:
+    def part(self, rows: np.ndarray) -> "TrainingData":
         """Some of the rows."""
         return TrainingData(self.states[rows], self.features[rows], self.forces[rows])
 
@@ -67,6 +67,46 @@ class Training:
     def __post_init__(self) -> None:
         if not 0.0 < self.stretches[0] < 1.0 < self.stretches[1]:
             raise InputError(f"stretches = {self.stretches!r}: expected two positive numbers with 1 in between")
+
+
+@functools.cache
+def training_samples(material: PairFactory, membrane: PairFactory) -> wp.Kernel:
+    """Kernel that turns uniform states and bond directions into rows of training data (NN algorithm 1), float64.
+
+    Args:
+        material: Factory of (stress, energy).
+        membrane: Factory of (volume_change, shear).
+    """
+    types = numeric(64)
+    real, vec2, vec3, vec4, mat22 = types.real, types.vec2, types.vec3, types.parameters, types.mat22
+    stress, _ = material(64)
+    volume_change, _ = membrane(64)
+
+    @unstaged
+    def samples(
+        states: wp.array(dtype=vec3),
+        constants: vec4,
+        first: int,
+        features: wp.array(dtype=vec4),
+        pairs: wp.array(dtype=vec2),
+    ):
+        """States are (principal stretch 1, principal stretch 2, angle of the bond to direction 1)."""
+        i = wp.tid() + first
+        s = states[i]
+        x = vec2(wp.cos(s[2]), wp.sin(s[2]))
+        y = vec2(s[0] * x[0], s[1] * x[1])
+        zero = real(0.0)
+        G = mat22(s[0] * s[0] - real(1.0), zero, zero, s[1] * s[1] - real(1.0))
+        S = stress(G, constants)
+        P = vec2(s[0] * S[0, 0] * x[0], s[1] * S[1, 1] * x[1]) / constants[0]
+        det = s[0] * s[1]
+        c33 = (real(1.0) + volume_change(G, constants)) / (det * det)
+        stretch = wp.length(y)
+        angle = wp.atan2(x[0] * y[1] - x[1] * y[0], wp.dot(x, y))
+        features[i] = vec4(stretch, angle, c33, det)
+        pairs[i] = vec2(wp.dot(P, y) / stretch, (P[1] * y[0] - P[0] * y[1]) / stretch)
+
+    return samples
 
 
 def training_data(material: Material, states: np.ndarray) -> TrainingData:

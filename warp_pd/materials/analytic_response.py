@@ -1,4 +1,4 @@
-"""Exact response of a homogeneous visco-hyperelastic sheet: reference for scenes and for parameter identification."""
+"""Exact response of a homogeneous visco-hyperelastic sheet: reference for scenes."""
 
 from __future__ import annotations
 
@@ -6,22 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.checks import InputError, one_of
+from ..device.checks import InputError
 from . import Prony, Yeoh
-
-LOADINGS = ("uniaxial", "equibiaxial", "planar")
-
-
-def width_stretch(loading: str, stretch: np.ndarray) -> np.ndarray:
-    """Stretch across a pulled incompressible sheet, shape of `stretch`.
-
-    Raises:
-        InputError: for a loading other than "uniaxial", "equibiaxial" or "planar".
-    """
-    one_of("loading", loading, LOADINGS)
-    if loading == "uniaxial":
-        return stretch**-0.5
-    return stretch if loading == "equibiaxial" else np.ones_like(stretch)
 
 
 def second_stress(c10: float, c20: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:

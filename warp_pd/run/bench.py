@@ -346,22 +346,6 @@ def sweep(sizes: Sequence[int], horizons: Sequence[float], precisions: Sequence[
     return [Case(points, m, bits) for bits in precisions for m in horizons for points in sizes]
 
 
-def feature_cases(points: int, horizon: float, precision: int = 32) -> list[Case]:
-    """Every feature alone, all together, damaged sheets, a hole, the cloud, the reference kernels."""
-    alone = [Case(points, horizon, precision, features=(feature,)) for feature in FEATURES]
-    torn = [Case(points, horizon, precision, features=("rupture",), damaged=fraction) for fraction in (0.01, 1.0)]
-    torn += [Case(points, horizon, precision, features=(DAMAGE_FIELD,), damaged=part) for part in (0.0, 0.01, 0.05)]
-    return [
-        Case(points, horizon, precision),
-        *alone,
-        Case(points, horizon, precision, features=FEATURES),
-        *torn,
-        Case(points, horizon, precision, layout="hole"),
-        Case(points, horizon, precision, layout="cloud"),
-        Case(points, horizon, precision, fast=False),
-    ]
-
-
 def _time(seconds: float) -> str:
     return f"{1e6 * seconds:.1f} us" if seconds < 1e-3 else f"{1e3 * seconds:.3f} ms"
 

@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from ...device.checks import InputError, finite
 from ...geometry.topology import boundary_sides, directed_edges
 from ...geometry.triangulation import doubled_normals
 from ...kernels.kinematics import DEGENERATE
 from .dual import BALANCED, closest_balanced
 
-# Least ratio of corrected to plain weights, by default; lattices of 10 points and more allow it.
+# Least ratio of corrected to plain weights; lattices of 10 points and more allow it.
 FLOOR = 0.05
 # Entries of the dense (points, members, members) blocks that are in memory at a time.
 BLOCK = 2_000_000
@@ -33,7 +32,6 @@ class CorrectedWeights:
         largest_ratio: Greatest ratio of corrected to starting weights.
         unbalanced_points: Number of points whose residual is more than round-off, though their balance was
             asked for: no weights above the floor balance them.
-        changed_points: Number of points whose bonds were free to change.
         seconds: Wall time.
     """
 
@@ -43,7 +41,6 @@ class CorrectedWeights:
     smallest_ratio: float
     largest_ratio: float
     unbalanced_points: int
-    changed_points: int
     seconds: float
 
 
@@ -162,14 +159,12 @@ def corrected_weights(
     frozen: np.ndarray | None = None,
     unbalanced: np.ndarray | None = None,
     start: np.ndarray | None = None,
-    floor: float = FLOOR,
-    degenerate: float = DEGENERATE,
     length: float | None = None,
     frames: np.ndarray | None = None,
 ) -> CorrectedWeights:
     """Positive weights next to the plain ones for which a uniform stress is in equilibrium at every point.
 
-    If no weights above `floor` do so, the points that cannot be balanced trade their residual against the
+    If no weights above the floor do so, the points that cannot be balanced trade their residual against the
     change. They are few unless the sheet is narrow or its points very irregular; the others stay balanced.
 
     Args:
@@ -186,31 +181,13 @@ def corrected_weights(
         frozen: Points whose bonds keep their starting weights, shape (N,).
         unbalanced: Points whose balance is not asked for, shape (N,).
         start: Weights to start from [m^2], shape (N, n); by default the plain ones.
-        floor: Least ratio of corrected to starting weights, at least 0 and below 1.
-        degenerate: det K / (tr K / 2)^2 below which a bond gets no weight.
         length: Unit of lengths [m]; by default the root of the mean area of the points.
         frames: Tangent vectors and normals of a curved sheet, in columns, shape (N, 3, 3). The stress is then an equal
             tension in all directions, and the balance that along the surface.
-
-    Raises:
-        InputError: for a floor outside [0, 1) or arrays whose shapes do not fit.
     """
     begin = time.perf_counter()
-    floor = finite("floor", floor)
-    if not 0.0 <= floor < 1.0:
-        raise InputError(f"floor = {floor!r}: expected a number of 0 or more, below 1")
     size = len(points)
-    _check_shapes(
-        size,
-        areas=(areas, ()),
-        edge_vectors=(edge_vectors, (2,)),
-        start=(start, neighbours.shape[1:]),
-        strip=(strip, ()),
-        kind=(kind, ()),
-        frozen=(frozen, ()),
-        unbalanced=(unbalanced, ()),
-    )
-    table = _Table(points, areas, neighbours, influence, common, degenerate, frames)
+    table = _Table(points, areas, neighbours, influence, common, frames)
     usable = np.concatenate([_gradients(table, part)[1] for part in _parts(np.arange(size), neighbours)])
     start = _start(table, usable) if start is None else np.where(usable, start, 0.0)
     length = float(np.sqrt(areas.mean())) if length is None else length
@@ -231,7 +208,7 @@ def corrected_weights(
         counts = np.bincount(column[column >= 0], minlength=len(unknown_start))
         same_sum = sparse.csr_matrix(counts / np.sqrt(len(unknown_start)))
         asked_matrix, asked_gap = sparse.vstack([asked_matrix, same_sum], format="csr"), np.append(asked_gap, 0.0)
-    ratio = closest_balanced(asked_matrix, plain, asked_gap, floor)
+    ratio = closest_balanced(asked_matrix, plain, asked_gap, FLOOR)
 
     weights = start.copy()
     changed = column >= 0
@@ -244,7 +221,6 @@ def corrected_weights(
         smallest_ratio=float(ratio.min(initial=1.0)),
         largest_ratio=float(ratio.max(initial=1.0)),
         unbalanced_points=int((left > BALANCED).sum()),
-        changed_points=int(free.sum()),
         seconds=time.perf_counter() - begin,
     )
 
@@ -266,14 +242,7 @@ class _Table(NamedTuple):
     neighbours: np.ndarray
     influence: np.ndarray
     common: np.ndarray | None
-    degenerate: float
     frames: np.ndarray | None
-
-
-def _check_shapes(size: int, **arrays: tuple[np.ndarray | None, tuple[int, ...]]) -> None:
-    for name, (array, inner) in arrays.items():
-        if array is not None and array.shape != (size, *inner):
-            raise InputError(f"{name} has shape {array.shape}: expected {(size, *inner)} for {size} points")
 
 
 def _parts(at: np.ndarray, neighbours: np.ndarray) -> list[np.ndarray]:
@@ -306,7 +275,7 @@ def _gradients(table: _Table, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     shape = (inside.astype(np.float64) @ moments).reshape(*exists.shape, 2, 2)
     determinant = shape[..., 0, 0] * shape[..., 1, 1] - shape[..., 0, 1] ** 2
     trace = shape[..., 0, 0] + shape[..., 1, 1]
-    usable = exists & (determinant > table.degenerate * (0.5 * trace) ** 2)
+    usable = exists & (determinant > DEGENERATE * (0.5 * trace) ** 2)
     inverse = np.linalg.inv(np.where(usable[..., None, None], shape, np.eye(2)))
     vectors = np.einsum("ijab,ik,ikb->ijka", inverse, coefficient, bonds, optimize=True)
     if table.frames is not None and rises is not None:

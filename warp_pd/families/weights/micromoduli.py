@@ -43,7 +43,6 @@ def balanced_micromoduli(
     dx: float,
     dy: float,
     stiffness: float,
-    floor: float = FLOOR,
 ) -> np.ndarray:
     """Corrected weights W_ij over the area of a cell, by row, shape (R, n).
 
@@ -56,7 +55,6 @@ def balanced_micromoduli(
         dx: Spacing along x [m].
         dy: Spacing along y [m].
         stiffness: g of the published formula [-].
-        floor: Least ratio of corrected to published weights.
     """
     exists = published > 0.0
     unknown = np.where(exists, np.cumsum(exists).reshape(exists.shape) - 1, -1)
@@ -80,7 +78,7 @@ def balanced_micromoduli(
         goal.append(-tensor @ edge_vectors[row, column])
     matrix, start = sparse.vstack(blocks, format="csr"), published[exists]
     corrected = np.zeros_like(published)
-    corrected[exists] = start * closest_balanced(matrix, start, np.concatenate(goal) - matrix @ start, floor)
+    corrected[exists] = start * closest_balanced(matrix, start, np.concatenate(goal) - matrix @ start, FLOOR)
     return corrected
 
 

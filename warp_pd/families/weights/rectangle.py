@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...device.checks import count
-from .balance import FLOOR, CorrectedWeights, corrected_weights
+from .balance import CorrectedWeights, corrected_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +32,6 @@ class RectangleWeights:
         x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
         return np.asarray(self.table[x[column], y[row]])
 
-    def kinds(self) -> np.ndarray:
-        """Row of `table.reshape(-1, n)` of each point, shape (N,); point = column + row * columns."""
-        x, y = clipped_index(self.columns, self.depth), clipped_index(self.rows, self.depth)
-        return np.asarray((x[None, :] * self.table.shape[1] + y[:, None]).ravel())
-
 
 def clipped_index(length: int, depth: int) -> np.ndarray:
     """Kind of each place along an edge of `length` points, shape (length,).
@@ -59,14 +53,12 @@ def rectangle_corrected(
     offsets: np.ndarray,
     influence: np.ndarray,
     common: np.ndarray | None,
-    depth: int | None = None,
-    floor: float = FLOOR,
 ) -> RectangleWeights:
     """Corrected weights of a rectangular lattice of any size, whose outer points lie on its edges.
 
-    Places with the same distances from the edges, up to `depth`, share their weights. A lattice with just
-    enough points that its middle does not feel its edges has all kinds of places; the weights found on it
-    balance every larger one exactly.
+    Places with the same distances from the edges, up to twice the reach of the families, share their weights. A
+    lattice with just enough points that its middle does not feel its edges has all kinds of places; the weights found
+    on it balance every larger one exactly.
 
     Args:
         columns: Points along x.
@@ -76,16 +68,9 @@ def rectangle_corrected(
         influence: w of each member, shape (n,).
         common: Whether member k belongs to the intersection of member j, shape (n, n) [j, k]; None for
             bonds that carry their own force, see `corrected_weights`.
-        depth: Layers of points along the edges that may change; by default twice the reach of
-            the families, 3 at least.
-        floor: Least ratio of corrected to plain weights.
-
-    Raises:
-        InputError: for fewer than 2 points along an edge, or a depth less than the reach of the families.
     """
-    columns, rows = count("columns", columns, 2), count("rows", rows, 2)
     reach = int(np.abs(offsets).max())
-    depth = max(2 * reach, 3) if depth is None else count("depth", depth, reach)
+    depth = max(2 * reach, 3)
     step = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (2,))
     lengths = tuple(min(length, 2 * (depth + reach) + 1) for length in (columns, rows))
     place = np.indices(lengths).reshape(2, -1)
@@ -117,7 +102,6 @@ def rectangle_corrected(
         strip=~deep,
         kind=kind,
         unbalanced=repeated,
-        floor=floor,
     )
     first = np.unique(kind, return_index=True)[1]
     table = solved.weights[first].reshape(clip[0].max() + 1, clip[1].max() + 1, -1)

@@ -54,11 +54,6 @@ class Network:
     report: dict[str, Any] = field(default_factory=dict)
 
     @property
-    def widths(self) -> tuple[int, ...]:
-        """Outputs of each layer."""
-        return tuple(len(b) for b in self.biases)
-
-    @property
     def size(self) -> int:
         """Number of weights and biases."""
         return sum(w.size + b.size for w, b in zip(self.weights, self.biases, strict=True))
