@@ -62,7 +62,7 @@ def test_two_runs_agree_and_tear(device, layout, precision):
 
 @pytest.mark.parametrize("precision", [32, 64])
 @pytest.mark.parametrize("layout", SHEETS)
-def test_fused_launches_are_the_launches_one_by_one(device, monkeypatch, layout, precision):
+def test_fused_launches_are_the_launches_one_by_one(device, joined_stages, monkeypatch, layout, precision):
     fused = struck(SHEETS[layout](), precision).run(device=device).built
     # Launches are joined wherever that changes no bit, so nothing public keeps them apart.
     monkeypatch.setattr(launches, "_joined", lambda first, second: None)
@@ -71,7 +71,7 @@ def test_fused_launches_are_the_launches_one_by_one(device, monkeypatch, layout,
     assert_same(left_behind(fused), left_behind(single))
 
 
-def test_wraparound_is_the_steps_one_by_one(device):
+def test_wraparound_is_the_steps_one_by_one(device, joined_stages):
     """Many steps in one sequence, whose ends share launches, and the same steps one at a time."""
     results = []
     for repeat in (1, 20):

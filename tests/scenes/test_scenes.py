@@ -99,6 +99,17 @@ def test_a_scene_runs_to_its_end_says_what_it_rebuilds_and_draws(name):
     assert all((result.folder / picture).stat().st_size > 5000 for picture in result.summary["pictures"])
 
 
+@pytest.mark.parametrize("name", ["two_sheets", "balloon_burst"])
+def test_joined_stages_leave_the_bits_of_stages_apart(name, monkeypatch):
+    apart = ran(name)
+    # Other tests leave stages apart; a user's run joins them.
+    monkeypatch.undo()
+    joined = build_scene(name, dict(SMALL[name])).run(device="cpu")
+    assert len(joined.built.context.stages["step"]) < len(apart.built.context.stages["step"])
+    assert joined.history == apart.history
+    np.testing.assert_array_equal(joined.frame.displacement, apart.frame.displacement)
+
+
 def test_a_pricked_balloon_tears_from_there_and_snaps_back():
     result = ran("balloon_burst")
     torn, sheet = ~result.frame.intact_faces, result.built.simulation.sheet

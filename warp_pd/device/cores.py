@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 # What a Linux machine with an NVIDIA device has, also under Windows; what Warp's native library says without a driver.
 NVIDIA_DEVICES, NO_DRIVER = ("/dev/nvidiactl", "/dev/dxg"), b"Could not find or load the NVIDIA CUDA driver"
@@ -29,6 +30,11 @@ def cores() -> ThreadPoolExecutor:
     if _pool is None:
         _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")
     return _pool
+
+
+def load_kernel(kernel: Any, device: Any) -> None:
+    """Compile or load a kernel in one of these threads: each thread that compiles first takes seconds for headers."""
+    cores().submit(kernel.module.load, device, 1 if device.is_cpu else None).result()
 
 
 def start_warp() -> None:

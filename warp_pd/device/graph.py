@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 import warp as wp
 
-from .cores import available_cores, cores
+from .cores import available_cores, cores, load_kernel
 from .fields import Array
 from .launches import Call, Item, Launch, Stage
 
@@ -139,6 +139,7 @@ class CpuLaunch:
     def _record(self, begin: int, end: int) -> Callable[[], None]:
         item = self.item
         threads, values = item.slice(begin, end)
+        load_kernel(item.kernel, self.device)
         command: Any = wp.launch(
             item.kernel, dim=threads, inputs=values, device=self.device, record_cmd=True, block_dim=item.block_dim
         )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.cores import available_cores, cores, start_warp
+from ..device.cores import available_cores, cores, load_kernel, start_warp
 
 # Fewest rows that are worth a thread.
 ROWS = 4096
@@ -24,6 +24,7 @@ def run_on_host(kernel: wp.Kernel, rows: int, read: list[Any], written: list[Any
     """Run a kernel, which reads and writes these arguments, for so many rows, on all cores."""
     parts = min(available_cores(), max(1, rows // ROWS))
     bounds = np.linspace(0, rows, parts + 1).astype(int)
+    load_kernel(kernel, wp.get_device("cpu"))
     commands: list[Any] = [
         wp.launch(kernel, dim=int(end - begin), inputs=[*read, int(begin), *written], device="cpu", record_cmd=True)
         for begin, end in itertools.pairwise(bounds)

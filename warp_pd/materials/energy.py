@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.cores import start_warp
+from ..device.cores import load_kernel, start_warp
 from .protocols import Material, check_material, padded_constants
 
 
@@ -35,7 +35,9 @@ def energy_density(material: Material, first: Any, second: Any, device: Any = No
     out = wp.empty(first.size, dtype=wp.float64, device=device)
     known = padded_constants(material)
     constants = wp.types.vector(length=len(known), dtype=wp.float64)(*known)
-    wp.launch(kernel_of(functions), first.size, inputs=[*given, constants, out], device=device)
+    kernel = kernel_of(functions)
+    load_kernel(kernel, wp.get_device(device))
+    wp.launch(kernel, first.size, inputs=[*given, constants, out], device=device)
     return np.asarray(out.numpy().reshape(first.shape))
 
 
