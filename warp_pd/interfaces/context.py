@@ -126,7 +126,7 @@ class Context:
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
         compact: Name of the influence function of a cloud whose families take few bytes (kernels/families.py);
-            empty on all other sheets.
+            empty on all other sheets. The force law sets it, which is built before any kernel is made.
         state: Arrays that parts have in common.
     """
 
@@ -165,15 +165,6 @@ class Context:
         """Layout of the families."""
         sheet, f = self.sheet, self.features
         return Layout(sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened)
-
-    def use_compact_families(self, influence: str) -> None:
-        """Let the families of a cloud take few bytes; for the force law, which is built before any kernel is made.
-
-        Args:
-            influence: As `compact`.
-        """
-        if influence:
-            self.compact = influence
 
     def array(
         self,

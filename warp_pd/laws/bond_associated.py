@@ -123,7 +123,7 @@ class BondAssociatedForce(FamilyLaw):
             require_one_material(sheet, "weights 'published'")
         if self._has_compact_families(context):
             named = isinstance(law.influence, str) and sheet.spacings is None
-            context.use_compact_families(str(law.influence) if named else "table")
+            context.compact = str(law.influence) if named else "table"
         families, inverse, weights, self.correction = law_tables(context, law.horizon, law.influence, self.weights)
         super().__init__(law, context, families, inverse, weights)
         self.lattice_columns = sheet.lattice.columns if sheet.lattice is not None else 0

@@ -11,12 +11,11 @@ import numpy as np
 
 from ..geometry.picture_files import MOST_VECTORS, current, new_figure, save
 from ..geometry.topology import boundary_sides, directed_edges
-from .colour_scale import ColourScale, scale_of
+from .colour_scale import ONE_SIGN, ColourScale, scale_of
 from .picture_frames import Shown, frames_at
 from .projection import View, material_lines, nearest_about, places_of, raster, sphere
 from .quantities import ENERGIES, column_label, field_label
 
-SEQUENTIAL = "viridis"
 # Triangles above which a sheet is drawn as pixels.
 MOST_POLYGONS = 60_000
 STYLES = ("-", "--", "-.", ":")
@@ -254,7 +253,7 @@ def directions(path: Path, frame: Shown, label: str, across: int = 40) -> None:
     axes = figure.subplots()
     length = np.sqrt(np.maximum(largest, 0.0) / (largest.max() if largest.max() > 0.0 else 1.0))
     drawn = axes.quiver(
-        x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=SEQUENTIAL, pivot="mid", headwidth=0,
+        x, y, length * np.cos(angle), length * np.sin(angle), largest, cmap=ONE_SIGN, pivot="mid", headwidth=0,
         headlength=0, headaxislength=0, scale=0.7 * across,
     )  # fmt: skip
     axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")

@@ -60,7 +60,7 @@ def field_label(name: str) -> str:
 
 def column_label(name: str) -> str:
     """Name of a column of the history, such as "work of loads and supports" for external."""
-    return COLUMNS.get(name, name.replace("_", " "))
+    return {**COLUMNS, **OTHER_WORDS}.get(name, name.replace("_", " "))
 
 
 @dataclass(frozen=True)
@@ -87,18 +87,13 @@ def choices(field: str, components: int) -> list[Choice]:
         field: Its name.
         components: 1 or 3.
     """
-    words, unit = FIELDS.get(field, (spoken(field), ""))
+    words, unit = FIELDS.get(field, (column_label(field), ""))
     if components == 1:
         return [Choice(words, unit, field)]
     if f"{field}_1" in FIELDS:
         return [Choice(*FIELDS[f"{field}_{c + 1}"], field, c) for c in range(components)]
     along = [Choice(f"{words} along {axis}", unit, field, c) for c, axis in enumerate("xyz")]
     return [Choice(words, unit, field, -1), *along]
-
-
-def spoken(name: str) -> str:
-    """A name in words."""
-    return {**COLUMNS, **OTHER_WORDS}.get(name, name.replace("_", " "))
 
 
 def known_units(summary: Mapping[str, Any]) -> dict[str, str]:
@@ -134,17 +129,17 @@ def curves(columns: Sequence[str], measures: Collection[str], units: Mapping[str
         For each graph "label", "unit" and "columns", what the scene measures first.
     """
     left = [name for name in columns if name not in ("time", "step")]
-    graphs = [_graph(spoken(name), [name], units) for name in left if name in measures]
+    graphs = [_graph(column_label(name), [name], units) for name in left if name in measures]
     left = [name for name in left if name not in measures]
     vectors = [name[:-2] for name in left if name.endswith("_x") and {name[:-1] + c for c in "yz"} <= set(left)]
-    graphs += [_graph(spoken(name), [f"{name}_{c}" for c in "xyz"], units) for name in vectors]
+    graphs += [_graph(column_label(name), [f"{name}_{c}" for c in "xyz"], units) for name in vectors]
     energies = [name for name in left if name in ENERGIES]
     if energies:
         graphs.append(_graph("energies", energies, units))
     taken = {part["column"] for graph in graphs for part in graph["columns"]}
-    return graphs + [_graph(spoken(name), [name], units) for name in left if name not in taken]
+    return graphs + [_graph(column_label(name), [name], units) for name in left if name not in taken]
 
 
 def _graph(label: str, columns: Sequence[str], units: Mapping[str, str]) -> dict[str, Any]:
-    names = [{"column": name, "label": spoken(name)} for name in columns]
+    names = [{"column": name, "label": column_label(name)} for name in columns]
     return {"label": label, "unit": column_unit(columns[0], units), "columns": names}

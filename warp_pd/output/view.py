@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..device.checks import InputError, count, one_of
+from ..device.checks import count, one_of
 from ..interfaces.frame import format_time
 from .coarsen import Drawn, clusters, contracted, drawn
 from .packing import Arrays
@@ -85,10 +85,8 @@ def page(
             by default they are inside.
 
     Raises:
-        InputError: for frames that are missing or damaged.
+        InputError: for frames that are damaged.
     """
-    if not path.is_file():
-        raise InputError(f"file = {str(path)!r}: expected the frames of a run")
     limits = limits or Limits()
     info = read_series(path)
     arrays = Arrays(limits.bits)

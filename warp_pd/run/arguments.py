@@ -38,10 +38,8 @@ def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter])
 
 
 def plain(value: Any) -> Any:
-    """A setting as JSON keeps it: text, a number, or lists of them; None for what it cannot keep."""
-    if isinstance(value, tuple | list):
-        return [plain(item) for item in value]
-    return value if isinstance(value, str | int | float | bool | None) else None
+    """A setting that `is_plain` as JSON keeps it: tuples become lists."""
+    return [plain(item) for item in value] if isinstance(value, tuple | list) else value
 
 
 def is_plain(value: Any) -> bool:
