@@ -16,7 +16,7 @@ from warp_pd.interfaces.frame import Frame, Surface
 
 pytest.importorskip("pxr")
 
-from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
+from pxr import Gf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from warp_pd.output.usd import UsdAnimation
 
@@ -57,13 +57,6 @@ def errors_of(stage: Usd.Stage) -> list[str]:
 
 def test_every_validator_of_usd_is_content(stage: Usd.Stage) -> None:
     assert errors_of(stage) == []
-
-
-def test_validators_do_find_errors(tmp_path: Path) -> None:
-    write_all(tmp_path / "animation.usd")
-    stage = Usd.Stage.Open(str(tmp_path / "animation.usd"))
-    stage.ClearDefaultPrim()
-    assert errors_of(stage) != []
 
 
 def test_stage_says_its_units_and_its_time(stage: Usd.Stage) -> None:
@@ -232,7 +225,3 @@ def test_material_reads_the_display_colour_and_something_shines(stage: Usd.Stage
     assert reader.GetShaderId() == "UsdPrimvarReader_float3"
     assert reader.GetInput("varname").Get() == "displayColor"
     assert {prim.GetTypeName() for prim in stage.Traverse()} >= {"DomeLight", "DistantLight"}
-
-
-def test_a_broken_mesh_would_be_noticed() -> None:
-    assert not UsdGeom.Mesh.ValidateTopology(Vt.IntArray([0, 1, 30]), Vt.IntArray([3]), 30)[0]
