@@ -120,7 +120,7 @@ class TearLine:
         return max(0.0, float(((self.centres[torn] - start) @ along).max()))
 
     def pieces(self, intact: np.ndarray, least_fraction: float = 0.01) -> int:
-        """Number of pieces with at least `least_fraction` of the sheet's area; whole faces that share a point are one."""
+        """Number of pieces with at least `least_fraction` of the sheet's area; faces that share a point are of one."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
