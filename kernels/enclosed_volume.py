@@ -155,8 +155,7 @@ def gas_leak(bits: int, scheduled: bool) -> tuple[Kernel, Kernel]:
         first: int,
         left: wp.array(dtype=wp.float64),
     ):
-        """`discharge`: coefficient times the open fraction of each triangle; `density` [kg/m^3]: at ambient
-        pressure."""
+        """`discharge`: coefficient times open fraction of each triangle; `density` [kg/m^3]: at ambient pressure."""
         area = wp.float64(0.0)
         for b in range(sums.shape[1]):
             area += sums[0, b]

@@ -72,8 +72,7 @@ def family_rows(layout: Layout, material: PairFactory, near: FunctionFactory | N
 
     @wp.func
     def summed(family: Family, here: Words, members: int, i: int, j: int):
-        """The members of D_ij (or all others if D_ij has more than half of the family), and whether it is the
-        others."""
+        """The members of D_ij, or the others if D_ij is more than half of the family; and which of the two it is."""
         chosen = Words()
         count = wp.int32(0)
         for word in range(wp.static(words)):

@@ -1,8 +1,8 @@
-"""Peridynamics of thin rubber sheets, on NVIDIA Warp.
+"""Peridynamics of thin rubber sheets on NVIDIA Warp.
 
     from warp_pd import Sheet, Simulation, BondAssociated, NeoHookean, Explicit, Fixed, RigidBall, CriticalStretch
 
-See README.md and the files in `scenes/`, which are meant to be read and changed.
+See README.md and the examples in `scenes/`, which are meant to be read and modified.
 """
 
 from typing import TYPE_CHECKING

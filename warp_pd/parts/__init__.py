@@ -1,4 +1,4 @@
-"""The parts of a scene: supports, loads, contact, rupture. Each file holds what users write and what it builds."""
+"""The parts of a scene: supports, loads, contact, rupture. Each file has the user's class and its built counterpart."""
 
 from .bodies import RigidBody
 from .body_mesh import TriangleMesh
