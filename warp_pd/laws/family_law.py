@@ -290,7 +290,7 @@ class FamilyLaw(BuiltLaw):
     def likely_cause(self) -> str:
         """The likely cause if a run diverged."""
         if self.lock is not None:
-            return f"the Gent limit Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step was reduced"
+            return f"the Gent lock Jm = {self.lock:g} was reached, or the sheet stiffened faster than the step shrank"
         if not self.has_energy:
             return "the law has no potential and can add energy; try damping or the law bond_associated"
         stiffened = "the sheet stiffened faster than the step was reduced"

@@ -37,20 +37,20 @@ SHORTFALL = 0.02
 
 @dataclass(frozen=True)
 class Explicit:
-    """Central differences in time, dt a fraction of the stable step, which is estimated again as the sheet stiffens.
+    """Central differences in time, with a step that is a fraction of the repeatedly estimated stable step.
 
     Attributes:
-        duration: Time to simulate [s].
-        frames: Number of frames after the first one, equally spaced; or their times [s], increasing, the last one
-            the duration: frames close together show what happens fast.
+        duration: Simulated time [s].
+        frames: Number of equally spaced frames after the first one; or their increasing times [s], the last one equal
+            to the duration.
         damping: Mass damping c [1/s]: a force -c m v on every point.
-        safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break. A fast
-            ball makes it shorter: no step lets a ball move further than a quarter of a spacing, or of its radius; an
-            eighth if bonds can break.
-        step: A fixed dt [s] instead; refused if it is above either.
-        history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None: it has none. The
-            rows change nothing of the run. They hold what the device sums: energies, losses, contact forces and
-            those of `Reaction`; measures are taken at frames.
+        safety: Time step divided by the estimated stable step 2 / omega_max; by default 0.9, or 0.5 if bonds can break.
+            The step is also limited so that a ball or body moves at most a quarter of a spacing or of its radius per
+            step (an eighth if bonds can break).
+        step: A fixed time step [s] instead; an error is raised if it exceeds either limit.
+        history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None for no such rows.
+            The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
+            measures are computed only at frames.
     """
 
     duration: float
@@ -71,14 +71,15 @@ class Explicit:
             times = numbers("frames", self.frames)
             if times.size == 0 or not (np.diff(times, prepend=0.0) > 0.0).all() or times[-1] != self.duration:
                 raise InputError(
-                    f"frames = {list(self.frames)!r}: expected increasing times above 0, the last one the duration, "
+                    f"frames = {list(self.frames)!r}: expected increasing times greater than 0, the last one equal to "
+                    "the duration, "
                     f"{self.duration!r}"
                 )
         else:
             count("frames", self.frames, 1)
         not_negative("damping", self.damping)
         if self.safety is not None and not 0.0 < positive("safety", self.safety) <= 1.2:
-            raise InputError(f"safety = {self.safety!r}: expected a number above 0, up to 1.2")
+            raise InputError(f"safety = {self.safety!r}: expected a number greater than 0 and at most 1.2")
         if self.step is not None:
             positive("step", self.step)
         if self.history_every is not None:
@@ -100,13 +101,13 @@ class Explicit:
         return self.damping if self.damping > 0.0 else None
 
     def frame_time(self, index: int) -> float:
-        """Time of a frame [s]; that of frame 0 is 0."""
+        """Time of a frame [s]; frame 0 is at time 0."""
         if isinstance(self.frames, Sequence):
             return float(self.frames[index - 1]) if index > 0 else 0.0
         return self.duration * index / self.frames
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """The solver on a device."""
+        """Build the solver on a device."""
         return BuiltExplicit(self, context)
 
 
@@ -147,7 +148,7 @@ class BuiltExplicit(BuiltSolver):
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
 
     def run(self, sink: FrameSink) -> str:
-        """Run to the end, handing every frame to the sink; returns the final status."""
+        """Run to the end, passing every frame to the sink; return the final status."""
         self._interval = self.context.stages[self.context.prefix + "step"].interval
         self._ones = [self.context.sequence("step", begin=place) for place in range(self._interval)]
         self._many = self.context.sequence("step", repeat=self._interval * math.ceil(MANY / self._interval))
@@ -178,7 +179,7 @@ class BuiltExplicit(BuiltSolver):
         return "finished"
 
     def _take(self, steps: int, dt: float, begin: float, sink: FrameSink) -> None:
-        """Take steps, with rows of the history between them if the user wants any."""
+        """Take steps, recording history rows between them if requested."""
         every = self.solver.history_every
         taken = 0
         while taken < steps:
@@ -192,7 +193,7 @@ class BuiltExplicit(BuiltSolver):
                     sink.row(begin + taken * dt, dt)
 
     def _take_chunk(self, steps: int) -> None:
-        """Take steps, many at once where they begin as the stage does."""
+        """Take steps, using the repeated stage where possible."""
         while steps > 0:
             many = self._place == 0 and steps >= self._many.repeat
             sequence = self._many if many else self._ones[self._place]
@@ -201,7 +202,7 @@ class BuiltExplicit(BuiltSolver):
             self._place = (self._place + sequence.repeat) % self._interval
 
     def estimate(self, iterations: int) -> float:
-        """Stable step [s], a bound of it from below; infinite if nothing resists."""
+        """Estimate the stable step [s]; infinite without stiffness."""
         omega = math.hypot(self.stable_step.omega(iterations), *self._added)
         return 2.0 / ((1.0 + SHORTFALL) * omega) if omega > 0.0 else math.inf
 
@@ -218,10 +219,10 @@ class BuiltExplicit(BuiltSolver):
         self.system.set_clock(dt, self.solver.duration, begin)
 
     def host_state(self) -> dict[str, Any]:
-        """Steps since the last estimate and since the stage's last full one, and the noise of the next estimate."""
+        """Steps since the last estimate and since the last full stage, and the random state of the next estimate."""
         return {"since_estimate": self._since_estimate, "place": self._place, "noise": self.stable_step.host_state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
+        """Restore the result of `host_state`."""
         self._since_estimate, self._place = state["since_estimate"], state["place"]
         self.stable_step.restore(state["noise"])
