@@ -117,8 +117,7 @@ class _Image:
         return _Image(index, grid, on, reach)
 
     def at_points(self, image: np.ndarray) -> np.ndarray:
-        """Values of an image of this shape at each point, shape (N,); points off the grid get the value of their
-        cell."""
+        """Values of an image at each point, shape (N,); points off the grid get the value of their cell."""
         return np.asarray(image[self.grid[:, 1], self.grid[:, 0]])
 
     def marked(self, points: np.ndarray) -> np.ndarray:

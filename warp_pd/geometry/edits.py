@@ -36,8 +36,7 @@ def slit(shape: AnyShape, segment: Segment, name: str) -> AnyShape:
 
 
 def turned(shape: AnyShape, degrees: float) -> tuple[AnyShape, np.ndarray]:
-    """Copy a shape rotated about its centre, as a cloud without lattice or grid; also return the rotation, shape (2,
-    2)."""
+    """Copy a shape rotated about its centre, without lattice or grid; also return the rotation, shape (2, 2)."""
     angle = np.deg2rad(degrees)
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     middle = 0.5 * (shape.points.min(axis=0) + shape.points.max(axis=0))

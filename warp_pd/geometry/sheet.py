@@ -74,8 +74,7 @@ class Sheet(SelectableShape):
 
     @property
     def factors(self) -> np.ndarray | None:
-        """Factor on the energy of each family relative to the mean thickness and the law's material, (N,); None for
-        1."""
+        """Factor on the energy of each family due to varying thickness and stiffness, (N,); None for 1."""
         if not np.ndim(self.thickness):
             return self.stiffness
         relative = np.asarray(self.thickness / self.mean_thickness)
@@ -120,7 +119,8 @@ class Sheet(SelectableShape):
         """A bar along x: one row of points at the centres of equal cells, for one-dimensional laws.
 
         Args:
-            length: Length [m]. section: Area of its cross section [m^2].
+            length: Length [m].
+            section: Area of its cross section [m^2].
             density: Density [kg/m^3].
             points: Number of points.
 
@@ -318,8 +318,7 @@ class Sheet(SelectableShape):
 
     @staticmethod
     def sphere(radius: float, *, thickness: ByPoint, density: ByPoint, points: int = 20) -> Sheet:
-        """A sphere about the origin, with a geodesic grid of nearly equal triangles; the areas sum to that of the
-        sphere.
+        """A sphere about the origin with a geodesic grid of nearly equal triangles and exact total area.
 
         Args:
             radius: [m].

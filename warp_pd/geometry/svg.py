@@ -235,8 +235,7 @@ def _flattened(segment: Any, tolerance: float) -> np.ndarray:
 
 
 def _bend(segment: Any) -> float:
-    """Largest second derivative of a curve by its parameter (0 to 1); a chord over dt deviates by at most bend dt^2 /
-    8."""
+    """Largest second derivative of a curve by its parameter (0 to 1); a chord over dt is within bend dt^2 / 8."""
     from svgelements import Arc, CubicBezier, QuadraticBezier
 
     if isinstance(segment, Arc):

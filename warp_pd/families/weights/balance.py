@@ -86,8 +86,7 @@ def edge_vectors_of(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def rim_vectors(points: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """As `edge_vectors`, on a surface in space: half of each adjacent open edge times its outward normal in the
-    surface.
+    """As `edge_vectors`, on a curved sheet: half of each adjacent open edge times its outward in-surface normal.
 
     Args:
         points: Reference positions [m], shape (N, 3).
