@@ -229,7 +229,7 @@ REFUSED = {
     "same corner twice": (lambda: outline([*SQUARE, (0.0, 0.1)]), "outline comes as near as 0 spacings to itself"),
     "open function": (lambda: outline(lambda t: np.column_stack([t, t])), "expected a closed curve"),
     "function that raises": (lambda: outline(lambda t: 1 / 0), "outline: the curve raised ZeroDivisionError"),
-    "function of another shape": (lambda: outline(lambda t: t), "outline: boundary function gives shape (5,)"),
+    "function of another shape": (lambda: outline(lambda t: t), "outline: boundary function returned shape (5,)"),
     "hole as it is": (
         lambda: outline(holes=HOLE),
         "holes = Circle(centre=(0.05, 0.03), radius=0.015): expected",
@@ -266,7 +266,10 @@ REFUSED = {
         lambda: outline(**slotted([(0.02, 0.05), (0.08, 0.05), (0.05, 0.08), (0.05, 0.02)])),
         "crack 1 crosses itself",
     ),
-    "closed crack": (lambda: outline(**slotted([(0.03, 0.03), (0.07, 0.03), (0.05, 0.07), (0.03, 0.03)])), "is a hole"),
+    "closed crack": (
+        lambda: outline(**slotted([(0.03, 0.03), (0.07, 0.03), (0.05, 0.07), (0.03, 0.03)])),
+        "use a hole",
+    ),
     "crack near the edge": (lambda: outline(**slotted([(0.002, 0.05), (0.05, 0.05)])), "less than 0.7 spacings"),
     "crack nan": (lambda: outline(**slotted([(0.02, 0.05), (np.nan, 0.05)])), "crack 1[1, 0] = nan"),
     "name of a side": (lambda: outline(holes={"left": HOLE}), "two parts have the name 'left'"),
