@@ -309,7 +309,7 @@ def test_energy_balance_and_restart_of_a_sheet_that_tears(tmp_path):
     ([1e-3] * 8 + [-1e-3], r"thickness\[8\] = -0.001: expected one above 0"),
     (np.full(9, np.nan), r"thickness\[0\] = nan: expected finite numbers"),
     (lambda x, y: "thin", r"thickness\(x, y\) = 'thin': expected numbers"),
-    (lambda x, y: 1e-3, r"thickness\(x, y\) has shape \(\): expected one above 0"),
+    (lambda x, y: 1e-3, r"thickness\(x, y\): expected one positive number for each .* got shape \(\)"),
     (lambda x: x, r"thickness\(x, y\): TypeError: .*; expected a function of arrays"),
     ("thin", "thickness = 'thin': expected a number"), (None, "thickness = None: expected a number"),
 ])  # fmt: skip
