@@ -238,7 +238,7 @@ class Damaged(BuiltRupture):
         )  # fmt: skip
 
     def sums(self) -> Mapping[str, Array]:
-        """The energy released by broken bonds."""
+        """The energy lost with broken bonds, and to a damage field."""
         return {} if self.released is None else {"rupture": self.released}
 
     def column_names(self) -> Sequence[str]:
