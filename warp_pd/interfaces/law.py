@@ -94,12 +94,12 @@ class BuiltLaw(BuiltPart, Protocol):
         constants: Constants of the material.
         inverse_horizon: 1 / horizon [1/m].
         unit_volume: Thickness times reference area [m^3].
-        correction: Report on a correction of the weights, for the summary, or None.
-        earlier_energy: Warp function of the energy of a family a moment ago, for laws with an energy.
-        coarsens: Whether there is a law on coarser sheets.
+        correction: Report on the correction of the weights for the summary, or None.
+        earlier_energy: Warp function of the energy of a family at an earlier time, for laws with an energy.
+        coarsens: Whether the law can be built on coarser sheets.
         goes_slack: Whether the material carries nothing in compression.
-        slack_frequency: Bound on the frequencies of the fictitious mass in any state, for a law that is stiffer in
-            other states than in the present one, as bonds of two moduli are; None for others.
+        slack_frequency: Upper bound on the frequency with the fictitious mass in any state, for a law that may be
+            stiffer in other states, such as a bimodular one; None for other laws.
     """
 
     weights: str

@@ -240,5 +240,7 @@ class BondAssociatedForce(FamilyLaw):
     def likely_cause(self, safety: float) -> str:
         """The likely cause if a run diverged."""
         if self.weights == "published" and self.lock is None:
-            return "the published weights do not conserve energy and can add it once bonds break; try weights 'plain'"
+            return (
+                "the published weights do not conserve energy and can add energy once bonds break; try weights 'plain'"
+            )
         return super().likely_cause(safety)

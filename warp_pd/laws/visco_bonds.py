@@ -136,9 +136,9 @@ class ViscoBondBasedForce(FamilyLaw):
         return self.kernels.strain_energy
 
     def likely_cause(self, safety: float) -> str:
-        """What to suspect where a run diverged."""
+        """The likely cause if a run diverged."""
         if self.internal and self.law.update == "series":
-            return "a Prony term relaxed within a step, which the series update does not follow; try update 'exact'"
+            return "a Prony term relaxed within one step, which the series update cannot resolve; try update 'exact'"
         return super().likely_cause(safety)
 
 

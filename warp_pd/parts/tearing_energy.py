@@ -132,7 +132,7 @@ class DamageField(Damaged):
     """The damage field on a device.
 
     Attributes:
-        field: Damage of the points, (N,), in the precision of the device.
+        field: Damage of the points, (N,), in the precision of the simulation.
         constants: Its length and strength.
         length: Its length [m].
         limit: Energy density at which intact material begins to tear [J/m^3], the minimum over all points.
@@ -478,7 +478,7 @@ class DamageField(Damaged):
         return {"fracture": "J"}
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """What the tearing energy stands for, and damage of much of the sheet."""
+        """Notes on the length and strength in use, and on damage spread over much of the sheet."""
         said = self.constants.notes()
         if isinstance(self._energy, np.ndarray):
             spacing, resolved = self.context.sheet.spacing, self.constants.resolved

@@ -26,7 +26,7 @@ COMMON = {
     "overload": "Final energy release rate divided by the tearing energy [-].",
     "points": "Points along x.",
     "pressure": "Pressure [Pa].",
-    "roughness": "Height of random bumps at the start, in spacings.",
+    "roughness": "Height of the initial random bumps, in spacings.",
     "safety": "Time step over the estimated stable one; None: 0.9, and 0.5 for bonds that can break or slack sheets.",
     "seed": "Seed of the random numbers.",
     "self_contact": "Whether to include contact of the sheet with itself.",

@@ -48,10 +48,10 @@ class Explicit:
         safety: dt over the estimated stable step 2 / omega_max; by default 0.9, and 0.5 if bonds can break or the
             material goes slack, such as a TensionField. A fast ball makes it shorter: no step lets a ball move further
             than a quarter of a spacing, or of its radius; an eighth if bonds can break.
-        step: A fixed dt [s] instead; refused if it is above either.
-        history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None: it has none. The
-            rows change nothing of the run. They hold what the device sums: energies, losses, contact forces and
-            those of `Reaction`; measures are taken at frames.
+        step: A fixed time step [s] instead; an error is raised if it exceeds either limit.
+        history_every: Time between rows of `Result.fine_history` [s], rounded to whole steps; None for no such rows.
+            The rows do not change the run. They have energies, losses, contact forces and forces of `Reaction`;
+            measures are computed only at frames.
     """
 
     duration: float
@@ -108,7 +108,7 @@ class Explicit:
         return self.duration * index / self.frames
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltSolver:
-        """The solver on a device."""
+        """Build the solver on a device."""
         return BuiltExplicit(self, context, law)
 
 
