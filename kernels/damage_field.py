@@ -67,7 +67,7 @@ class DamageFieldKernels:
 
     Attributes:
         empty: Empties the list, on a GPU.
-        wake: Lists the points whose damage may change, and some others.
+        wake: Lists the points whose damage may change (a superset of them).
         pack: Concatenates the lists of all threads, on a CPU.
         drive: Fills `driving` with y of the listed points (-1 where damage cannot change) and `before` with their
             damage.

@@ -115,7 +115,7 @@ def row_sums(layout: Layout, material: PairFactory, response: FunctionFactory, f
         first: int,
         density: wp.array(dtype=real),
     ):
-        """Sums the density of a point; a point without stiffness keeps the density `least`, in any unit."""
+        """Sum the density of a point; a point without stiffness gets the density `least`."""
         i = wp.tid() + first
         total = own[i]
         for k in range(family.members):
