@@ -58,7 +58,7 @@ class Shown:
 SCENES: dict[str, Shown] = {
     "ball_penetration": Shown({"frames": 60}, share=0.95),
     "balloon": Shown({"points": 12}, "displacement"),
-    "balls_on_a_sheet": Shown({"frames": 40}, "displacement along z", 0.5),
+    "balls_on_a_sheet": Shown({"points": 21, "duration": 0.3, "frames": 5}, "displacement along z", 0.4),
     "balloon_burst": Shown({"points": 24, "frames": 30}, share=0.5),
     "balloon_paths": Shown({"points": 7}, "displacement", 0.6, "3D"),
     "bimodular_bar": Shown({"points": 100}),

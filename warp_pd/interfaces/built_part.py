@@ -83,9 +83,11 @@ class BuiltPart(Protocol):
 
     def before_interval(self, seconds: float) -> None:
         """Let the other simulation take a step; always of the same number of seconds. The sheet follows."""
+        return None
 
     def after_interval(self) -> None:
         """Take from the sheet what the next step of the other simulation needs."""
+        return None
 
     def added_frequency(self) -> float:
         """Bound of the frequency that the part alone would give the points [rad/s].

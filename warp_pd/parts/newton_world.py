@@ -108,7 +108,7 @@ def _shape(newton: Any, builder: Any, index: int) -> tuple[BodyShape, wp.transfo
     """
     kinds, kind = newton.GeoType, builder.shape_type[index]
     size = [float(x) for x in builder.shape_scale[index]]
-    frame = wp.transformd(*map(float, builder.shape_transform[index]))
+    frame: Any = wp.transformd(*map(float, builder.shape_transform[index]))
     if kind == kinds.SPHERE:
         return Sphere(2.0 * size[0]), frame
     if kind == kinds.BOX:
