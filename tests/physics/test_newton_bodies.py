@@ -11,7 +11,7 @@ from helpers import square
 from resumed_runs import require_same_when_stopped
 from small_runs import simulate
 
-from warp_pd import Explicit, Fixed, Free, InputError, Measure, NeoHookean, RigidBody, Sheet, Sphere, newton_bodies
+from warp_pd import Box, Explicit, Fixed, Free, InputError, Measure, NeoHookean, RigidBody, Sheet, Sphere, newton_bodies
 from warp_pd.scenes import balls_on_a_sheet, gripper
 
 try:
@@ -177,6 +177,43 @@ def test_the_scenes_of_newtons_bodies(scene):
     else:
         assert found["torn_area_share"] > 0.0
         assert found["largest_force"] > 0.5
+
+
+@needs_newton
+def test_shapes_of_every_kind_are_where_newton_has_them():
+    builder = ModelBuilder(gravity=(0.0, 0.0, 0.0))
+    half, at = np.array([0.04, 0.05, 0.06]), np.array([0.01, 0.02, 0.03])
+    turned = (0.0, 0.0, np.sin(0.2), np.cos(0.2))
+    corners, triangles = Box(tuple(2.0 * half)).outline(0.0)
+    # The mesh has its own corner as the origin.
+    mesh = newton.Mesh(corners + half, triangles.ravel())
+    body = builder.add_body(xform=(0.1, 0.1, 0.5, *turned), mass=MASS, inertia=(TURN * np.eye(3)).ravel().tolist())
+    kept = ModelBuilder.ShapeConfig(density=0.0)
+    frame = (*at, 0.0, 0.0, 0.0, 1.0)
+    builder.add_shape_box(body, xform=frame, hx=half[0], hy=half[1], hz=half[2], cfg=kept, label="box")
+    builder.add_shape_mesh(body, xform=(*(at - half), 0.0, 0.0, 0.0, 1.0), mesh=mesh, cfg=kept, label="mesh")
+    builder.add_shape_cylinder(body, xform=frame, radius=0.04, half_height=0.06, cfg=kept, label="cylinder")
+    builder.add_shape_capsule(body, xform=frame, radius=0.04, half_height=0.02, cfg=kept, label="capsule")
+    builder.add_ground_plane(height=-0.2, label="floor")
+    contacts = newton_bodies(builder, Integrates, 1e-3, shapes=["box", "mesh", "cylinder", "capsule", "floor"])
+    built = on_trampoline(contacts).build("cpu")
+    box, found, cylinder, capsule, floor = (c.outline().placed(c.pose()) for c in built.contacts[:5])
+    assert np.abs(np.sort(box, axis=0) - np.sort(found, axis=0)).max() < 1e-6
+    rotation = np.array([[np.cos(0.4), -np.sin(0.4), 0.0], [np.sin(0.4), np.cos(0.4), 0.0], [0.0, 0.0, 1.0]])
+    centre = np.array([0.1, 0.1, 0.5]) + rotation @ at
+    for round_shape in (cylinder, capsule):
+        middle = 0.5 * (round_shape.min(axis=0) + round_shape.max(axis=0))
+        np.testing.assert_allclose(middle, centre, atol=1e-6)
+        assert np.ptp(round_shape[:, 2]) == pytest.approx(0.12, abs=1e-6)
+    np.testing.assert_allclose(floor[:, 2], -0.2, atol=1e-6)
+
+
+@needs_newton
+def test_a_floor_alone_is_a_world():
+    builder = ModelBuilder()
+    builder.add_ground_plane(height=-0.05)
+    result = on_trampoline(newton_bodies(builder, Integrates, 1e-3), frames=2, duration=0.01).run(device="cpu")
+    assert result.status == "finished"
 
 
 def contacts_of(**changed):
