@@ -227,6 +227,12 @@ def with_cone():
     return builder
 
 
+def relabelled():
+    builder = world(ABOVE)
+    builder.shape_label[0] = "other"
+    return builder
+
+
 WRONG = {
     "builder": (lambda: contacts_of(builder=3), "builder = 3: expected a newton.ModelBuilder"),
     "solver": (lambda: contacts_of(solver=3), "solver = 3: expected a class or function that makes a solver"),
@@ -243,6 +249,10 @@ WRONG = {
         "contact: 'ball_00' is missing: expected all that newton_bodies gave",
     ),
     "two worlds": (
+        lambda: on_trampoline([*contacts_of(), *contacts_of(builder=relabelled())]).build("cpu"),
+        "contact: expected one world of Newton's, got several",
+    ),
+    "two names": (
         lambda: on_trampoline([contacts_of()[0], *contacts_of()]).build("cpu"),
         "contact: two bodies are called 'ball_00': expected different names",
     ),

@@ -61,7 +61,7 @@ def test_examples_of_contact_can_be_built(page):
     (code,) = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL)
     names = {}
     exec(compile(code, page, "exec"), names)
-    part = {"bodies": "newton_bodies", "contact": "punch", "self-contact": "SelfContact"}[page]
+    part = {"bodies": "newton step", "contact": "punch", "self-contact": "SelfContact"}[page]
     assert part in names["simulation"].plan("cpu")
 
 
