@@ -1,7 +1,7 @@
 """Between the sheet and bodies that Newton moves: impulses to Newton's forces, Newton's poses to paths.
 
-Newton takes steps of `seconds`, in which the sheet takes many. Over such an interval a body goes at constant velocity to
-the next of Newton's poses; its impulses on the sheet act in Newton's next step, as a constant force.
+Newton takes steps of `seconds`, in which the sheet takes many. Over such an interval a body goes at constant velocity
+to the next of Newton's poses; its impulses on the sheet act in Newton's next step, as a constant force.
 
 The mean force of an interval belongs to its middle, Newton's next step to its end, half a step later: a force that lags
 so would feed energy to every bounce, in proportion to the step. Half of its last change is added, which makes the error

@@ -73,7 +73,7 @@ SCENES: dict[str, Shown] = {
     "flaw_sensitivity": Shown({"points": 40, "frames": 60}, view="top"),
     "folded_sheet": Shown({"points": 61, "frames": 40}, "displacement", 0.7),
     "glove": Shown({"spacing": 4e-3}, "displacement"),
-    "gripper": Shown({"points": 31, "duration": 0.036, "frames": 6}, view="top"),
+    "gripper": Shown({"points": 31, "duration": 0.034, "frames": 3}, view="top"),
     "holed_strip": Shown({"points": 41}, "displacement along x", view="top"),
     "kapton_shear": Shown({"points": 76, "tolerance": 1e-6}, "wrinkle level"),
     "metamaterial": Shown({"points": 30, "horizon": 2.015, "crack": True}),

@@ -87,7 +87,7 @@ def newton_bodies(
         found.append(NewtonBody(shape, motion, float(builder.shape_material_mu[index]), name))
     if not found:
         raise InputError("newton_bodies: shapes: expected one that touches the sheet, at least")
-    return [*found, NewtonWorld(_Recipe(builder), solver, step, tuple(found), collide)]
+    return [*found, NewtonWorld(_Recipe(builder, found), solver, step, collide)]
 
 
 def _poses(newton: Any, builder: Any) -> list[wp.transformd]:
@@ -184,10 +184,10 @@ class NewtonBody(RigidBody):
 
 
 class _Recipe:
-    """A builder, as a restart file and the description of a scene know it."""
+    """A builder, as a restart file and the description of a scene know it, and the bodies of the scene."""
 
-    def __init__(self, builder: Any) -> None:
-        self.builder = builder
+    def __init__(self, builder: Any, bodies: Sequence[NewtonBody]) -> None:
+        self.builder, self.bodies = builder, tuple(bodies)
 
     def __repr__(self) -> str:
         lists = {name: values for name, values in vars(self.builder).items() if isinstance(values, list)}
@@ -204,11 +204,15 @@ class NewtonWorld(Contact):
     recipe: _Recipe
     solver: Callable[[Any], Any]
     step: float
-    bodies: tuple[NewtonBody, ...]
     collide: bool
 
     half_steps: ClassVar[bool] = True
     changes_velocities: ClassVar[bool] = False
+
+    @property
+    def bodies(self) -> tuple[NewtonBody, ...]:
+        """Its bodies in the scene."""
+        return self.recipe.bodies
 
     def check(self, others: Sequence[Part]) -> None:
         """Check that all its bodies are there, and no other world.
