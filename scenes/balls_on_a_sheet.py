@@ -1,8 +1,8 @@
 """A dozen balls fall: nine on a stretched sheet, three beside it on the floor.
 
-A square of rubber (neo-Hookean, mu 0.4 MPa, 1 mm thick), stretched and clamped at its edges. The balls live in Newton
+A square of rubber (neo-Hookean, mu 0.4 MPa, 1 mm), stretched and clamped at its edges. The balls live in Newton
 (the physics engine, extra `bodies`): its solver XPBD keeps them out of each other and above the floor, and the sheet
-gives them its force. There is no closed form: what counts is how deep a ball is in another one or in the floor.
+gives them its force. There is no closed form: what counts is how deep one is in another or the floor.
 """
 
 import itertools
