@@ -77,6 +77,18 @@ class BuiltPart(Protocol):
         """Maximum step that the part allows, or None."""
         return None
 
+    def interval(self) -> float | None:
+        """Longest time between two exchanges with another simulation [s], which steps by itself; None without one."""
+        return None
+
+    def before_interval(self, seconds: float) -> None:
+        """Let the other simulation take a step; always of the same number of seconds. The sheet follows."""
+        return None
+
+    def after_interval(self) -> None:
+        """Take from the sheet what the next step of the other simulation needs."""
+        return None
+
     def added_frequency(self) -> float:
         """Upper bound of the frequency from the part alone [rad/s].
 

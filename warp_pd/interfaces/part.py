@@ -169,7 +169,13 @@ class Load(Part, Protocol):
 
 
 class BuiltContact(BuiltPart, Protocol):
-    """Contact on a device."""
+    """Contact on a device.
+
+    Attributes:
+        meets_others: Whether the body feels other bodies of which this is true.
+    """
+
+    meets_others: bool = False
 
     def ball_diameter(self) -> float | None:
         """Diameter of the ball to draw [m], or None."""

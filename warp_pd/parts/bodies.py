@@ -59,6 +59,7 @@ class RigidBody(Contact):
     surface: bool = False
 
     half_steps: ClassVar[bool] = True
+    meets_others: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
@@ -109,6 +110,7 @@ class BuiltBody(BuiltContact):
 
     def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
         self.part, self.context, self.label = part, context, f"contact = RigidBody {part.name!r}"
+        self.meets_others = part.meets_others
         name, sheet, types = part.name, context.sheet, context.types
         # A thinner body passes between points.
         if part.shape.bounded and not part.surface:

@@ -44,7 +44,7 @@ class BodyChecks(BuiltPart):
     def _possible(self) -> dict[tuple[str, ...], str]:
         """All possible notes, by subject."""
         texts: dict[tuple[str, ...], str] = {}
-        for one, other in itertools.combinations(self.bodies, 2):
+        for one, other in self._strangers():
             texts[one.label, other.label] = (
                 f"{one.label} and {other.label} overlap: rigid bodies do not interact with each other"
             )
@@ -77,9 +77,13 @@ class BodyChecks(BuiltPart):
         found = zip(self._texts.values(), frames, strict=True)
         return [f"{text} (at {history[min(frame, len(history)) - 1]['time']:.4g} s)" for text, frame in found if frame]
 
-    def _overlaps(self) -> set[tuple[str, ...]]:
+    def _strangers(self) -> list[tuple[BuiltContact, BuiltContact]]:
+        """Pairs of bodies that do not feel each other."""
         pairs = itertools.combinations(self.bodies, 2)
-        return {(a.label, b.label) for a, b in pairs if max(self._depth(a, b), self._depth(b, a)) > 0.0}
+        return [(a, b) for a, b in pairs if not (a.meets_others and b.meets_others)]
+
+    def _overlaps(self) -> set[tuple[str, ...]]:
+        return {(a.label, b.label) for a, b in self._strangers() if max(self._depth(a, b), self._depth(b, a)) > 0.0}
 
     def _depth(self, one: BuiltContact, other: BuiltContact) -> float:
         """Largest depth [m] of the vertices of a body in another body; vertices of unbounded bodies are ignored."""

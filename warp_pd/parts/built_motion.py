@@ -97,13 +97,20 @@ class OnPath(BuiltMotion):
     """A prescribed motion on a device."""
 
     def __init__(
-        self, name: str, pose: tuple[np.ndarray, np.ndarray], knots: tuple[np.ndarray, ...], context: Context
+        self,
+        name: str,
+        pose: tuple[np.ndarray, np.ndarray],
+        knots: tuple[np.ndarray, ...],
+        context: Context,
+        led: bool = False,
     ) -> None:
+        """Allocate the knots; `led`: another simulation writes new ones during the run."""
         super().__init__(name, pose, context)
         times, positions, rotations = knots
-        self.knots = self._array("times", wp.float64, times, False, "table")
-        self.places = self._array("places", wp.vec3d, positions, False, "table")
-        self.rotations = self._array("rotations", wp.quatd, rotations, False, "table")
+        per = "body" if led else "table"
+        self.knots = self._array("times", wp.float64, times, led, per)
+        self.places = self._array("places", wp.vec3d, positions, led, per)
+        self.rotations = self._array("rotations", wp.quatd, rotations, led, per)
         # The clock runs where there are schedules.
         context.clock.register(Schedule(np.array([0.0]), positions[:1]))
 

@@ -146,7 +146,22 @@ class BuiltExplicit(BuiltSolver):
             limits.append(StepLimit(MAX_DAMPED / self.solver.damping, "in which damping takes a fifth of the velocity"))
         # The largest eigenvalue of a sum is no larger than the sum of the largest (Weyl).
         self._added = [added for part in system.parts if (added := part.added_frequency()) > 0.0]
+        self._exchanging = [part for part in system.parts if part.interval() is not None]
+        if self._exchanging:
+            self._interval_seconds = self._exchange_interval()
         self._limit = min(limits, key=lambda limit: limit.seconds, default=StepLimit(math.inf, ""))
+
+    def _exchange_interval(self) -> float:
+        """Time between exchanges with other simulations [s]: a whole number of them in a frame.
+
+        Raises:
+            InputError: for frames that are not equally spaced.
+        """
+        if not self.solver.equal_frames:
+            raise InputError(f"{self._exchanging[0].label}: expected a number of equally spaced frames, got times")
+        frame = self.solver.duration / self.solver.frame_count
+        longest = min(part.interval() or math.inf for part in self._exchanging)
+        return frame / math.ceil(frame / longest * (1.0 - 1e-12))
 
     def run(self, sink: FrameSink) -> str:
         """Run to the end, passing every frame to the sink; return the final status."""
@@ -160,24 +175,36 @@ class BuiltExplicit(BuiltSolver):
         for index in range(sink.frame_index + 1, self.solver.frame_count + 1):
             now, end = self.solver.frame_time(index - 1), self.solver.frame_time(index)
             taken, dt = 0, 0.0
-            while now < end:
-                sink.keep_going()
-                if since >= STEPS_BETWEEN:
-                    sink.stable_dt = self.estimate(LATER_ITERATIONS)
-                    since = 0
-                wanted = self.solver.step if self.solver.step is not None else self.safety * sink.stable_dt
-                left = max(1, math.ceil((end - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
-                # A frame may be long: a sheet that stiffens within it must not outrun the step.
-                steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
-                dt = (end - now) / left
-                self._set_step(dt, now)
-                self._take(steps, dt, now, sink)
-                since += steps
-                taken += steps
-                now = end if steps == left else now + steps * dt
+            for stop in self._stops(now, end):
+                for part in self._exchanging:
+                    part.before_interval(self._interval_seconds)
+                while now < stop:
+                    sink.keep_going()
+                    if since >= STEPS_BETWEEN:
+                        sink.stable_dt = self.estimate(LATER_ITERATIONS)
+                        since = 0
+                    wanted = self.solver.step if self.solver.step is not None else self.safety * sink.stable_dt
+                    left = max(1, math.ceil((stop - now) / min(wanted, self._limit.seconds) * (1.0 - 1e-12)))
+                    # A frame may be long: a sheet that stiffens within it must not outrun the step.
+                    steps = left if left <= 2 * STEPS_BETWEEN else STEPS_BETWEEN
+                    dt = (stop - now) / left
+                    self._set_step(dt, now)
+                    self._take(steps, dt, now, sink)
+                    since += steps
+                    taken += steps
+                    now = stop if steps == left else now + steps * dt
+                for part in self._exchanging:
+                    part.after_interval()
             self._since_estimate, self._since_row = since, 0
             sink.frame(index, end, taken, dt)
         return "finished"
+
+    def _stops(self, now: float, end: float) -> list[float]:
+        """Times of a frame up to which the sheet steps by itself: its end, and those of exchanges before it."""
+        if not self._exchanging:
+            return [end]
+        count = round((end - now) / self._interval_seconds)
+        return [*(now + k * self._interval_seconds for k in range(1, count)), end]
 
     def _take(self, steps: int, dt: float, begin: float, sink: FrameSink) -> None:
         """Take steps, recording history rows between them if requested."""
