@@ -1,6 +1,7 @@
 """Neo-Hookean material of bonds for one loading mode, and the response of its sheet to uniform stretch.
 
-A bond knows only its own stretch, so its law is made for one mode of loading: stretch l along x, and along y
+The force of a bond depends only on its own stretch, so the law holds for one loading mode: stretch l along x, and along
+y
 
     equibiaxial  l,      planar  1,      uniaxial  that of traction-free edges; 1/sqrt(l) in the exact solution.
 
@@ -45,14 +46,14 @@ class BondNeoHookean:
         mu: Shear modulus [Pa]; E/3.
         mode: "equibiaxial", "planar" or "uniaxial".
         fit: The set of constants:
-            "published": as in the paper's final force densities (HE eqs. 44, 64, 82), those of tension for every
-                bond. At stretch 1, t = 0.141 mu (planar), -0.010 mu (uniaxial) or zero (equibiaxial).
+            "published": as in the paper's final force densities (HE eqs. 44, 64, 82), the constants of tension for
+                every bond. At stretch 1, t = 0.141 mu (planar), -0.010 mu (uniaxial) or zero (equibiaxial).
                 (The paper's constants of uniaxial compression, eq. 77b, have t(1) = -0.873 mu: with both sets the force
                 would jump.)
-            "refitted": no force at stretch 1, and the traction nearest to the exact one.
+            "refitted": zero force at stretch 1 and the traction closest to the exact one.
 
     Raises:
-        InputError: for a modulus that is not positive, or an unknown mode or fit.
+        InputError: if the modulus is not positive, or the mode or fit is unknown.
     """
 
     mu: float
@@ -107,7 +108,7 @@ def bond_traction(p: Coefficients, directions: np.ndarray, along_x: float, along
 
 
 def round_family() -> np.ndarray:
-    """Unit vectors of the many bonds of a complete round family, shape (n, 2)."""
+    """Unit vectors of the bonds of a complete round family in the limit of many bonds, shape (n, 2)."""
     return np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 
@@ -117,5 +118,5 @@ def tractions(p: Coefficients, along_x: float, along_y: float) -> np.ndarray:
 
 
 def exact_traction(mode: str, stretch: float) -> float:
-    """First Piola stress along x divided by mu of the exact incompressible sheet in a mode."""
+    """First Piola stress along x divided by mu of the exact incompressible neo-Hookean sheet."""
     return stretch - stretch ** -EXPONENT[mode]

@@ -1,4 +1,4 @@
-"""What writers of surfaces share: colours of damage, boxes, normals, paths that can be written."""
+"""Helpers for surface writers: damage colours, bounding boxes, normals, writable paths."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def point_normals(
 def camera_place(
     box: NDArray[np.float64], apertures: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Where a camera sees a whole box.
+    """Camera position from which a whole box is visible.
 
     Args:
         box: Lowest and highest corner [m], shape (2, 3).
-        apertures: Width and height of the picture over the focal length.
+        apertures: Width and height of the picture divided by the focal length.
 
     Returns:
         Eye and target [m], shape (3,), and their distance [m].
@@ -73,7 +73,7 @@ def camera_place(
 
 
 def plain_metadata(metadata: Mapping[str, str | float | int], seconds_per_frame: float | None) -> dict[str, Any]:
-    """The metadata in types USD knows: it takes no numpy numbers."""
+    """Convert metadata to types supported by USD, which does not accept NumPy numbers."""
     values: dict[str, Any] = {
         name: value.item() if isinstance(value, np.generic) else value for name, value in metadata.items()
     }
