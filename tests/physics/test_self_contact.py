@@ -376,8 +376,8 @@ def test_pieces_share_no_bond_and_start_without_stress():
         (lambda: together(square(9)), "sheets: expected two or more sheets, got 1"),
         (lambda: together(square(9), square(9).prestretched(1.2)), r"sheets\[1\] is prestretched"),
         (lambda: together(square(9), Sheet.tube(0.1, 0.1, thickness=1e-3, density=1000.0, points=20)), "is curved"),
-        (lambda: placed(square(9), Place()), "expected one of several pieces"),
-        (lambda: placed(together(square(9), square(9)), Place()), "holds 1 places: expected 2"),
+        (lambda: placed(square(9), Place()), "expected a sheet of several pieces"),
+        (lambda: placed(together(square(9), square(9)), Place()), "places: expected 2, one per piece, got 1"),
         (lambda: Place(axis=(0.0, 0.0, 0.0)), "expected a nonzero vector"),
     ],
 )  # fmt: skip
