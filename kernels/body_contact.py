@@ -41,7 +41,7 @@ class BodyContactKernels:
         find_inside: What points need, before a free body yields and `project`.
         find_touching: The same before `separate`.
         mark: Marks points that may touch in the step, for the stages of large sheets.
-        mark_now: The same for points that may touch at its end.
+        mark_again: The same after a free body has yielded.
         take_in_step: Gives points what kernels/surface_contact.py found, after the drift.
         take_at_end: The same after the second half kick.
     """
@@ -51,7 +51,7 @@ class BodyContactKernels:
     find_inside: Pointwise
     find_touching: Pointwise
     mark: Pointwise
-    mark_now: Pointwise
+    mark_again: Pointwise
     take_in_step: Pointwise
     take_at_end: Pointwise
 
@@ -309,5 +309,5 @@ def body_contact(
                         end_strike(i, change, lost, arm, a)
 
     return BodyContactKernels(
-        project_out, separate_from, find_inside, find_touching, search.mark, search.mark_now, take_in_step, take_at_end
+        project_out, separate_from, find_inside, find_touching, search.mark, search.mark_again, take_in_step, take_at_end
     )

@@ -28,6 +28,8 @@ from .contact import MAX_TRAVEL, MIN_DIAMETER, TOUCHING
 SKIN = 1e-4
 # How far from a point the surface of a mesh is sought [spacings], and how wrong the search may be, over the size.
 FAR, UNSURE = 4.0, 1e-5
+# How far a free body may yield to points in a step before points of large sheets are marked again [spacings].
+SLACK = 0.05
 # Radius of a half space [m].
 UNBOUNDED = 1e30
 
@@ -186,16 +188,13 @@ class BuiltBody(BuiltContact):
             stage.pointwise(part.name, take, context.sheet.size, **self._arguments())
         find, act = (kernels.find_inside, kernels.project) if project else (kernels.find_touching, kernels.separate)
         shared, points, alone = self._arguments(), context.sheet.size, self.motion.marks is not None
-        if alone:
-            # The forces of the bonds are gathered in the launch before it, for which registers are precious.
-            mark = kernels.mark if project else kernels.mark_now
-            stage.pointwise(part.name, mark, points, alone=not project, **shared)
+        if alone and project:
+            stage.pointwise(part.name, kernels.mark, points, **shared)
         if part.motion.free:
             stage.pointwise(part.name, find, points, alone=alone, **shared)
-            (self.motion.before_projection if project else self.motion.before_separation)(stage)
+            self.motion.yields(stage, at_end=not project)
             if alone and project:
-                # The body has yielded: other points may touch it.
-                stage.pointwise(part.name, kernels.mark, points, **shared)
+                stage.pointwise(part.name, kernels.mark_again, points, alone=True, **shared)
         stage.pointwise(part.name, act, points, alone=alone, **shared)
         self.motion.after(stage)
 
@@ -204,10 +203,12 @@ class BuiltBody(BuiltContact):
         radius = part.shape.radius()
         names = ("need", "rows", "push", "arms", "slips", "push_work", "rub", "rub_work")
         flying = {name: getattr(motion, name, None) for name in names}
+        flying["yielded"] = getattr(motion, "changes", None)
         return {
             "reference": self._reference, "mass": state.mass, "held_mask": state.held_mask, "body": self._body,
             "radius": radius if np.isfinite(radius) else UNBOUNDED,
-            "skin": SKIN * context.sheet.spacing, "far": FAR * context.sheet.spacing, "unsure": self._unsure,
+            "skin": SKIN * context.sheet.spacing, "far": FAR * context.sheet.spacing,
+            "slack": SLACK * context.sheet.spacing if part.motion.free else 0.0, "unsure": self._unsure,
             "seen": self._seen, "marks": motion.marks, "friction": float(part.friction),
             "place": motion.place, "rotation": motion.rotation, "motion": motion.motion, "step": state.step,
             "damping": state.damping, "force": state.force, "external": state.external,
