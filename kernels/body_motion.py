@@ -67,6 +67,19 @@ def wrench(force: wp.vec3d, arm: wp.vec3d):
     return vec6d(force[0], force[1], force[2], turn[0], turn[1], turn[2])
 
 
+@wp.func
+def with_row(sums: Equations, m: wp.float64, j: vec6d, side: wp.float64):
+    """The sums with m j j^T added to the matrix, and j times `side` to the right side."""
+    found = sums
+    row = int(0)  # noqa: RUF046
+    for r in range(6):
+        for c in range(r, 6):
+            found[row] += m * j[r] * j[c]
+            row += 1
+        found[21 + r] += side * j[r]
+    return found
+
+
 @functools.cache
 def block_sum(kind: Any) -> wp.Function:
     """Function (value, count) -> sum of the values over the threads of a block, if any count is not 0.
@@ -120,8 +133,10 @@ def path_motion() -> Kernel:
         rotation[1] = was
         place[0] = there
         rotation[0] = turned
-        motion[0] = (there - here) / dt
-        motion[1] = turn_between(was, turned) / dt
+        # In static equilibrium no time passes.
+        if dt > wp.float64(0.0):
+            motion[0] = (there - here) / dt
+            motion[1] = turn_between(was, turned) / dt
 
     return follow_path
 
@@ -217,8 +232,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         b = thread / wp.block_dim()
         lane = thread - b * wp.block_dim()
         count = wp.int32(0)
-        A = mat66d()
-        side = vec6d()
+        found = Equations()
         weight = wp.float64(1.0)
         if wp.static(damped):
             if at_end != 0:
@@ -238,8 +252,7 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                 if pushed:
                     count += 1
                     m = weight * wp.float64(mass[i])
-                    A += m * wp.outer(j, j)
-                    side -= (m * need[i]) * j
+                    found = with_row(found, m, j, -m * need[i])
                     if wp.static(rubs):
                         if use_changes != 0:
                             n = wp.vec3d(j[0], j[1], j[2])
@@ -250,22 +263,13 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
                             speed = wp.length(slip)
                             most = friction * (need[i] + wp.dot(j, d))
                             if speed > most:
-                                side += (m * most / speed) * wrench(slip, arms[i])
+                                found = with_row(found, wp.float64(0.0), wrench(slip, arms[i]), m * most / speed)
                             else:
                                 for c in range(3):
                                     unit = wp.vec3d()
                                     unit[c] = wp.float64(1.0)
                                     unit -= n[c] * n
-                                    k = wrench(unit, arms[i])
-                                    A += m * wp.outer(k, k)
-                                    side += (m * wp.dot(unit, slips[i])) * k
-        found = Equations()
-        row = int(0)  # noqa: RUF046
-        for r in range(6):
-            for c in range(r, 6):
-                found[row] = A[r, c]
-                row += 1
-            found[21 + r] = side[r]
+                                    found = with_row(found, m, wrench(unit, arms[i]), m * wp.dot(unit, slips[i]))
         found = sum_equations(found, count)
         if lane == 0:
             sums[b] = found
@@ -316,20 +320,21 @@ def free_motion(bits: int, damped: bool, tracked: bool, rubs: bool, marked: bool
         for c in range(6):
             for k in range(c):
                 A[c, c] = A[c, c] - A[c, k] * A[c, k]
-            A[c, c] = wp.sqrt(A[c, c])
+            # The diagonal holds its inverse: a division takes as long as ten products.
+            A[c, c] = wp.float64(1.0) / wp.sqrt(A[c, c])
             for r in range(c + 1, 6):
                 for k in range(c):
                     A[r, c] = A[r, c] - A[r, k] * A[c, k]
-                A[r, c] = A[r, c] / A[c, c]
+                A[r, c] = A[r, c] * A[c, c]
         for r in range(6):
             for k in range(r):
                 x[r] = x[r] - A[r, k] * x[k]
-            x[r] = x[r] / A[r, r]
+            x[r] = x[r] * A[r, r]
         for back in range(6):
             r = 5 - back
             for k in range(r + 1, 6):
                 x[r] = x[r] - A[k, r] * x[k]
-            x[r] = x[r] / A[r, r]
+            x[r] = x[r] * A[r, r]
         changes[0] = x
         if use_changes != 0:
             linear = wp.vec3d(x[0], x[1], x[2])

@@ -37,7 +37,7 @@ class BodySearch:
             arm at which the body pushes it.
         push_out: (x, n, reach, a) -> shift along n that brings a point at x to the surface.
         touch_now: (x, a) -> whether a point there touches, and the normal.
-        mark: Pointwise: marks points that may touch in the step, for the stages of large sheets; no others do at its end.
+        mark: Pointwise: marks points that may touch in the step, or at its end, on large sheets.
         mark_again: Pointwise: the same after a free body has yielded by more than `slack`.
     """
 

@@ -51,9 +51,12 @@ def test_points_seldom_ask(plain):
         assert np.median(seen[asked, 3]) > 0.1 * plain.built.simulation.sheet.spacing
 
 
-def test_marked_points_touch_the_same(plain, monkeypatch):
+@pytest.mark.parametrize("slack", [bodies.SLACK, 0.0], ids=["seldom", "in every step"])
+def test_marked_points_touch_the_same(plain, monkeypatch, slack):
+    """However often they are marked again, as a free body yields."""
     # Sheets that are marked are too large for a test.
     monkeypatch.setattr(built_motion, "MARKED_FROM", 0)
+    monkeypatch.setattr(bodies, "SLACK", slack)
     marked = scene().run(device="cpu", precision=32)
     assert marked.built.context.fields["ball_marks"].numpy().any()
     require_same_bits(plain, marked)

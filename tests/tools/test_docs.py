@@ -56,10 +56,13 @@ def test_examples_of_fits_run(code, capsys):
 
 @pytest.mark.parametrize("page", ["contact", "self-contact"])
 def test_examples_of_contact_can_be_built(page):
-    (code,) = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL)
+    codes = re.findall(r"```python[^\n]*\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL)
     names = {}
-    exec(compile(code, page, "exec"), names)
+    for code in codes:
+        exec(compile(code, page, "exec"), names)
     assert ("punch" if page == "contact" else "SelfContact") in names["simulation"].plan("cpu")
+    if page == "contact":
+        assert "settle_contact" in names["indentation"].plan("cpu")
 
 
 def test_every_page_is_in_the_navigation():

@@ -60,13 +60,15 @@ def require_newton(scene: Simulation) -> None:
     """Check that a scene has derivatives at equilibrium.
 
     Raises:
-        InputError: for another solver than Newton, or a scene in which bonds may break.
+        InputError: for another solver than Newton, or a scene with contact or in which bonds may break.
     """
     if not has_equilibrium(scene):
         raise InputError(
             f"solver = {type(scene.solver).__name__}: expected Newton, whose tangent gives the derivatives; for others "
             "take differences over runs"
         )
+    if scene.contacts:
+        raise InputError("contact: expected None for derivatives at equilibrium, as points that touch make jumps")
     if scene.damage is not None:
         raise InputError("damage: expected None for derivatives at equilibrium, as broken bonds make jumps")
 

@@ -101,6 +101,16 @@ class System:
                         f"{part.label}: the solver {solver} has no phase for it ({phase.value}); expected Explicit"
                     )
 
+    def refuse_contact(self, solver: str) -> None:
+        """Refuse contact at rest for a solver that does not settle it.
+
+        Raises:
+            InputError: if there is any.
+        """
+        for load in self.external.following:
+            if load.at_rest is not None:
+                raise InputError(f"{load.label}: the solver {solver} has no contact; expected Newton or Explicit")
+
     def set_clock(self, advance: float, end: float, now: float | None = None) -> None:
         """Set the time increment of a step, the end time, and the present time if given [s]; evaluate the schedules."""
         if self._schedules is None:

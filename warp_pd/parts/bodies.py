@@ -11,14 +11,16 @@ import warp as wp
 
 from ..device.checks import InputError, not_negative, resolved, said
 from ..device.fields import Array
-from ..device.launches import Stage
+from ..device.launches import Stage, with_values
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..interfaces import BuiltContact, BuiltLaw, Contact, Part, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltLoad, Contact, Part, StepLimit
 from ..interfaces.context import Context
 from ..interfaces.frame import Body
 from ..interfaces.phases import Phase
 from ..kernels.body_contact import body_contact
+from ..kernels.effects import Kernel
+from ..kernels.static_contact import static_contact
 from .body_motion import BodyMotion
 from .body_shapes import BodyShape, on_device, signed_distances
 from .body_surface import BodySurface
@@ -32,6 +34,9 @@ FAR, UNSURE = 4.0, 1e-5
 SLACK = 0.05
 # Radius of a half space [m].
 UNBOUNDED = 1e30
+# Static contact: how many times stiffer every round is than the one before, and how far a point may be from where it is
+# kept, in float64 and float32 [spacings].
+STIFFER, SETTLED = 4.0, {64: 1e-5, 32: 1e-4}
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,7 @@ class RigidBody(Contact):
     surface: bool = False
 
     half_steps: ClassVar[bool] = True
+    loads_at_rest: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
@@ -98,8 +104,12 @@ class RigidBody(Contact):
         return self
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
-        """The body on a device."""
-        return BuiltBody(self, context, law)
+        """The body on a device.
+
+        Raises:
+            InputError: at rest, for friction, a free body, or a surface.
+        """
+        return BuiltBody(self, context, law) if context.features.dynamic else BodyAtRest(self, context, law)
 
 
 class BuiltBody(BuiltContact):
@@ -196,7 +206,7 @@ class BuiltBody(BuiltContact):
             if alone and project:
                 stage.pointwise(part.name, kernels.mark_again, points, alone=True, **shared)
         stage.pointwise(part.name, act, points, alone=alone, **shared)
-        self.motion.after(stage)
+        self.motion.after(stage, at_end=not project)
 
     def _arguments(self) -> dict[str, Any]:
         context, state, part, motion = self.context, self.context.state, self.part, self.motion
@@ -273,15 +283,22 @@ class BuiltBody(BuiltContact):
         self.motion.end_frame()
 
     def step_limit(self) -> StepLimit | None:
-        """It moves a quarter of a spacing, or of its thickness, at most; an eighth if bonds can break."""
-        shape, sheet = self.part.shape, self.context.whole
+        """It moves a quarter of a spacing, or of its thickness, at most; an eighth if bonds can break.
+
+        With friction the sheet's first velocity counts, too: where points stopped within half a spacing, and their
+        neighbours flew on, the sheet stretched until it diverged.
+        """
+        shape, sheet, context = self.part.shape, self.context.whole, self.context
         furthest = float(np.linalg.norm(sheet.positions - self.part.motion.pose(0.0)[0], axis=1).max())
         speed = self.part.motion.speed(min(shape.radius(), furthest))
-        if speed == 0.0:
+        if self._rubs:
+            thrown = float(np.linalg.norm(context.state.velocity.numpy().astype(np.float64), axis=1).max())
+            speed -= context.communicator.minimum(-thrown)
+        if speed <= 0.0:
             return None
         smaller = min(sheet.spacing, 0.5 * shape.thinnest())
         travel = 0.5 * MAX_TRAVEL if self.context.features.breakable else MAX_TRAVEL
-        return StepLimit(travel * smaller / speed, f"in which the body {self.part.name!r} moves {travel} spacings")
+        return StepLimit(travel * smaller / speed, f"in which {self.part.name!r} and the sheet move {travel} spacings")
 
     def outline(self) -> Body:
         """How it is drawn."""
@@ -305,3 +322,88 @@ class BuiltBody(BuiltContact):
         """Signed distance of points [m], shape (N, 3), from its surface at a frame, shape (N,)."""
         pose = self.pose()
         return self._distances(points, pose[:3], pose[3:])
+
+
+class BodyAtRest(BuiltBody, BuiltLoad):
+    """A body in static equilibrium: it presses on points without friction, see kernels/static_contact.py.
+
+    Attributes:
+        multiplier: Pressure at the last equilibrium [Pa], (N,) float64.
+        blocks: Change of the force on each point with its displacement [N/m], (N,) mat33.
+    """
+
+    follows_displacement = True
+    symmetric = True
+
+    def __init__(self, part: RigidBody, context: Context, law: BuiltLaw) -> None:
+        for name, value, wanted in (
+            ("friction", part.friction, 0.0), ("surface", part.surface, False), ("motion.free", part.motion.free, False)
+        ):  # fmt: skip
+            if value != wanted:
+                raise InputError(
+                    f"RigidBody {part.name!r}: {name} = {value!r}: expected {wanted!r} at rest, or Explicit"
+                )
+        super().__init__(part, context, law)
+        name, points, types = part.name, context.sheet.size, context.types
+        self.at_rest = self
+        self.multiplier = context.array(f"{name}_multiplier", name, wp.float64, shape=points, restart=True)
+        self._stiffness = context.array(f"{name}_stiffness", name, wp.float64, shape=1, per="once", restart=True)
+        self.memory = [self.multiplier, self._stiffness]
+        self._softest = 0.0
+        self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
+        self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
+        self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
+        self._kernels = static_contact(context.bits, part.shape.distance, self._curved, context.features.held)
+
+    def _contact(self) -> Any:
+        part, context = self.part, self.context
+        radius = part.shape.radius()
+        values = {
+            "reference": self._reference, "areas": self._areas, "held_mask": context.state.held_mask,
+            "multiplier": self.multiplier, "body": self._body, "place": self.motion.place,
+            "rotation": self.motion.rotation, "stiffness": self._stiffness,
+            "reach": radius if np.isfinite(radius) else UNBOUNDED, "around": 0.25 * context.sheet.spacing,
+        }  # fmt: skip
+        return with_values(self._kernels.struct(), values)
+
+    def _launch(self, stage: Stage, kernel: Kernel, displacement: Array, **arrays: Any) -> None:
+        points = self.context.sheet.size
+        stage.launch(self.part.name, kernel, points, displacement=displacement, a=self._contact(), **arrays)
+
+    def add(self, phase: Phase, stage: Stage) -> None:
+        """Add the launches of the motion, and those of what frames show."""
+        self.motion.add(phase, stage)
+        if phase is Phase.FRAME:
+            displacement = self.context.state.displacement
+            self._launch(stage, self._kernels.show, displacement, force=self.impulse, turn=self.turn)
+
+    def add_force(self, stage: Stage, displacement: Array, out: Array) -> None:
+        """Add the launch that pushes points."""
+        self._launch(stage, self._kernels.press, displacement, out=out)
+
+    def add_blocks(self, stage: Stage, displacement: Array) -> None:
+        """Add the launch that fills `blocks`, and a stage that settles."""
+        self._launch(stage, self._kernels.linearise, displacement, blocks=self.blocks)
+        settle = self.context.stage(f"settle {self.part.name}", "every equilibrium")
+        self._launch(settle, self._kernels.settle, displacement, multiplier=self.multiplier, off=self._off)
+
+    def stiffen(self, modulus: float) -> None:
+        """Press about as stiffly as a point hangs on its neighbours."""
+        sheet = self.context.sheet
+        if not self._stiffness.numpy()[0]:
+            stiffness = modulus * float(np.mean(sheet.thickness)) / sheet.spacing**2
+            self._stiffness.assign(np.array([stiffness]))
+        self._softest = float(self._stiffness.numpy()[0])
+
+    def settle(self) -> bool:
+        """Take the pressure as multiplier; whether a point is off the surface, on which the next round then presses."""
+        context = self.context
+        context.run(f"settle {self.part.name}")
+        stiffness = self._stiffness.numpy()
+        off = bool(self._off.numpy().max() > SETTLED[context.bits] * context.sheet.spacing * stiffness[0])
+        self._stiffness.assign(STIFFER * stiffness if off else np.array([self._softest]))
+        return off
+
+    def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
+        """Force [N] and torque about the centre [N m] on the body; its place."""
+        return super().columns(totals, 1.0)

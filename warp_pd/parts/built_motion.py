@@ -74,7 +74,7 @@ class BuiltMotion:
     def yields(self, stage: Stage, at_end: bool) -> None:
         """Add launches after touching points have been found, before they are moved out or separated."""
 
-    def after(self, stage: Stage) -> None:
+    def after(self, stage: Stage, at_end: bool) -> None:
         """Add launches after points have got their impulses."""
 
     def sums(self) -> dict[str, Array]:
@@ -108,7 +108,7 @@ class OnPath(BuiltMotion):
 
     def add(self, phase: Phase, stage: Stage) -> None:
         """Add the launch that follows the path."""
-        if phase is Phase.RIGID_DRIFT:
+        if phase is (Phase.RIGID_DRIFT if self.context.features.dynamic else Phase.SCHEDULES):
             clock = self.context.clock
             stage.launch(
                 self.name, path_motion(), 1, times=self.knots, places=self.places,
@@ -206,15 +206,16 @@ class InFlight(BuiltMotion):
                 step=state.step, changes=self.changes, place=self.place, rotation=self.rotation, motion=self.motion,
             )  # fmt: skip
 
-    def after(self, stage: Stage) -> None:
-        """Take from the body what the points got."""
+    def after(self, stage: Stage, at_end: bool) -> None:
+        """Take from the body what the points got; before the end of the step while the sheet finds its forces."""
+        beside: dict[str, Any] = {"block_dim": LANES, "side_stream": not at_end}
         stage.launch(
-            self.name, self._kernels.gather_given, self._threads, block_dim=LANES, marks=self.marks, push=self.push,
+            self.name, self._kernels.gather_given, self._threads, **beside, marks=self.marks, push=self.push,
             arms=self.arms, push_work=self.push_work, rub=self.rub, rub_work=self.rub_work, block=self._block,
             sums=self._sums_of_given,
         )  # fmt: skip
         stage.launch(
-            self.name, self._kernels.give, self._lanes, block_dim=LANES, sums=self._sums_of_given,
+            self.name, self._kernels.give, self._lanes, **beside, sums=self._sums_of_given,
             mass=float(self.body.mass), inverse_inertia=self._inverse, rotation=self.rotation, motion=self.motion,
             momenta=self.momenta, given=self.given,
         )  # fmt: skip

@@ -67,7 +67,7 @@ class LinearSolver:
     def prepare(self) -> bool:
         """Factorise if that is the preconditioner; whether the tangent allows it."""
         if self._sparse is not None:
-            self.factors = self._sparse.factorise()
+            self.factors = self._sparse.factorise(self.level.contact_stiffness())
             return self.factors is not None
         return True
 
