@@ -157,7 +157,7 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
     point = wp.vec3(wp.float32(arm[0]), wp.float32(arm[1]), wp.float32(arm[2]))
     # The search is float32: it must not miss what is within reach.
     further = reach + wp.float64(1e-5) * body.size[0]
-    hit = wp.mesh_query_point_sign_normal(body.mesh, point, wp.float32(further))
+    hit = wp.mesh_query_point_no_sign(body.mesh, point, wp.float32(further))
     n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
     distance = reach
     if hit.result:
@@ -173,9 +173,11 @@ def mesh_distance(arm: wp.vec3d, reach: wp.float64, body: BodyShape):
         if length <= NEAR * body.size[0]:
             distance = height
         else:
-            side = wp.where(hit.sign < wp.float32(0.0), wp.float64(-1.0), wp.float64(1.0))
-            if wp.abs(height) > wp.float64(0.999) * length:
-                side = wp.where(height < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
+            side = wp.where(height < wp.float64(0.0), wp.float64(-1.0), wp.float64(1.0))
+            if wp.abs(height) <= wp.float64(0.999) * length:
+                # Nearest is an edge or a corner, whose normal takes a longer search.
+                around = wp.mesh_query_point_sign_normal(body.mesh, point, wp.float32(further))
+                side = wp.where(around.sign < wp.float32(0.0), wp.float64(-1.0), wp.float64(1.0))
             distance = side * length
             n = (side / length) * out
     return with_normal(n, distance)

@@ -91,6 +91,7 @@ class Path(StaticSystem):
         """
         if system.rupture is not None:
             raise InputError(f"{system.rupture.label}: ArcLength does not support rupture; expected Newton")
+        system.refuse_contact("ArcLength")
         super().__init__(settings, system, tangent)
         context = system.context
         self.direction = context.array(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..device.fields import assign
+from ..device.fields import Array, assign
 from ..interfaces import FrameSink, System, Tangent
 from .descent import Sizes
 from .level import OWNER
@@ -84,8 +84,12 @@ class Search(StaticSystem):
         """Follow the load path; return the final status."""
         finest, planned = self.levels[0], self.settings.load_steps
         self._start_report(sink)
+        if finest.contacts:
+            finest.linearise(0.0)
+            for contact in finest.contacts:
+                contact.stiffen(finest.tangent.modulus())
         reached = sink.time / self.settings.duration
-        broken = self._keep(reached)
+        broken, settled = self._keep(reached)
         while reached < 1.0 - 1e-9:
             goal = (math.floor(reached * planned + 1e-9) + 1) / planned
             factor = goal if reached + self._size > goal - 1e-9 else reached + self._size
@@ -93,13 +97,15 @@ class Search(StaticSystem):
             if converged:
                 self._compare(reached, factor)
                 reached = factor
-                broken = self._keep(reached)
+                broken, settled = self._keep(reached)
                 if factor == goal:
                     self._record(sink, reached)
                 continue
             wp.copy(finest.displacement, self.good)
             self._earlier_factor = self._kept_factor = None
             self.rupture.restore(broken)
+            for array, values in settled:
+                array.assign(values)
             self._cutbacks += 1
             self._size *= 0.5
             if self._cutbacks > self.settings.most_cuts:
@@ -121,8 +127,8 @@ class Search(StaticSystem):
             self.jumps.append({"from": before, "to": reached, "moved": far, "times": far / usual})
         self._moved = [*self._moved, (length, far)][-COMPARED:]
 
-    def _keep(self, reached: float) -> Sequence[np.ndarray]:
-        """Store the state as the last good load step, including that of rupture."""
+    def _keep(self, reached: float) -> tuple[Sequence[np.ndarray], list[tuple[Array, np.ndarray]]]:
+        """Store the state as the last good load step; return that of rupture, and that of contact."""
         # A run that went on from a load step has that and the one before it already.
         known = self._resumed and self._kept_factor is not None
         self._resumed = False
@@ -131,7 +137,8 @@ class Search(StaticSystem):
         wp.copy(self.good, self.levels[0].displacement)
         if not known:
             self._earlier_factor, self._kept_factor = self._kept_factor, reached
-        return self.rupture.remember()
+        settled = [array for contact in self.levels[0].contacts for array in contact.memory]
+        return self.rupture.remember(), [(array, array.numpy().copy()) for array in settled]
 
     def _equilibrium(self, factor: float, sink: FrameSink) -> tuple[bool, float]:
         """Find equilibrium at a load factor in which no more bonds break; return whether found, and the residual.
@@ -146,13 +153,16 @@ class Search(StaticSystem):
         converged, residual = self._load_step(factor, sink)
         entry = self.report.load_steps[-1]
         while converged:
-            breaks = self.rupture.breaks(entry["rounds"])
+            # Nothing breaks before contact has settled.
+            settles = sum(contact.settle() for contact in self.levels[0].contacts) > 0
+            breaks = settles or self.rupture.breaks(entry["rounds"])
             if not breaks and residual <= self.tolerance:
                 break
             if breaks:
                 entry["rounds"] += 1
+            if breaks and not settles:
                 self._kept_factor = None
-            tolerance = max(self.tolerance, self.rupture.close_enough) if breaks else self.tolerance
+            tolerance = max(self.tolerance, self.rupture.close_enough) if breaks and not settles else self.tolerance
             found, whole = self._descend(0, factor, sink, tolerance, entry["rounds"]), entry["lattices"][-1]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]

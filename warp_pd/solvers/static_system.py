@@ -69,6 +69,13 @@ class StaticSystem:
 
     def _preconditioner(self, tangent: Tangent) -> str:
         wanted, context, law = self.settings.preconditioner, self.system.context, self.system.law
+        for load in self.system.external.following:
+            if load.at_rest is not None and wanted not in ("auto", "direct"):
+                raise InputError(
+                    f"preconditioner = {wanted!r}: {load.label}: expected 'auto' or 'direct', which has contact in it"
+                )
+            if load.at_rest is not None:
+                return "direct"
         sheet, held = context.sheet, context.held
         smooth = law.horizon_ratio <= MAX_MULTIGRID_HORIZON and not sheet.cuts and law.intact is None
         lattices = coarser(sheet.lattice) if sheet.lattice is not None and smooth else []
