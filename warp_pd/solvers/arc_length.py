@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import below_one, count, one_of, positive
 from ..device.schedules import Schedule
-from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
+from ..interfaces import BuiltLaw, BuiltSolver, History, System
 from ..interfaces.context import Context
-from .newton import NOT_DONE, PRECONDITIONERS
+from .newton import NOT_DONE
+from .newton_settings import PathSettings
 from .path import Path
+from .static_system import BuiltStatic
 
 # Load factors up to which loads without a schedule go on in a straight line, either way.
 FARTHEST = 10.0
 
 
-@dataclass(frozen=True)
-class ArcLength:
+@dataclass(frozen=True, kw_only=True)
+class ArcLength(PathSettings):
     """Follows static equilibrium along its path, wherever the load has to fall for that.
 
     Besides the displacement the load factor s is unknown: schedules are taken at the time s duration, loads without a
@@ -35,8 +35,8 @@ class ArcLength:
 
     Stability: signs of the pivots of the factorised tangent and, with loads that follow the displacement, lowest
     eigenvalues of K x = mu K0 x, K0 without these loads. The summary (`solve`: `found`) and notes name limit points,
-    where the load turns, and bifurcations, where the sign of another eigenvalue changes. The path goes straight on
-    there.
+    where the load turns, and bifurcations, where the sign of another eigenvalue changes; both are points of the path.
+    At a bifurcation the path goes straight on, or along the eigenvector (`switch`), corrected on the plane across it.
 
     Attributes:
         increment: Largest change of the load factor in a step, and the load factor of the first point.
@@ -45,36 +45,10 @@ class ArcLength:
         most_iterations: Corrector steps after which a step has failed.
         most_cuts: Number of times that one step is halved.
         modes: Number of lowest eigenvalues to find at every point; 0 finds limit points alone.
+        switch: Number of the bifurcation at which the path takes the other branch, from 1; 0: it goes straight on.
         preconditioner: As of `Newton`; "auto" is a sparse factorisation on the host up to 20 000 points, since beyond a
             limit point the tangent has negative eigenvalues. Without a factorisation nothing is said of stability.
     """
-
-    increment: float = 0.1
-    tolerance: float | None = None
-    most_steps: int = 200
-    most_iterations: int = 12
-    most_cuts: int = 10
-    modes: int = 3
-    preconditioner: str = "auto"
-    duration: float = 1.0
-    precision: int = 64
-
-    dynamic: ClassVar[bool] = False
-    steps_explicitly: ClassVar[bool] = False
-    equal_frames: ClassVar[bool] = False
-    mass_damping: ClassVar[float | None] = None
-    stiffness: ClassVar[str] = "tangent"
-
-    def __post_init__(self) -> None:
-        below_one("increment", self.increment)
-        if self.tolerance is not None:
-            below_one("tolerance", self.tolerance)
-        positive("duration", self.duration)
-        count("most_steps", self.most_steps, 1)
-        count("most_iterations", self.most_iterations, 1)
-        count("most_cuts", self.most_cuts, 0)
-        count("modes", self.modes, 0)
-        one_of("preconditioner", self.preconditioner, PRECONDITIONERS)
 
     @property
     def frame_count(self) -> int:
@@ -96,12 +70,12 @@ class ArcLength:
         return BuiltArcLength(self, context, law)
 
 
-class BuiltArcLength(BuiltSolver):
+class BuiltArcLength(BuiltStatic):
     """Arc-length continuation on a device: adds nothing to a step in time."""
 
     label = "solver = ArcLength"
     turns = True
-    path: Path
+    search: Path
 
     def __init__(self, solver: ArcLength, context: Context, law: BuiltLaw) -> None:
         self.solver = solver
@@ -114,11 +88,7 @@ class BuiltArcLength(BuiltSolver):
             InputError: for parts that static solvers do not know.
         """
         system.refuse_phases("ArcLength", NOT_DONE)
-        self.path = Path(self.solver, system, self.tangent)
-
-    def run(self, sink: FrameSink) -> str:
-        """Follow the path, each point a frame; returns the final status."""
-        return self.path.run(sink)
+        self.search = Path(self.solver, system, self.tangent)
 
     def column_names(self) -> Sequence[str]:
         """Load factor, and number of negative eigenvalues if the tangent is factorised."""
@@ -126,26 +96,25 @@ class BuiltArcLength(BuiltSolver):
 
     def columns(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """The same [-]; a number of eigenvalues that was not found is NaN."""
-        state = self.path.state
+        state = self.search.state
         row = {"load_factor": state.factor}
-        if self.solver.modes and self.path.preconditioner == "direct":
+        if self.solver.modes and self.search.preconditioner == "direct":
             unknown = state.step > 0 and state.negative is None
             row["unstable"] = np.nan if unknown else float(state.negative or 0)
         return row
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Limit points and bifurcations, and a path that was left before its end."""
-        state, said = self.path.state, []
+        state, said = self.search.state, []
         for found in state.found:
-            where = (
-                f"at load factor {found['load_factor']:.5g}, between steps {found['steps'][0]} and {found['steps'][1]}"
-            )
+            where = f"at load factor {found['load_factor']:.5g}, step {found['step']}"
             if found["kind"] == "bifurcation":
                 number = found["eigenvalues"]
                 what = (
                     "an eigenvalue of the tangent changes its" if number == 1 else f"{number} eigenvalues change their"
                 )
-                said.append(f"ArcLength: a bifurcation {where}: {what} sign while the load does not turn")
+                then = "; the path goes on along the other branch" if found["switched"] else ""
+                said.append(f"ArcLength: a bifurcation {where}: {what} sign while the load does not turn{then}")
             else:
                 said.append(f"ArcLength: a limit point {where}: a {found['kind']} of the load")
         if state.step == self.solver.most_steps and abs(state.factor) < 1.0:
@@ -153,11 +122,3 @@ class BuiltArcLength(BuiltSolver):
                 f"ArcLength: the path is followed for most_steps = {state.step}, to load factor {state.factor:.4g}"
             )
         return said
-
-    def host_state(self) -> dict[str, Any]:
-        """Where the path stands."""
-        return self.path.host_state()
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `host_state` gave."""
-        self.path.restore(state)
