@@ -60,7 +60,7 @@ def maxwell(forces):
     """Pressures [Pa], and stretches around the thick part, of two parts side by side at falling forces F [N]."""
     from scipy.optimize import fsolve
 
-    state, found = np.array([0.89, 1.74, 5.73, 4.31]), []
+    state, found = np.array([0.80, 2.25, 5.47, 4.31]), []
 
     def differences(state, F):
         rows = []
@@ -101,7 +101,7 @@ def build(
     around = np.linspace(1.0, 2.0, 2001)
     largest = float(cylinder_pressure(around).max())
     load, begins = 1.1 * largest, onset()
-    forces = np.linspace(1.2, 0.0, 25) * PER_FORCE * MU
+    forces = np.linspace(1.6, -0.4, 41) * PER_FORCE * MU
     lines, thick = maxwell(forces)
     turn = [np.flatnonzero(np.abs(sheet.points[top, 1 - c]) < 1e-6 * RADIUS) for c in range(2)]
 
