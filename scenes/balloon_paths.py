@@ -1,11 +1,11 @@
-"""A balloon along its whole equilibrium path: through the largest pressure, the smallest, and up again.
+"""A balloon along its whole equilibrium path: through the maximum and the minimum of the pressure.
 
 A sphere of Mooney-Rivlin rubber as in `balloon`, with a second constant of 0.1 of mu. Exact, by virtual work: the
 pressure p = 2 mu (h / R) (1/l - 1/l^7) (1 - share + share l^2) at the stretch l = r / R. It rises to a maximum, falls,
-and rises again. The follower pressure is the load (`control=pressure`): `ArcLength` follows the part that falls, which
-no given pressure holds. With `control=piston` the stroke of a piston behind a spring is given, a volume V: the pressure
-is k (V - V_balloon). The spring is half as stiff as the pressure falls with the volume between maximum and minimum, so
-there the stroke has to go back as well (snap-back), and prescribing it fails, too.
+and rises again. The follower pressure is the load (`control=pressure`): `ArcLength` follows the falling part, which is
+unstable at a given pressure. With `control=piston` the stroke of a piston behind a spring is given, a volume V: the
+pressure is k (V - V_balloon). The spring is half as stiff as the slope of the falling pressure, so there the stroke
+must also decrease (snap-back), and prescribing it fails, too.
 
 Ogden's rubber (`material=ogden`; his three terms, 1972) becomes a pear on the way: a bifurcation after the maximum, and
 another before the minimum at which it is a sphere again (Haughton and Ogden, J. Mech. Phys. Solids 26 (1978) 93-138).
@@ -82,11 +82,11 @@ def build(
 
     Args:
         points: Points on a quarter of the circumference.
-        stretch: Stretch r / R at the end [-]; by default 6, or 14 of Ogden's rubber.
-        share: Part of mu that is the second constant of Mooney-Rivlin rubber, above 0 and below 1 [-].
+        stretch: Stretch r / R at the end [-]; by default 6, or 14 for Ogden's rubber.
+        share: Fraction of mu from the second constant of Mooney-Rivlin rubber, greater than 0 and less than 1 [-].
         material: "mooney_rivlin" or "ogden".
-        switch: Number of the bifurcation at which the path takes the other branch, from 1; 0: it goes straight on.
-        control: What is given: "pressure", or "piston", the stroke of a piston behind a spring.
+        switch: Number of the bifurcation at which the path takes the other branch, from 1; 0: it stays on its branch.
+        control: Prescribed quantity: "pressure", or "piston", the stroke of a piston behind a spring.
         increment: Largest change of the load factor in a step.
     """
     below_one("share", share)

@@ -1,4 +1,4 @@
-"""What the search for equilibrium is told, and what it reports."""
+"""Settings and report of the search for equilibrium."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PRECONDITIONERS = ("auto", "multigrid", "direct", "jacobi")
 
 @dataclass(frozen=True, kw_only=True)
 class StaticSolver:
-    """What `Newton` and `ArcLength` are told alike; attributes as of `Newton`."""
+    """Settings common to `Newton` and `ArcLength`; attributes as for `Newton`."""
 
     tolerance: float | None = None
     most_iterations: int = 30
@@ -42,7 +42,7 @@ class StaticSolver:
 
 @dataclass(frozen=True, kw_only=True)
 class PathSettings(StaticSolver):
-    """What `ArcLength` is told besides; attributes as there."""
+    """Settings of `ArcLength` besides; attributes as there."""
 
     increment: float = 0.1
     most_steps: int = 200
@@ -62,11 +62,11 @@ class PathSettings(StaticSolver):
 
 @dataclass
 class Report:
-    """What one search did; becomes "solve" in summary.json.
+    """Report of one search; becomes "solve" in summary.json.
 
     Attributes:
         solver: Name of the solver.
-        preconditioner: The one in use.
+        preconditioner: Preconditioner in use.
         load_steps: One entry per attempted load step: share (load factor), converged, rounds of rupture, and per
             lattice, coarsest first: points, relative residuals, accepted fractions of the steps, products with the
             stiffness.
@@ -78,7 +78,7 @@ class Report:
     seconds: float = 0.0
 
     def summary(self, points: int, reached: float) -> dict[str, Any]:
-        """As plain numbers and lists; iterations and products are those on the finest lattice."""
+        """The report as plain numbers and lists; iterations and products are those on the finest lattice."""
         finest = [level for step in self.load_steps for level in step["lattices"] if level["points"] == points]
         return {
             "solver": self.solver,

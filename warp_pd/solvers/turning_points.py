@@ -13,12 +13,12 @@ class Point:
     """A point of a path.
 
     Attributes:
-        step: Its number.
+        step: Index of the point.
         factor: Load factor.
-        rate: Its change with the arc length [1/m].
+        rate: Derivative of the load factor by the arc length [1/m].
         negative: Number of negative eigenvalues of the tangent, or None if unknown.
-        lowest: Some eigenvalues, lowest first.
-        mode: Eigenvector of the one nearest to zero, shape (N, 3), if it is known.
+        lowest: Lowest eigenvalues, in ascending order.
+        mode: Eigenvector of the one nearest to zero, shape (N, 3), if known.
     """
 
     step: int
