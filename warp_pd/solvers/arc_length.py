@@ -119,6 +119,8 @@ class BuiltArcLength(BuiltStatic):
                 said.append(f"ArcLength: a bifurcation {where}: {what} sign while the load does not turn{then}")
             else:
                 said.append(f"ArcLength: a limit point {where}: a {found['kind']} of the load")
+        if self.solver.switch and not any(found["switched"] for found in state.found):
+            said.append(f"ArcLength: switch = {self.solver.switch}: the path met fewer bifurcations and did not switch")
         if state.step == self.solver.most_steps and abs(state.factor) < 1.0:
             said.append(
                 f"ArcLength: the path is followed for most_steps = {state.step}, to load factor {state.factor:.4g}"

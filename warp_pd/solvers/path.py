@@ -90,11 +90,16 @@ class Path(StaticSystem):
         """Add all stages.
 
         Raises:
-            InputError: if the sheet does not allow the preconditioner, or bonds can break.
+            InputError: if the sheet or `switch` does not allow the preconditioner, or bonds can break.
         """
         if system.rupture is not None:
             raise InputError(f"{system.rupture.label}: ArcLength does not support rupture; expected Newton")
         super().__init__(settings, system, tangent)
+        if settings.switch and self.preconditioner != "direct":
+            raise InputError(
+                f"switch = {settings.switch!r}: expected preconditioner = 'direct', whose factorisation finds "
+                f"bifurcations, got {self.preconditioner!r}"
+            )
         context = system.context
         self.direction = context.array(
             "path_direction", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
