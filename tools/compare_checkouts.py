@@ -111,6 +111,7 @@ SCENES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("trousers", {"points": 10, "horizon": 2.015, "duration": 1.2, "frames": 40, "speed": 0.03}),
     ("snap_through", {"points": 11}),
     ("stable_crack", {"points": 16, "damage_length": 0.0075, "growth": 0.6, "load_steps": 3}),
+    ("tube_bulge", {"points": 12, "switch": 0, "steps": 12}),
     ("tube", {"points": 24, "frames": 3}),
     ("two_sheets", {"points": 13, "frames": 20}),
 )  # fmt: skip

@@ -101,6 +101,7 @@ SCENES: dict[str, Shown] = {
     "stretch": Shown({"defect": "hole", "stretch": 2.0}),
     "tension": Shown({}, "displacement along y"),
     "trousers": Shown({"points": 24, "frames": 50}, share=0.5, view="side"),
+    "tube_bulge": Shown({"points": 16}, "displacement", 1.0, "3D"),
     "tube": Shown({"points": 48, "frames": 5}, "displacement"),
     "two_sheets": Shown({"points": 21, "frames": 30}, "displacement along x"),
     "visco_crack": Shown(

@@ -82,6 +82,7 @@ SCENES = (
     Small("stretch", "u1", {"points": 30, "mode": "planar", "stretch": 2.0, "defect": "hole"}, above=True),
     Small("tension", "u2", {"points": 31}, above=True),
     Small("trousers", "damage", {"points": 24, "frames": 50}, share=0.5),
+    Small("tube_bulge", "u3", {"points": 16}),
     Small("tube", "u3", {"points": 32, "frames": 3}),
     Small("two_sheets", "u1", {"points": 17, "frames": 20}),
     Small("visco_crack", "damage", {"points": 30, "horizon": 2.015, "law": "published", "failure": True,

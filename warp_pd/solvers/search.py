@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,8 @@ import warp as wp
 
 from ..device.fields import Array, assign
 from ..interfaces import FrameSink, System, Tangent
-from .descent import Sizes
 from .level import OWNER
-from .newton_settings import NewtonSettings
+from .newton_settings import StaticSolver
 from .static_rupture import StaticRupture
 from .static_system import FINISHED, NOT_CONVERGED, StaticSystem
 
@@ -27,15 +25,14 @@ class Search(StaticSystem):
     """The search for equilibrium of one simulation.
 
     Attributes:
-        settings: Settings of Newton's method.
+        planned: Number of load steps, as long as none fails.
         earlier: Displacement of the last good load step but one [m], (N,) vec3.
     """
 
     name = "Newton"
     definite = True
-    settings: NewtonSettings
 
-    def __init__(self, settings: NewtonSettings, system: System, tangent: Tangent) -> None:
+    def __init__(self, settings: StaticSolver, planned: int, system: System, tangent: Tangent) -> None:
         """Add all stages.
 
         Raises:
@@ -47,7 +44,7 @@ class Search(StaticSystem):
             "earlier_load_step", OWNER, context.types.vec3, shape=context.sheet.size, restart=True
         )
         self.rupture = StaticRupture(system)
-        self._size, self._cutbacks = 1.0 / settings.load_steps, 0
+        self.planned, self._size, self._cutbacks = planned, 1.0 / planned, 0
         self._earlier_factor: float | None = None
         self._kept_factor: float | None = None
         self._resumed = False
@@ -58,13 +55,13 @@ class Search(StaticSystem):
     def host_state(self) -> dict[str, Any]:
         """The state of the search, for a bitwise identical restart."""
         return {
-            **asdict(self.sizes), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
+            **super().host_state(), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
             "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor, "jumps": self.jumps,
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Restore the result of `host_state`."""
-        self.sizes = Sizes(state["modulus"], state["largest"])
+        super().restore(state)
         self._size, self._cutbacks = state["size"], state["cutbacks"]
         self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
         self._moved, self.jumps = state["moved"], state["jumps"]
@@ -82,7 +79,7 @@ class Search(StaticSystem):
 
     def run(self, sink: FrameSink) -> str:
         """Follow the load path; return the final status."""
-        finest, planned = self.levels[0], self.settings.load_steps
+        finest, planned = self.levels[0], self.planned
         self._start_report(sink)
         if finest.contacts:
             finest.linearise(0.0)
