@@ -15,8 +15,8 @@ def together(*sheets: Sheet) -> Sheet:
     """One sheet of several pieces, side by side in the reference state; no bond joins them.
 
     The points of a piece are the part "sheet 1", "sheet 2", ..., for `edges`; names of its own parts get that in front,
-    as "sheet 1 outline". All pieces have one law; `stiffened` makes a piece stiffer. `placed`
-    brings them to their places, and `SelfContact` keeps them apart.
+    as "sheet 1 outline". All pieces have one law; `stiffened` makes a piece stiffer, and `ByRegion` gives it
+    another material. `placed` brings them to their places, and `SelfContact` keeps them apart.
 
     Raises:
         InputError: for fewer than two sheets, flat and curved ones, or sheets that were stretched before they were

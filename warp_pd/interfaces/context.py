@@ -127,6 +127,7 @@ class Context:
         prefix: Prefix of the names of stages; coarser sheets of the same simulation have one.
         compact: Name of the influence function of a cloud whose families take few bytes (kernels/families.py);
             empty on all other sheets.
+        regions: Whether bonds have several materials (kernels/by_region.py); the force law, built first, says so.
         state: Arrays that parts have in common.
     """
 
@@ -147,6 +148,7 @@ class Context:
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
     compact: str = ""
+    regions: bool = False
     state: State = field(init=False)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 
@@ -164,7 +166,9 @@ class Context:
     def layout(self) -> Layout:
         """Layout of the families."""
         sheet, f = self.sheet, self.features
-        return Layout(sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened)
+        return Layout(
+            sheet.layout, self.bits, sheet.frames is not None, self.compact, f.breakable, f.softened, self.regions
+        )
 
     def use_compact_families(self, influence: str) -> None:
         """Let the families of a cloud take few bytes; for the force law, which is built before any kernel is made.
