@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from .topology import boundary_edges, directed_edges
 from .triangulation import doubled_normals
 
 
-def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, object], np.ndarray]:
+def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, Any], np.ndarray]:
     """What changes in a curved shape that is slit along edges of triangles, and which point each of its points was.
 
     Args:
@@ -48,7 +49,7 @@ def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, o
     }, source
 
 
-def punched_surface(shape: Shape, inside: np.ndarray, name: str) -> tuple[dict[str, object], np.ndarray]:
+def punched_surface(shape: Shape, inside: np.ndarray, name: str) -> tuple[dict[str, Any], np.ndarray]:
     """What changes in a curved shape without the points of a mask, shape (N,), and which points it keeps.
 
     Raises:
@@ -70,7 +71,7 @@ def punched_surface(shape: Shape, inside: np.ndarray, name: str) -> tuple[dict[s
     }, source
 
 
-def moved(shape: Shape, source: np.ndarray, triangles: np.ndarray) -> dict[str, object]:
+def moved(shape: Shape, source: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
     """Arrays of the points `source` of a shape, shape (P,), on new triangles; each has the area that is left of it."""
     whole, left = _thirds(shape.points, shape.triangles), _thirds(shape.points[source], triangles)
     taken = {name: getattr(shape, name) for name in ("points", "frames", "spacings", "pieces")}

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from curved_sheets import saddle, small_sphere, small_tube
+from helpers import build
 
-from warp_pd import InputError, Sheet
+from warp_pd import InputError, Sheet, TearingEnergy
 from warp_pd.families import build_families
 
 TUBE = small_tube(24, 3.0)
@@ -82,6 +83,16 @@ def test_a_hole_takes_what_is_inside_a_ball(sheet):
     assert 0.0 < holed.areas.sum() < sheet.areas.sum()
     rim = holed.edges("hole 1")
     assert (np.linalg.norm(holed.points[rim] - centre, axis=1) < 4.5 * sheet.spacing).all()
+
+
+def test_a_tear_begins_at_the_tips_of_a_slit():
+    """The damage of a crack lies along the whole slit, and nowhere else."""
+    built = build(SLIT, weights="corrected", damage=TearingEnergy(300.0))
+    damage = built.rupture.field.numpy()
+    apart = np.abs(SLIT.points - (1.0, 0.0, 1.5)) - (0.0, 0.0, 0.7)
+    apart = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
+    assert damage[SLIT.edges("slit 1")].min() > 0.5
+    assert not damage[apart > 2.1 * built.rupture.length].any()
 
 
 @pytest.mark.parametrize(("change", "said"), [
