@@ -19,7 +19,7 @@ from .rectangles import filled, line, rectangle
 from .selection import SelectableShape
 from .shape import Shape
 from .stretching import before_stretch
-from .surface_edits import punched_surface, slit_surface
+from .surface_edits import slit_surface
 from .surfaces import sphere, surface, tube
 from .triangulation import Segment
 
@@ -380,11 +380,7 @@ class Sheet(SelectableShape):
         """
         offset = self.points - vector("centre", centre, self.points.shape[1])
         inside = np.linalg.norm(offset, axis=1) < positive("radius", radius) * (1.0 - 1e-9)
-        name = f"hole at {centre!r} of radius {radius!r}"
-        if self.frames is not None:
-            changed, source = punched_surface(self, inside, name)
-            return replace(self, **changed, **self.at_points(lambda values: values[source]))
-        smaller, kept = punched(self, inside, name)
+        smaller, kept = punched(self, inside, f"hole at {centre!r} of radius {radius!r}")
         return replace(smaller, **self.at_points(lambda values: values[kept]))
 
     def at_points(self, change: Callable[[np.ndarray], np.ndarray]) -> dict[str, Any]:

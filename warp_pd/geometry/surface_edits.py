@@ -1,4 +1,4 @@
-"""Slits and holes in curved surfaces of triangles."""
+"""Slits in curved surfaces of triangles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..device.checks import InputError
 from .cracks import split_along
 from .shape import Shape
 from .topology import boundary_edges, directed_edges
-from .triangulation import doubled_normals
+from .triangulation import point_areas
 
 
 def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, Any], np.ndarray]:
@@ -43,43 +43,15 @@ def slit_surface(shape: Shape, path: np.ndarray, name: str) -> tuple[dict[str, A
     parts = {part: np.flatnonzero(np.isin(source, points)) for part, points in shape.parts.items()}
     parts |= {f"slit {number} left": np.sort(crack), f"slit {number} right": right}
     parts[f"slit {number}"] = np.union1d(crack, right)
-    return {
-        **moved(shape, source, split.triangles.astype(np.int32)),
-        "parts": {part: points.astype(np.int32) for part, points in parts.items()},
-    }, source
-
-
-def punched_surface(shape: Shape, inside: np.ndarray, name: str) -> tuple[dict[str, Any], np.ndarray]:
-    """What changes in a curved shape without the points of a mask, shape (N,), and which points it keeps.
-
-    Raises:
-        InputError: if none is inside or none is left; it calls the hole `name`.
-    """
-    kept = shape.triangles[~inside[shape.triangles].any(axis=1)]
-    source = np.unique(kept)
-    if not inside.any() or not len(source):
-        raise InputError(f"{name} holds {'no' if len(source) else 'every'} point: expected some of them inside")
-    renumber = np.full(shape.size, -1)
-    renumber[source] = np.arange(len(source))
-    number = next(k for k in range(1, len(shape.parts) + 2) if f"hole {k}" not in shape.parts)
-    rim = np.setdiff1d(boundary_edges(kept), boundary_edges(shape.triangles))
-    parts = {**shape.parts, f"hole {number}": rim}
-    return {
-        **moved(shape, source, renumber[kept].astype(np.int32)),
-        "inclusions": tuple(renumber[np.intersect1d(points, source)].astype(np.int32) for points in shape.inclusions),
-        "parts": {n: renumber[np.intersect1d(points, source)].astype(np.int32) for n, points in parts.items()},
-    }, source
-
-
-def moved(shape: Shape, source: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
-    """Arrays of the points `source` of a shape, shape (P,), on new triangles; each has the area that is left of it."""
-    whole, left = _thirds(shape.points, shape.triangles), _thirds(shape.points[source], triangles)
+    triangles = split.triangles.astype(np.int32)
+    share = point_areas(shape.points[source], triangles) / point_areas(shape.points, shape.triangles)[source]
     taken = {name: getattr(shape, name) for name in ("points", "frames", "spacings", "pieces")}
     return {
         **{name: None if values is None else values[source] for name, values in taken.items()},
-        "areas": shape.areas[source] * left / whole[source],
+        "areas": share * shape.areas[source],
         "triangles": triangles,
-    }
+        "parts": {part: points.astype(np.int32) for part, points in parts.items()},
+    }, source
 
 
 def _way(shape: Shape, edges: np.ndarray, start: int, end: int) -> list[int]:
@@ -98,9 +70,3 @@ def _way(shape: Shape, edges: np.ndarray, start: int, end: int) -> list[int]:
     while way[-1] != start:
         way.append(int(before[way[-1]]))
     return way[-2::-1]
-
-
-def _thirds(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """A third of each triangle for its corners [m^2], shape (N,)."""
-    third = np.linalg.norm(doubled_normals(points, triangles), axis=1) / 6.0
-    return np.bincount(triangles.ravel(), np.repeat(third, 3), len(points))
