@@ -16,12 +16,12 @@ Layers: TypeAlias = tuple[tuple[tuple[float, ...], ...], ...]
 
 @functools.cache
 def network_function(bits: int, layers: Layers) -> wp.Function:
-    """Warp function from the inputs to the outputs of a network, with its weights compiled in as constants.
+    """Warp function from inputs to outputs of a network, with the weights as compile-time constants.
 
     Args:
         bits: 32 or 64.
-        layers: Columns of the weights of each layer and then its biases, as tuples. The first layer takes the inputs,
-            every other one takes 1 / (1 + exp y) of the output y of the layer before, in place of tanh
+        layers: Per layer, the columns of the weights followed by the biases, as tuples. The first layer takes the
+            inputs; every other layer takes 1 / (1 + exp y) of the previous layer's output y, instead of tanh
             (`warp_pd.laws.neural.networks.Network.sigmoids`).
     """
     types = numeric(bits)
@@ -62,7 +62,7 @@ def network_function(bits: int, layers: Layers) -> wp.Function:
 
 
 def fused_force(bits: int, layers: Layers, law: NeuralFunctions) -> Kernel:
-    """Kernel of the neural law with the network evaluated one bond after the other.
+    """Kernel of the neural law that evaluates the network bond by bond.
 
     Args:
         bits: 32 or 64.
@@ -122,7 +122,7 @@ def training_samples(material: PairFactory, membrane: PairFactory) -> wp.Kernel:
         features: wp.array(dtype=vec4),
         pairs: wp.array(dtype=vec2),
     ):
-        """States are (principal stretch 1, principal stretch 2, angle of the bond to direction 1)."""
+        """`states`: (principal stretch 1, principal stretch 2, angle of the bond to direction 1)."""
         i = wp.tid() + first
         s = states[i]
         x = vec2(wp.cos(s[2]), wp.sin(s[2]))

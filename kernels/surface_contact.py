@@ -1,16 +1,18 @@
-"""Contact of the triangles of a sheet with a rigid body that is a point or a segment with a radius.
+"""Contact of the triangles of a sheet with a rigid sphere or capsule, i.e. a point or segment with a radius.
 
-Each triangle that is near has one constraint in each half of a step: the point of it that was nearest to the axis of
-the body when the half began, with the weights b of its corners, stays further away than the radius, along the normal n
-that it had then (RATTLE, as in kernels/body_contact.py). Its impulse is lambda n, of which a corner gets b lambda n:
-exact action and reaction, and a corner's work is that of any point.
+Each nearby triangle has one constraint per half step. Take the point of the triangle nearest to the axis of the body at
+the beginning of the half step, with barycentric weights b and normal n. Its distance along n must stay larger than the
+radius (RATTLE, as in kernels/body_contact.py). The impulse is lambda n, and a corner gets b lambda n: action equals
+reaction exactly, and the work at a corner is computed as for any point.
 
-The impulses are found by Jacobi's method, projected onto lambda >= 0, with Nesterov's momentum: a thin tip in a cone of
-triangles presses on all of them, and their impulses nearly cancel. A point divides its mass among the triangles that
-press on it, so that none overshoots (Tonge, Benevolenski and Voroshilov, Mass splitting for jitter-free parallel rigid
-body simulation, ACM Trans. Graph. 31, 2012). Points gather from their triangles in a fixed order.
+The impulses are found by projected Jacobi iteration (lambda >= 0) with Nesterov momentum, because convergence is slow
+where a thin tip in a cone of triangles presses on all of them and their impulses nearly cancel. A point divides its
+mass among the triangles that press on it, so that none overshoots (Tonge, Benevolenski and Voroshilov, Mass splitting
+for jitter-free parallel rigid body simulation, ACM Trans. Graph. 31, 2012). Points gather from their triangles in a
+fixed order.
 
-The distance of a triangle has no sign. What passes the axis within a step is told by the normal of its beginning.
+The distance of a triangle has no sign. A triangle that passes the axis during a step is detected by its normal at the
+beginning of the step.
 """
 
 import functools
@@ -30,7 +32,7 @@ MENDED = wp.constant(wp.float64(0.2))
 
 @wp.struct
 class Nearest:
-    """Where a triangle is nearest to a segment: weights of its corners, vector from it, place on it (-1 to 1)."""
+    """Nearest point of a triangle to a segment: corner weights, vector from the segment, place on it (-1 to 1)."""
 
     weights: wp.vec3d
     away: wp.vec3d
@@ -59,7 +61,7 @@ def between_segments(p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, e: wp.vec3d):
 
 @wp.func
 def nearest_to_segment(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, axis: wp.vec3d):
-    """Where the triangle is nearest to the segment from -axis to axis, or to the origin if that is zero."""
+    """Nearest point of a triangle to the segment from -axis to axis, or to the origin if `axis` is zero."""
     one = wp.float64(1.0)
     found = Nearest()
     if wp.length(axis) <= TINY:
@@ -113,7 +115,7 @@ def nearest_to_segment(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, axis: wp.vec3d):
 def distances_of_faces(
     corners: wp.array2d(dtype=wp.vec3d), axis: wp.vec3d, first: int, out: wp.array(dtype=wp.float64)
 ):
-    """Distance of triangles (F, 3) from the segment from -axis to axis [m]."""
+    """Distances [m] of triangles with corners (F, 3) from the segment between -axis and axis."""
     f = wp.tid() + first
     out[f] = wp.length(nearest_to_segment(corners[f, 0], corners[f, 1], corners[f, 2], axis).away)
 
@@ -124,9 +126,10 @@ class SurfaceContact:
 
     Attributes:
         struct: Arrays and numbers of a sheet and a body.
-        find: Constraints of the triangles that are near, when a half of a step begins.
+        find: Constraints of nearby triangles, at the beginning of a half step.
         press: Impulses of the triangles, after one more iteration.
-        spread: What the points get by them, and how many triangles press on each.
+        spread: Velocity changes of the points from these impulses, and the number of triangles that press on each
+            point.
     """
 
     struct: Any
@@ -137,14 +140,14 @@ class SurfaceContact:
 
 @functools.cache
 def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool) -> SurfaceContact:
-    """Kernels of contact by triangles.
+    """Kernels of contact of triangles.
 
     Args:
         bits: 32 or 64.
         rubs: Whether there is friction.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points do not feel the body.
-        torn: Whether bonds can break; triangles that a crack cuts do not press.
+        held: Whether any component is held; held points ignore the body.
+        torn: Whether bonds can break; triangles cut by a crack have no contact.
     """
     types = numeric(bits)
     real, vec3 = types.real, types.vec3
@@ -189,7 +192,7 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
         weights: wp.array(dtype=wp.vec4d), normals: wp.array(dtype=wp.vec4d), pushes: wp.array(dtype=wp.vec4d),
         pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
-        """`normals`: the normal, and the place on the axis; `pushes`: impulse of friction, and along the normal."""
+        """`normals`: normal and place on the axis; `pushes`: friction impulse and normal impulse."""
         f = wp.tid() + first
         weights[f] = wp.vec4d()
         pushes[f] = wp.vec4d()
@@ -235,7 +238,7 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
         changes: wp.array(dtype=wp.vec3d), counts: wp.array(dtype=wp.int32), momentum: wp.float64, first: int,
         pushes: wp.array(dtype=wp.vec4d), pressed: wp.array(dtype=wp.uint8), earlier: wp.array(dtype=wp.float64),
     ):  # fmt: skip
-        """`pushes` has the impulse along the normal with its momentum, `earlier` that of the iteration without."""
+        """`pushes` has the normal impulse with Nesterov momentum, `earlier` the last one without it."""
         f = wp.tid() + first
         b = wp.vec3d(weights[f][0], weights[f][1], weights[f][2])
         if wp.length_sq(b) > wp.float64(0.0):
@@ -290,7 +293,7 @@ def surface_contact(bits: int, rubs: bool, curved: bool, held: bool, torn: bool)
         pressed: wp.array(dtype=wp.uint8), first: int,
         changes: wp.array(dtype=wp.vec3d), rubbed: wp.array(dtype=wp.vec3d), counts: wp.array(dtype=wp.int32),
     ):  # fmt: skip
-        """`sides`: 3 f + k of the triangles f of a point, whose corner k it is."""
+        """`sides`: 3 f + k for each triangle f of a point, where k is the point's corner index in f."""
         i = wp.tid() + first
         pushed = wp.vec3d()
         dragged = wp.vec3d()

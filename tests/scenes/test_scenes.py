@@ -66,6 +66,8 @@ SMALL = {
     "visco_crack": {"points": 16, "horizon": 2.015, "law": "published", "failure": True, "energy": 3e6},
     "metamaterial": {"points": 20, "horizon": 2.015, "crack": True},
 }
+# Those with bodies of Newton's: tests/physics/test_newton_bodies.py.
+OF_NEWTON = ["balls_on_a_sheet", "gripper"]
 BREAKING = ("ball_penetration", "double_notch", "off_plane_tear", "precut_tear")
 
 # Removed with the last reference to it, when the tests end.
@@ -87,7 +89,7 @@ def column(result, name):
 
 
 def test_every_scene_has_a_small_run_here():
-    assert sorted(SMALL) == scene_names()
+    assert sorted([*SMALL, *OF_NEWTON]) == scene_names()
 
 
 @pytest.mark.parametrize("name", sorted(SMALL))

@@ -1,4 +1,4 @@
-"""What this machine runs on: its cores, and Warp."""
+"""CPU cores of this machine, and the start of Warp."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _pool: ThreadPoolExecutor | None = None
 
 
 def available_cores() -> int:
-    """Number of CPU cores that this process may use; of several that torchrun started each takes its part."""
+    """Number of CPU cores that this process may use; processes started by torchrun divide the cores."""
     present = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
     return max(1, present // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
 
 
 def cores() -> ThreadPoolExecutor:
-    """Threads, one per core, for work that releases the interpreter lock."""
+    """Thread pool with one thread per core, for work that releases the interpreter lock."""
     global _pool  # noqa: PLW0603 - one pool per process
     if _pool is None:
         _pool = ThreadPoolExecutor(available_cores(), thread_name_prefix="warp_pd")
@@ -32,7 +32,7 @@ def cores() -> ThreadPoolExecutor:
 
 
 def start_warp() -> None:
-    """Start Warp; it then reports nothing but warnings and errors."""
+    """Initialise Warp with only warnings and errors reported."""
     import warp as wp
 
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
@@ -41,7 +41,7 @@ def start_warp() -> None:
 
 @functools.cache
 def _init_warp() -> None:
-    """Once per process: the detour of its messages costs a file."""
+    """Initialise Warp once per process."""
     import warp as wp
 
     with _without_driver_warning():
@@ -50,7 +50,7 @@ def _init_warp() -> None:
 
 @contextlib.contextmanager
 def _without_driver_warning() -> Iterator[None]:
-    """Context in which Warp does not say on machines without an NVIDIA device that there is no driver for one."""
+    """Context that suppresses Warp's warning about a missing NVIDIA driver on machines without an NVIDIA device."""
     if os.name != "posix" or any(os.path.exists(path) for path in NVIDIA_DEVICES):
         yield
         return

@@ -1,4 +1,4 @@
-"""The data that writers of result files get from a simulation: the surface of the sheet, and the frames."""
+"""Data passed to the writers of result files: the surface of the sheet, and the frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OWN_FIELDS = ("displacement", "velocity", "damage", "strain_energy_density")
 
 
 def format_time(time: float, load_duration: float | None) -> str:
-    """Text for the time of a frame: its time [s], or with a static solver the load factor.
+    """Text for the time of a frame, or for the load factor with a static solver.
 
     Args:
         time: Time, or load time of a static solver [s].
@@ -25,14 +25,14 @@ def format_time(time: float, load_duration: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """How a rigid body is drawn.
+    """A rigid body, for drawing.
 
     Attributes:
         name: Its name, unique in a scene.
         kind: "sphere", "capsule", "cylinder", "box", "plane" or "mesh".
         sizes: Radius; radius and half of the length along z; half of the sides [m]; the normal of a plane.
-        vertices: Of its outline in its own frame [m], shape (V, 3).
-        triangles: Of its outline, counter-clockwise seen from outside, shape (F, 3).
+        vertices: Vertices of its surface in the body frame [m], shape (V, 3).
+        triangles: Triangles of its surface, counter-clockwise seen from outside, shape (F, 3).
     """
 
     name: str
@@ -42,14 +42,14 @@ class Body:
     triangles: NDArray[np.integer]
 
     def placed(self, pose: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Vertices at a position [m] and unit quaternion (x, y, z, w), shape (7,): shape (V, 3)."""
+        """Vertices [m], shape (V, 3), for a pose of position [m] and unit quaternion (x, y, z, w), shape (7,)."""
         axis = np.cross(pose[3:6], self.vertices)
         return np.asarray(pose[:3] + self.vertices + 2.0 * (pose[6] * axis + np.cross(pose[3:6], axis)))
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Data that stay the same in all frames.
+    """Data common to all frames.
 
     Attributes:
         points: Reference positions [m], shape (N, 3).
@@ -69,7 +69,7 @@ class Surface:
     bodies: tuple[Body, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse shapes and point numbers that writers cannot draw."""
+        """Check the shapes and indices."""
         if np.ndim(self.points) != 2 or self.points.shape[1] != 3 or len(self.points) == 0:
             raise ValueError(f"points has shape {np.shape(self.points)}; expected (N, 3) with N > 0")
         if not np.all(np.isfinite(self.points)):
@@ -89,17 +89,17 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The sheet at one time. Writers get real numbers in the precision of the run, measures in double precision.
+    """The state of the sheet at one time. Writers get numbers in the precision of the run, measures in float64.
 
     Attributes:
         index: Number of the frame; the first is 0.
         time: Simulated time [s]; with a static solver the load time, see `format_time`.
         displacement: Displacement from the reference positions [m], shape (N, 3).
         velocity: Velocity [m/s], shape (N, 3).
-        intact_faces: Whether each face is not cut by a crack, shape (F,); None if bonds cannot break.
+        intact_faces: Mask of faces not cut by a crack, shape (F,); None if bonds cannot break.
         damage: Damage of each point, the broken fraction of its bonds, 0 to 1, shape (N,); None if bonds cannot break.
         ball_center: Centre of the rigid ball [m], shape (3,); None if the scene has no ball.
-        point_data: Further fields by name, each of shape (N,) or (N, 3).
+        point_data: Additional fields by name, each of shape (N,) or (N, 3).
         bodies: Position of the centre [m] and unit quaternion (x, y, z, w) of each rigid body, shape (B, 7); None
             without bodies.
     """
@@ -140,8 +140,8 @@ class Frame:
     def require_fits(self, surface: Surface) -> None:
         """Raise a one-line ValueError unless every array fits this surface.
 
-        Displacement, velocity, damage and the ball must be finite: a run that became NaN or infinite has no
-        frame to show. Further fields may contain NaN, the usual mark for "no value here".
+        Displacement, velocity, damage and the ball must be finite. Additional fields may contain NaN, which means "no
+        value".
         """
         points, faces = len(surface.points), len(surface.faces)
         self._require_array("displacement", self.displacement, (points, 3))

@@ -1,4 +1,4 @@
-"""Materials: constants, and the device functions that they belong to."""
+"""Materials: constants and their device functions."""
 
 from .by_region import ByRegion
 from .compressible import Gent, NeoHookean

@@ -1,6 +1,7 @@
 """Neo-Hookean material of bonds for one loading mode, and the response of its sheet to uniform stretch.
 
-A bond knows only its own stretch, so its law is made for one mode of loading: stretch l along x, and along y
+The force of a bond depends only on its own stretch, so the law holds for one loading mode: stretch l along x, and along
+y
 
     equibiaxial  l,      planar  1,      uniaxial  that of traction-free edges; 1/sqrt(l) in the exact solution.
 
@@ -46,15 +47,15 @@ class BondNeoHookean:
         mu: Shear modulus [Pa]; E/3.
         mode: "equibiaxial", "planar" or "uniaxial".
         fit: The set of constants:
-            "published": as in the paper's final force densities (HE eqs. 44, 64, 82), those of tension for every
-                bond. At stretch 1, t = 0.141 mu (planar), -0.010 mu (uniaxial) or zero (equibiaxial).
-            "published_both": uniaxial only; bonds shorter than in the reference configuration take the constants that
-                the paper fits to compressive loading (eq. 77b). There t(1) = -0.873 mu, so the force jumps, and it
-                becomes tensile as the bond shortens. The paper prints both sets and does not say how to join them.
-            "refitted": no force at stretch 1, and the traction nearest to the exact one, see `refitted`.
+            "published": as in the paper's final force densities (HE eqs. 44, 64, 82), the constants of tension for
+                every bond. At stretch 1, t = 0.141 mu (planar), -0.010 mu (uniaxial) or zero (equibiaxial).
+            "published_both": uniaxial only; compressed bonds use the constants that the paper fits to compressive
+                loading (eq. 77b). There t(1) = -0.873 mu, so the force jumps, and it becomes tensile as the bond
+                shortens. The paper prints both sets without saying how to combine them.
+            "refitted": zero force at stretch 1 and the traction closest to the exact one, see `refitted`.
 
     Raises:
-        InputError: for a modulus that is not positive, or an unknown mode or fit.
+        InputError: if the modulus is not positive, or the mode or fit is unknown.
     """
 
     mu: float
@@ -75,12 +76,12 @@ class BondNeoHookean:
 
     @property
     def constants(self) -> Coefficients:
-        """t(1), b, c, d [Pa] of stretched bonds, or of all."""
+        """t(1), b, c, d [Pa] of stretched bonds, or of all bonds if there are no separate constants."""
         return _scaled(self.mu, self.coefficients)
 
     @property
     def compressed_constants(self) -> Coefficients | None:
-        """The same of compressed bonds, if they have separate constants."""
+        """t(1), b, c, d [Pa] of compressed bonds if they have separate constants, otherwise None."""
         return _scaled(self.mu, COMPRESSED) if self.fit == "published_both" else None
 
 
@@ -120,7 +121,7 @@ def bond_traction(p: Coefficients, directions: np.ndarray, along_x: float, along
 
 
 def round_family() -> np.ndarray:
-    """Unit vectors of the many bonds of a complete round family, shape (n, 2)."""
+    """Unit vectors of the bonds of a complete round family in the limit of many bonds, shape (n, 2)."""
     return np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 
@@ -130,7 +131,7 @@ def tractions(p: Coefficients, along_x: float, along_y: float) -> np.ndarray:
 
 
 def free_width(p: Coefficients, stretch: float) -> float:
-    """Stretch across a sheet that is pulled along x and free along y; NaN if there is none from 0.2 to 1.5."""
+    """Transverse stretch of a sheet stretched along x and free along y; NaN if there is none from 0.2 to 1.5."""
     from scipy.optimize import brentq
 
     def across(width: float) -> float:
@@ -143,21 +144,21 @@ def free_width(p: Coefficients, stretch: float) -> float:
 
 
 def traction(p: Coefficients, mode: str, stretch: float) -> float:
-    """First Piola stress along x divided by mu of a sheet in that mode; uniaxial: at its own free width."""
+    """First Piola stress along x divided by mu in a loading mode; in uniaxial mode at the law's free width."""
     width = {"equibiaxial": stretch, "planar": 1.0}.get(mode)
     return float(tractions(p, stretch, free_width(p, stretch) if width is None else width)[0])
 
 
 def exact_traction(mode: str, stretch: float) -> float:
-    """The same for the exact incompressible neo-Hookean sheet."""
+    """First Piola stress along x divided by mu of the exact incompressible neo-Hookean sheet."""
     return stretch - stretch ** -EXPONENT[mode]
 
 
 def refitted(mode: str) -> Coefficients:
-    """Coefficients without force at stretch 1 whose traction is nearest to the exact one.
+    """Coefficients with zero force at stretch 1 whose traction is closest to the exact one.
 
-    It is a least-squares fit of the relative error at 31 stretches from 1 to 4, without the first, by scipy. It fits
-    only the traction along x: no coefficients also give a uniaxial sheet its exact width (see docs/stretch.md).
+    A least-squares fit of the relative error at 31 stretches from 1 (excluded) to 4. It fits only the traction along x:
+    no coefficients also give a uniaxial sheet its exact width (see docs/stretch.md).
     """
     from scipy.optimize import least_squares
 

@@ -1,12 +1,11 @@
-"""Animation of a tearing sheet in one binary USD file, for usdview, Blender, Omniverse and other renderers.
+"""Animation of a sheet in one binary USD file, for usdview, Blender, Omniverse and other renderers.
 
-One time code is one frame. The sheet keeps all its points from first to last; the triangles that a crack cuts
-leave the mesh on the frame it cuts them.
+One time code is one frame. The points of the sheet never change; triangles cut by a crack are removed from the mesh at
+that frame.
 
-A binary USD layer that is saved again is changed in place: the library overwrites the tables at its end
-before it has written new ones, and a process killed at that moment leaves a file nobody can open. So the
-frames go to a working file beside the animation, and each save puts a finished copy in the animation's place
-in one rename.
+Saving a binary USD layer again modifies it in place: the library overwrites the tables at its end before it has written
+new ones, and a process killed at that moment leaves an unreadable file. Frames are therefore written to a working file
+next to the animation, and each save replaces the animation by a finished copy with one rename.
 """
 
 from __future__ import annotations
@@ -35,10 +34,10 @@ _SHEET, _CAMERA = "/World/Sheet", "/World/Camera"
 
 
 class UsdAnimation:
-    """Writes frames into one binary USD file, which can be opened at any moment after the first frame.
+    """Writes frames into one binary USD file, which can be opened at any time after the first frame.
 
-    A killed run leaves the frames up to the last save. Each save copies the file, so lower `save_every` for
-    short animations only: the copies of a long one add up.
+    A killed run keeps the frames up to the last save. Each save copies the file, so reduce `save_every` only for short
+    animations.
 
     Example:
         with UsdAnimation("animation.usd", surface) as animation:
@@ -55,17 +54,17 @@ class UsdAnimation:
         save_every: int = 25,
         append_from: int | None = None,
     ) -> None:
-        """Begin an animation, or go on with one.
+        """Begin an animation, or continue one.
 
         Args:
-            path: The file, ending in .usd or .usdc. A file that is there is removed, unless appended to.
+            path: The file, ending in .usd or .usdc. An existing file is replaced unless `append_from` is given.
             surface: The reference sheet.
-            frames_per_second: How fast the animation plays [1/s].
-            seconds_per_frame: Simulated time from one frame to the next [s], kept in the file: with it a
-                viewer knows how much slower or faster than life the animation plays.
-            save_every: Frames from one save to the next.
-            append_from: Keep the frames before this one of the file that is there, drop the others, and go on
-                from here. None and 0 begin a new file.
+            frames_per_second: Playback rate [1/s].
+            seconds_per_frame: Simulated time between frames [s], stored in the file so that the playback speed relative
+                to real time is known.
+            save_every: Number of frames between saves.
+            append_from: Index of the first new frame; earlier frames of the existing file are kept, later ones dropped.
+                None and 0 begin a new file.
         """
         _require_positive("frames_per_second", frames_per_second)
         _require_positive("save_every", save_every)
@@ -98,14 +97,14 @@ class UsdAnimation:
 
     @property
     def frames(self) -> int:
-        """Number of frames written so far, those appended to included: the index of the next frame."""
+        """Number of frames written so far, including earlier ones in the file; the index of the next frame."""
         return self._frames
 
     def write(self, frame: Frame) -> None:
         """Add one frame; its index must be the next one.
 
         Args:
-            frame: The sheet's state. Whether it has damage must not change from frame to frame.
+            frame: The sheet's state. Either all frames or none must have damage.
         """
         stage = self._open_stage()
         if frame.index != self._frames:
@@ -137,7 +136,7 @@ class UsdAnimation:
             self.save()
 
     def save(self) -> None:
-        """Put the frames written so far on disk, where a killed run cannot lose them any more."""
+        """Save the frames written so far to disk."""
         self._open_stage().GetRootLayer().Save()
         copy = self.path.with_name(f".{self.path.stem}.copy.usdc")
         shutil.copyfile(self._working_path, copy)
@@ -145,7 +144,7 @@ class UsdAnimation:
         self._unsaved = 0
 
     def close(self) -> None:
-        """Save what is not saved yet and let the file go. A frame that failed half-way is not kept."""
+        """Save unsaved frames and close the file. A partially written frame is discarded."""
         if self._stage is None:
             return
         _drop_samples(self._stage, self._frames)
@@ -180,7 +179,7 @@ class UsdAnimation:
         return self._stage
 
     def _continue_from(self, first: int) -> None:
-        """Drop the frames from `first` on, and take up where the frame before it left off."""
+        """Drop the frames from `first` on, and restore the state after the frame before it."""
         stage = self._open_stage()
         mesh = UsdGeom.Mesh.Get(stage, _SHEET)
         written = len(mesh.GetPointsAttr().GetTimeSamples()) if mesh else 0
@@ -215,7 +214,7 @@ class UsdAnimation:
             mesh.GetDisplayColorAttr().Set(vectors(damage_colours(values)), code)
 
     def _write_faces(self, mesh: UsdGeom.Mesh, faces: NDArray[np.int32], code: Usd.TimeCode) -> None:
-        """Write the triangles if a crack has cut any since the last frame; USD holds them until then."""
+        """Write the triangles if a crack has cut any since the last frame; USD keeps them otherwise."""
         if self._last_faces is not None and np.array_equal(faces, self._last_faces):
             return
         mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)), code)
@@ -235,7 +234,7 @@ class UsdAnimation:
         ball_center: NDArray[np.floating] | None,
         placed: NDArray[np.floating] | None,
     ) -> None:
-        """Widen the box the camera frames by one frame: the points that still carry a face, the ball, and bodies."""
+        """Extend the camera's bounding box by one frame: points with a face, the ball, and bodies."""
         boxes = [self._view_box]
         if len(faces):
             # In the precision of the file, so that a run that is resumed ends with the same camera.
@@ -258,7 +257,7 @@ def _require_positive(name: str, value: float) -> None:
 
 
 def _new_layer(path: Path) -> Sdf.Layer:
-    """An empty layer, also where a run that failed in this process still holds one of that name."""
+    """An empty layer, even if a failed run in this process still has one of that name open."""
     layer = Sdf.Layer.Find(str(path))
     if layer:
         layer.Clear()
@@ -268,7 +267,7 @@ def _new_layer(path: Path) -> Sdf.Layer:
 
 
 def _copied_layer(source: Path, path: Path) -> Sdf.Layer:
-    """The layer of `source` in a file of its own, so that the source stays whole until the next save."""
+    """The layer of `source` copied to a new file, so that the source stays valid until the next save."""
     if not source.is_file():
         raise FileNotFoundError(f"path is {source}; expected a file that exists, with append_from")
     shutil.copyfile(source, path)
@@ -330,7 +329,7 @@ def _define_lights(stage: Usd.Stage) -> None:
 
 
 def _aim_camera(stage: Usd.Stage, box: NDArray[np.float64]) -> None:
-    """Stand the camera where the whole box [m], shape (2, 3), just fits its picture."""
+    """Place the camera so that the whole box [m], shape (2, 3), just fits its picture."""
     camera = UsdGeom.Camera.Define(stage, _CAMERA)
     eye, target, distance = camera_place(box, (_APERTURE[0] / _FOCAL_LENGTH, _APERTURE[1] / _FOCAL_LENGTH))
     place = Gf.Matrix4d().SetLookAt(Gf.Vec3d(*eye.tolist()), Gf.Vec3d(*target.tolist()), Gf.Vec3d(0, 0, 1))
@@ -352,16 +351,16 @@ def _drop_samples(stage: Usd.Stage, first: int) -> None:
 
 
 def _ball_center(stage: Usd.Stage, index: int) -> NDArray[np.float64] | None:
-    """Centre of the ball [m] at a frame that is written already, shape (3,)."""
+    """Centre of the ball [m] at an already written frame, shape (3,)."""
     translate = stage.GetAttributeAtPath(f"{BALL}.xformOp:translate")
     return np.array(translate.Get(index)) if translate else None
 
 
 def describe_animation(path: Path) -> str:
-    """A few lines about an animation.usd.
+    """Describe an animation.usd in a few lines.
 
     Raises:
-        InputError: for a file that USD cannot read.
+        InputError: if USD cannot read the file.
     """
     try:
         stage = Usd.Stage.Open(str(path))

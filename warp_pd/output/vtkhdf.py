@@ -1,17 +1,18 @@
-"""Frames of a tearing sheet in one VTKHDF file, which ParaView opens as it is.
+"""Frames of a sheet in one VTKHDF file, which ParaView opens directly.
 
-The file is a VTKHDF PolyData with time steps. Every array of the sheet is one long column, to which a frame
-adds its rows; `Steps` says where each frame's rows begin. A frame whose triangles are those of the frame
-before points at the rows that are there already, so a sheet that does not tear stores its triangles once.
+The file is a VTKHDF PolyData with time steps. Every array of the sheet is one long column to which each frame appends
+rows; `Steps` stores where each frame's rows begin. A frame with the same triangles as the one before refers to the
+existing rows, so a sheet that does not tear stores its triangles once.
 
-The points are deformed, so that ParaView shows the sheet where it is, beside the bodies of `bodies.vtkhdf`. The
-reference position is a point field, stored once; "Warp By Vector" by the displacement and -1 shows the reference sheet.
+Point positions are deformed, so ParaView shows the deformed sheet, consistent with the bodies in `bodies.vtkhdf`. The
+reference position is a point field, stored once; "Warp By Vector" with the displacement and the factor -1 shows the
+reference sheet.
 
-HDF5 keeps no journal. Three things make a killed run leave a readable file all the same: the file takes its
-name only when its first frame is complete; it is open only while a frame is being added; and the number of
-steps, without which no reader looks at the new rows, is written last. VTK's reader overruns its memory where
-`Steps/Values` has more rows than there are steps, so those two go to disk together. On a path whose load factor may
-fall, `Steps/Values` are the numbers of the frames, since readers sort them, and `load_times` their times.
+HDF5 has no journal. Three measures keep the file of a killed run readable: the file gets its final name only when its
+first frame is complete; it is open only while a frame is being added; and the number of steps, without which readers
+ignore the new rows, is written last. VTK's reader overruns its memory if `Steps/Values` has more rows than there are
+steps, so both are written together. If the load factor may decrease, `Steps/Values` are the indices of the frames,
+since readers sort them, and `load_times` their times.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _MOST_BYTES = 2**30
 
 @dataclass(frozen=True, eq=False)
 class SeriesInfo:
-    """What a VTKHDF file of frames holds.
+    """Contents of a VTKHDF file of frames.
 
     Attributes:
         frames: Number of frames.
@@ -59,7 +60,7 @@ class SeriesInfo:
         points: Number of points of the sheet.
         faces: Number of intact triangles at each frame, shape (frames,).
         fields: Names of the point data.
-        metadata: Configuration, version, units, as given with the surface.
+        metadata: Configuration, version and units, as given with the surface.
     """
 
     frames: int
@@ -71,13 +72,13 @@ class SeriesInfo:
 
 
 class NotASeriesError(Exception):
-    """The file is HDF5, but what it holds does not fit together as a series of frames."""
+    """The file is HDF5, but not a consistent series of frames."""
 
 
 class VtkHdfSeries:
-    """Writes frames into one VTKHDF file, which can be read at any moment after the first frame.
+    """Writes frames into one VTKHDF file, which can be read at any time after the first frame.
 
-    Every frame is on disk when `write` returns. Others may read the file while it grows.
+    Every frame is on disk when `write` returns. Other programs may read the file while it grows.
 
     Example:
         with VtkHdfSeries("frames.vtkhdf", surface) as series:
@@ -88,14 +89,14 @@ class VtkHdfSeries:
         self, path: str | os.PathLike[str], surface: Surface, *, append_from: int | None = None,
         fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
-        """Begin a series, or go on with one.
+        """Begin a series, or continue one.
 
         Args:
-            path: The file, ending in .vtkhdf or .hdf. A file that is there is removed, unless appended to.
+            path: The file, ending in .vtkhdf or .hdf. An existing file is replaced unless `append_from` is given.
             surface: The reference sheet.
-            append_from: Keep the frames before this one of the file that is there, drop the others, and go on
-                from here. None and 0 begin a new file.
-            fields: Names of the point fields that it holds besides the displacement; None: all of a frame.
+            append_from: Index of the first new frame; earlier frames of the existing file are kept, later ones dropped.
+                None and 0 begin a new file.
+            fields: Names of the point fields to store besides the displacement; None for all fields of a frame.
         """
         self.path = require_writable(path, (".vtkhdf", ".hdf"))
         self.surface = surface
@@ -112,14 +113,14 @@ class VtkHdfSeries:
 
     @property
     def frames(self) -> int:
-        """Number of frames written so far, those appended to included: the index of the next frame."""
+        """Number of frames written so far, including earlier ones in the file; the index of the next frame."""
         return self._frames
 
     def write(self, frame: Frame) -> None:
         """Add one frame; its index must be the next one.
 
         Args:
-            frame: The sheet's state. It must have the same fields (damage, point_data) on every frame.
+            frame: The sheet's state. All frames must have the same fields (damage, point_data).
         """
         self._require_next(frame)
         fields = point_fields(frame, self._chosen)
@@ -132,10 +133,10 @@ class VtkHdfSeries:
         self._frames = frame.index + 1
 
     def save(self) -> None:
-        """Nothing to do: every frame is on disk once it is written."""
+        """Do nothing, because every frame is already on disk."""
 
     def close(self) -> None:
-        """Refuse further frames. Those written are on disk already."""
+        """Refuse further frames; written frames are already on disk."""
         self._closed = True
 
     def __enter__(self) -> VtkHdfSeries:
@@ -163,7 +164,7 @@ class VtkHdfSeries:
             )
 
     def _create(self, frame: Frame, fields: dict[str, NDArray[Any]]) -> None:
-        """Write the first frame into a file of another name, and rename that once it is whole."""
+        """Write the first frame to a temporary file, and rename it when complete."""
         unfinished = self.path.with_name(f".{self.path.name}.unfinished")
         with h5py.File(unfinished, "w", locking=False) as file:
             _lay_out(file, self.surface, frame, fields)
@@ -172,7 +173,7 @@ class VtkHdfSeries:
         self._fields = tuple(fields)
 
     def _add(self, file: h5py.File, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
-        """Add the rows of one frame, and only then the frame to the number of steps."""
+        """Add the rows of one frame, and then increment the number of steps."""
         root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
         # What an earlier call began and did not finish is not part of any frame.
         _cut(root, frame.index)
@@ -211,7 +212,7 @@ class VtkHdfSeries:
         self._last_intact = None if frame.intact_faces is None else frame.intact_faces.copy()
 
     def _continue_from(self, first: int) -> None:
-        """Drop the frames from `first` on, and take up where the frame before it left off."""
+        """Drop the frames from `first` on, and restore the state after the frame before it."""
         info = read_series(self.path)
         if not 0 < first <= info.frames:
             raise ValueError(
@@ -234,11 +235,11 @@ class VtkHdfSeries:
 
 
 def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
-    """Say what a VTKHDF file of frames holds, without reading the frames.
+    """Read the contents of a VTKHDF file of frames without the frames themselves.
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: The file is damaged, or not one that `VtkHdfSeries` wrote.
+        FileNotFoundError: if the file does not exist.
+        ValueError: if the file is damaged, or was not written by `VtkHdfSeries`.
     """
     if not Path(path).is_file():
         raise FileNotFoundError(f"path is {path}; expected a file that exists")
@@ -247,7 +248,7 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
             return _read_info(file)
     except (OSError, KeyError, IndexError, RuntimeError, NotASeriesError) as error:
         reason = " ".join(str(error).strip("'\"").split())
-        raise InputError(f"{path}: expected a whole file of frames in VTKHDF ({reason})") from error
+        raise InputError(f"{path}: expected a complete VTKHDF file of frames ({reason})") from error
 
 
 def read_frame(
@@ -256,12 +257,12 @@ def read_frame(
     """One frame of a VTKHDF file.
 
     Returns:
-        Time [s]; deformed positions [m], shape (N, 3); intact triangles, shape (number of them, 3); and the
-        point data by name, each of shape (N,) or (N, 3).
+        Time [s]; deformed positions [m], shape (N, 3); intact triangles, shape (F, 3); and the point data by name, each
+        of shape (N,) or (N, 3).
 
     Raises:
-        FileNotFoundError: There is no such file.
-        ValueError: There is no such frame, or the file is damaged or not one that `VtkHdfSeries` wrote.
+        FileNotFoundError: if the file does not exist.
+        ValueError: if there is no such frame, or the file is damaged or was not written by `VtkHdfSeries`.
     """
     info = read_series(path)
     if not 0 <= index < info.frames:
@@ -321,7 +322,7 @@ def _read_info(file: h5py.File) -> SeriesInfo:
 
 
 def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[str, NDArray[Any]]) -> None:
-    """Create every group and column, all without rows."""
+    """Create all groups and empty columns."""
     points = len(surface.points)
     root = file.create_group("VTKHDF")
     root.attrs["Version"] = np.array(VERSION, np.int64)
@@ -363,7 +364,7 @@ def _lay_out(file: h5py.File, surface: Surface, frame: Frame, fields: Mapping[st
 
 
 def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> None:
-    """Add the triangles of a frame, shape (number of faces, 3), and the other, empty kinds of cells."""
+    """Add the triangles of a frame, shape (F, 3), and the other, empty kinds of cells."""
     _add_rows(root["NumberOfPoints"], [points])
     for kind in KINDS:
         corners = faces if kind == "Polygons" else np.empty((0, 3), np.int64)
@@ -375,14 +376,14 @@ def _add_faces(root: h5py.Group, faces: NDArray[np.integer], points: int) -> Non
 
 
 def _before_last(root: h5py.Group, count: str) -> list[int]:
-    """Rows that stand before the latest triangles, one number a kind of cells."""
+    """Number of rows before the latest triangles, for each kind of cells."""
     before = [0] * len(KINDS)
     before[POLYGONS] = int(np.sum(root["Polygons"][count][:-1]))
     return before
 
 
 def _cut(root: h5py.Group, frames: int) -> None:
-    """Remove all rows that the first frames do not use."""
+    """Remove all rows not used by the first `frames` frames."""
     steps = root["Steps"]
     parts = int(steps["PartOffsets"][frames - 1]) + 1 if frames else 0
     points = int(root["NumberOfPoints"][0]) if frames else 0
@@ -457,7 +458,7 @@ def _create_column(
     row_shape: tuple[int, ...] = (),
     rows_per_frame: int = 1,
 ) -> None:
-    """A column without rows that can grow."""
+    """Create an empty, resizable column."""
     row_bytes = np.dtype(dtype).itemsize * int(np.prod(row_shape, dtype=int))
     # A whole number of frames, at most 16 of them, so that a short run of a small sheet makes a small file.
     frames = min(max(_CHUNK_BYTES // (row_bytes * max(rows_per_frame, 1)), 1), 16)
@@ -481,6 +482,6 @@ def _columns(group: Any) -> list[Any]:
 
 
 def _shorten(column: Any, rows: int) -> None:
-    """Remove all but the first rows."""
+    """Truncate a column to its first `rows` rows."""
     if len(column) > rows:
         column.resize(rows, axis=0)

@@ -1,4 +1,4 @@
-"""Triangles of the sheet that press on a rigid body."""
+"""Contact of triangles of the sheet with a rigid body."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class BodySurface:
     """Contact of triangles with one body; see kernels/surface_contact.py.
 
     Attributes:
-        changes: What it changes of the velocity of each point in a half step [m/s], (N,) vec3d.
-        rubbing: The part of it by friction [m/s], (N,) vec3d, or None.
+        changes: Velocity change of each point by the contact in a half step [m/s], (N,) vec3d.
+        rubbing: The part of `changes` caused by friction [m/s], (N,) vec3d, or None.
     """
 
     def __init__(self, name: str, context: Context, law: BuiltLaw, shape: BodyShape, rubs: bool) -> None:
@@ -61,10 +61,10 @@ class BodySurface:
         self._kernels = surface_contact(context.bits, rubs, curved, f.held, self._intact is not None)
 
     def check_apart(self, name: str, place: np.ndarray, rotation: np.ndarray) -> None:
-        """Refuse a body that begins nearer than the layer.
+        """Check that the body starts further from the sheet than the contact layer.
 
         Raises:
-            InputError: for the nearest triangle.
+            InputError: with the nearest triangle.
         """
         context, sheet = self.context, self.context.sheet
         corners = (sheet.positions + context.initial_displacement - place)[sheet.triangles]
@@ -82,7 +82,7 @@ class BodySurface:
             )
 
     def add(self, stage: Stage, at_end: bool, **body: Any) -> None:
-        """Add the launches that fill `changes` and `rubbing`; `body` is what the struct of the kernels takes of it."""
+        """Add the launches that fill `changes` and `rubbing`; `body` has the body's members of the kernel struct."""
         name, context, made, state = self.name, self.context, self._kernels, self.context.state
         if self._intact is not None and not at_end:
             stage.launch(

@@ -101,8 +101,8 @@ def test_a_tear_begins_at_the_tips_of_a_slit():
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 1.1)), ".*shorter than two edges of triangles"),
     (lambda: TUBE.slit((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ".*meets itself or an edge"),
     (lambda: TUBE.slit((1.0, 0.0, 1.0), (1.0, 0.0, 2.0), (1.0, 0.0, 1.5)), ".*meets itself or an edge"),
-    (lambda: TUBE.hole((0.0, 0.0, 1.0), 0.5), "hole at .* holds no point"),
-    (lambda: TUBE.hole((0.0, 0.0, 1.0), 9.0), "hole at .* leaves no sheet"),
+    (lambda: TUBE.hole((0.0, 0.0, 1.0), 0.5), "hole at .* contains no points"),
+    (lambda: TUBE.hole((0.0, 0.0, 1.0), 9.0), "hole at .* removes the whole sheet"),
     (lambda: Sheet.rectangle(1.0, 1.0, thickness=1.0, density=1.0, points=5).slit((0, 0, 0), (1, 0, 0)),
      "slit: expected a curved sheet"),
 ])  # fmt: skip
