@@ -160,7 +160,7 @@ def test_energy_balance_and_restart(tmp_path):
 
     result = require_same_when_stopped(simulation, tmp_path, [2], precision=32)
     assert max(abs(row["balance_error"]) for row in result.history) < 1e-3
-    with pytest.raises(InputError, match="written with other settings"):
+    with pytest.raises(InputError, match="written with different settings"):
         simulation(0.03).run(
             device="cpu", precision=32, out=tmp_path / "complete", usd=False, pictures=False, resume=True
         )
