@@ -95,6 +95,7 @@ SCENES: dict[str, Shown] = {
     "puncture": Shown({"points": 41, "frames": 40}, share=0.65),
     "pure_shear_tear": Shown({"points": 20, "frames": 60, "advance": 6.0}, share=0.6),
     "running_crack": Shown({"points": 40, "overload": 1.3, "duration": 0.24, "frames": 45}, share=0.67, view="top"),
+    "slit_balloon": Shown({}, "displacement"),
     "snap_through": Shown({"points": 15}, "displacement along z", 0.75, "3D"),
     "square_wrinkles": Shown({"points": 48}, "wrinkle level"),
     "stable_crack": Shown({"load_steps": 4}, view="top"),

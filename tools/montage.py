@@ -75,6 +75,7 @@ SCENES = (
     Small("pure_shear_tear", "damage", {"points": 20, "frames": 40, "tearing_energy": 4.0}, share=0.85, above=True),
     Small("running_crack", "damage", {"points": 40, "overload": 1.3, "duration": 0.24, "frames": 45}, share=0.67,
           above=True),
+    Small("slit_balloon", "u1", {"points": 16, "load_steps": 1}),
     Small("snap_through", "u3", {"points": 15}),
     Small("square_wrinkles", "wrinkle_level", {"points": 40}, above=True),
     Small("stable_crack", "damage", {"points": 16, "damage_length": 7.5e-3, "growth": 0.5, "load_steps": 3},

@@ -54,6 +54,7 @@ SMALL = {
     "running_crack": {"points": 20, "frames": 30, "overload": 1.4, "damage_length": 3.2e-3},
     "puncture": {"points": 21, "frames": 20, "damage_length": 5e-3},
     "pressure_dynamic": {"points": 41, "horizon": 2.015, "frames": 20},
+    "slit_balloon": {"points": 16, "load_steps": 1},
     "snap_through": {},
     "stable_crack": {"points": 16, "damage_length": 7.5e-3, "growth": 0.5, "load_steps": 3},
     "stretch": {"points": 16, "mode": "planar", "stretch": 2.0},
